@@ -1,0 +1,1 @@
+"""Replay, metrics, figures and the speed-accuracy trade; never imports rclpy."""

@@ -1,0 +1,1 @@
+"""Files, recordings and the CAN bus; never imports rclpy."""

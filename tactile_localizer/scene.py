@@ -1,0 +1,180 @@
+"""What is modelled: the state's axes, the phalanges that feel, the feature's region, the motion's noise.
+
+Only what a scene names is modelled; an axis, a phalanx or a region that it leaves out costs nothing.
+Reading and writing scenes as YAML is :mod:`tactile_localizer.io.scene_file`'s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.errors import SceneError
+
+GAUGES = 8
+"""Strain voltages of one phalanx load cell."""
+
+AXIS_NAMES = ("x", "y", "yaw")
+"""Axes that a scene may name: metres, metres, radians; palm relative to the material."""
+
+DEFAULT_MOTION_STD = 0.003
+"""m (or rad) of unknown motion, one sigma, after 1 m of travel, where a scene gives none."""
+
+FLOAT = np.float64
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of the state.
+
+    Parameters
+    ----------
+    name : one of :data:`AXIS_NAMES`
+    lower, upper : bounds of the palm's position, m (``yaw``: rad)
+    motion_std : one sigma of the unknown motion after 1 m of travel, m (``yaw``: rad). The variance
+        grows in proportion to the travel, so the sample rate does not matter.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    motion_std: float = DEFAULT_MOTION_STD
+
+    def __post_init__(self) -> None:
+        if self.name not in AXIS_NAMES:
+            raise SceneError(f"axis {self.name!r}: expected one of {', '.join(AXIS_NAMES)}")
+        if not (math.isfinite(self.lower) and math.isfinite(self.upper) and self.lower < self.upper):
+            raise SceneError(
+                f"axis {self.name}: expected finite bounds with lower < upper, got [{self.lower}, {self.upper}]"
+            )
+        if not (math.isfinite(self.motion_std) and self.motion_std >= 0):
+            raise SceneError(f"axis {self.name}: expected motion_std >= 0, got {self.motion_std}")
+
+    @property
+    def extent(self) -> float:
+        """Length of the axis, m (``yaw``: rad)."""
+        return self.upper - self.lower
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the axis is a full turn, so that its two ends are the same place."""
+        return self.name == "yaw" and self.extent >= 2 * math.pi - 1e-9
+
+
+@dataclass(frozen=True)
+class Phalanx:
+    """A load cell and where it sits: ``offset`` from the palm on each axis of the scene, m (rad)."""
+
+    name: str
+    offset: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Region:
+    """An axis-aligned box in a phalanx's coordinates (the paper's Gamma): where it can touch the feature.
+
+    ``lower`` and ``upper`` have one entry an axis; infinite where the region has no limit.
+    """
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    def contains(self, positions: np.ndarray) -> np.ndarray:
+        """Which of ``positions`` (N, d), in phalanx coordinates, lie in the region: (N,) bool."""
+        return np.all((positions >= np.asarray(self.lower)) & (positions <= np.asarray(self.upper)), axis=1)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that is modelled.
+
+    Parameters
+    ----------
+    name : what the scene is called in files and messages
+    axes : one to three axes, in the order of the state vector
+    phalanges : the load cells in use, in the order of the strain vector (8 each)
+    feature : the region of the feature, in phalanx coordinates; ``None``: not known
+    measurement : parameters of the measurement model, by name; what is missing is chosen from the
+        scan by leave-one-sweep-out prediction
+    """
+
+    name: str
+    axes: tuple[Axis, ...]
+    phalanges: tuple[Phalanx, ...]
+    feature: Region | None = None
+    measurement: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.axes) <= 3:
+            raise SceneError(f"scene {self.name}: expected one to three axes, got {len(self.axes)}")
+        _require_unique("axis", [axis.name for axis in self.axes])
+        if not self.phalanges:
+            raise SceneError(f"scene {self.name}: expected at least one phalanx, got none")
+        _require_unique("phalanx", [phalanx.name for phalanx in self.phalanges])
+        d = len(self.axes)
+        for phalanx in self.phalanges:
+            if len(phalanx.offset) != d or not np.all(np.isfinite(phalanx.offset)):
+                raise SceneError(f"phalanx {phalanx.name}: expected {d} finite offsets, got {phalanx.offset}")
+        if self.feature is not None and not len(self.feature.lower) == len(self.feature.upper) == d:
+            raise SceneError(f"scene {self.name}: expected a feature region of {d} axes, got {self.feature}")
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes, d."""
+        return len(self.axes)
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the axes, in the order of the state vector."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def phalanx_names(self) -> tuple[str, ...]:
+        """Names of the phalanges, in the order of the strain vector."""
+        return tuple(phalanx.name for phalanx in self.phalanges)
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lower bounds, (d,)."""
+        return np.array([axis.lower for axis in self.axes], dtype=FLOAT)
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Upper bounds, (d,)."""
+        return np.array([axis.upper for axis in self.axes], dtype=FLOAT)
+
+    @property
+    def motion_std(self) -> np.ndarray:
+        """Unknown motion after 1 m of travel, one sigma an axis, (d,)."""
+        return np.array([axis.motion_std for axis in self.axes], dtype=FLOAT)
+
+    @property
+    def wraps(self) -> np.ndarray:
+        """Which axes are full turns, (d,) bool."""
+        return np.array([axis.wraps for axis in self.axes])
+
+    def channels(self, names: tuple[str, ...]) -> np.ndarray:
+        """Columns of this scene's phalanges in a strain vector of the phalanges ``names``, (8F,) int.
+
+        Raises
+        ------
+        SceneError
+            The scene names a phalanx that the strain vector does not have.
+        """
+        columns = []
+        for phalanx in self.phalanx_names:
+            if phalanx not in names:
+                raise SceneError(f"phalanx {phalanx!r} of scene {self.name!r}: expected one of {', '.join(names)}")
+            start = GAUGES * names.index(phalanx)
+            columns.extend(range(start, start + GAUGES))
+        return np.array(columns, dtype=np.intp)
+
+
+def _require_unique(kind: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise SceneError(f"{kind} {name!r}: expected once, found {names.count(name)} times")

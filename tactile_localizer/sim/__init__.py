@@ -1,0 +1,1 @@
+"""A simulated hand on simulated flexible material; never imports rclpy."""
