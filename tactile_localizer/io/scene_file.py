@@ -1,0 +1,148 @@
+"""Scenes as YAML, read safely and checked with messages that name the place in the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tactile_localizer.errors import SceneError
+from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Region, Scene
+
+_KEYS = ("name", "axes", "phalanges", "feature", "measurement")
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene from a YAML file.
+
+    Raises
+    ------
+    SceneError
+        The file is missing, is not YAML, or describes a scene that cannot be used.
+    """
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise SceneError(f"{path}: expected a scene file, could not read it: {reason}") from None
+    except yaml.YAMLError as error:
+        raise SceneError(f"{path}: expected YAML, {' '.join(str(error).split())}") from None
+    try:
+        return scene_from_dict(content)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def save_scene(scene: Scene, path: str | Path) -> None:
+    """Write a scene to a YAML file that :func:`load_scene` reads back as an equal scene."""
+    text = yaml.safe_dump(scene_to_dict(scene), sort_keys=False, default_flow_style=None, width=100)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def scene_from_dict(content: Any) -> Scene:
+    """A scene from the mappings, lists and numbers of its YAML form.
+
+    Raises
+    ------
+    SceneError
+        A key is missing or unknown, or a value is of the wrong kind.
+    """
+    top = _mapping(content, "scene")
+    unknown = sorted(set(top) - set(_KEYS))
+    if unknown:
+        raise SceneError(f"scene key {unknown[0]!r}: expected one of {', '.join(_KEYS)}")
+    axes = tuple(_axis(name, value) for name, value in _mapping(top.get("axes"), "axes").items())
+    names = tuple(axis.name for axis in axes)
+    raw = top.get("phalanges")
+    if isinstance(raw, list):
+        raw = dict.fromkeys(raw)
+    phalanges = tuple(_phalanx(str(name), value, names) for name, value in _mapping(raw, "phalanges").items())
+    return Scene(
+        name=str(top.get("name", "scene")),
+        axes=axes,
+        phalanges=phalanges,
+        feature=_region(top["feature"], names) if top.get("feature") is not None else None,
+        measurement=dict(_mapping(top.get("measurement") or {}, "measurement")),
+    )
+
+
+def scene_to_dict(scene: Scene) -> dict[str, Any]:
+    """The YAML form of a scene, of plain mappings, lists and numbers."""
+    names = scene.axis_names
+    content: dict[str, Any] = {
+        "name": scene.name,
+        "axes": {
+            axis.name: {"bounds": [float(axis.lower), float(axis.upper)], "motion_std": float(axis.motion_std)}
+            for axis in scene.axes
+        },
+        "phalanges": {
+            phalanx.name: {"offset": dict(zip(names, map(float, phalanx.offset), strict=True))}
+            for phalanx in scene.phalanges
+        },
+    }
+    if scene.feature is not None:
+        content["feature"] = {
+            name: [float(low), float(high)]
+            for name, low, high in zip(names, scene.feature.lower, scene.feature.upper, strict=True)
+            if math.isfinite(low) or math.isfinite(high)
+        }
+    if scene.measurement:
+        content["measurement"] = dict(scene.measurement)
+    return content
+
+
+def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
+    if not isinstance(value, Mapping):
+        raise SceneError(f"{what}: expected a mapping, got {value!r}")
+    return value
+
+
+def _number(value: Any, what: str) -> float:
+    # YAML reads 1e-3 (no dot) as text; take it as the number that it was meant to be.
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise SceneError(f"{what}: expected a number, got {value!r}") from None
+
+
+def _interval(value: Any, what: str) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise SceneError(f"{what}: expected [lower, upper], got {value!r}")
+    return _number(value[0], what), _number(value[1], what)
+
+
+def _axis(name: Any, value: Any) -> Axis:
+    entry = _mapping(value, f"axis {name}")
+    for key in entry:
+        if key not in ("bounds", "motion_std"):
+            raise SceneError(f"axis {name}: expected bounds and motion_std, got {key!r}")
+    lower, upper = _interval(entry.get("bounds"), f"axis {name} bounds")
+    motion_std = _number(entry.get("motion_std", DEFAULT_MOTION_STD), f"axis {name} motion_std")
+    return Axis(str(name), lower, upper, motion_std)
+
+
+def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
+    entry = _mapping(value or {}, f"phalanx {name}")
+    offset = _mapping(entry.get("offset") or {}, f"phalanx {name} offset")
+    for key in entry:
+        if key != "offset":
+            raise SceneError(f"phalanx {name}: expected offset, got {key!r}")
+    for axis in offset:
+        if axis not in axes:
+            raise SceneError(f"phalanx {name} offset: expected axes of {', '.join(axes)}, got {axis!r}")
+    return Phalanx(name, tuple(_number(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes))
+
+
+def _region(value: Any, axes: tuple[str, ...]) -> Region:
+    entry = _mapping(value, "feature")
+    for axis in entry:
+        if axis not in axes:
+            raise SceneError(f"feature: expected axes of {', '.join(axes)}, got {axis!r}")
+    limits = [_interval(entry[a], f"feature {a}") if a in entry else (-math.inf, math.inf) for a in axes]
+    return Region(tuple(low for low, _ in limits), tuple(high for _, high in limits))
