@@ -1,0 +1,141 @@
+"""What was felt and where the palm was, by sweep: the form that every recording is read into.
+
+A CSV file, a bag and a scan file all become a :class:`Recording`, so that importing, replaying and
+evaluating need not know where the samples came from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import GAUGES, Scene
+
+OK, MISSING, SATURATED, FAULT = 0, 1, 2, 4
+"""Status bits of a phalanx in one sample, as in ``StrainVectors.msg``."""
+
+
+@dataclass(frozen=True)
+class RecordedSweep:
+    """The samples of one sweep, in the order of their stamps.
+
+    Parameters
+    ----------
+    number : the sweep's number in its source
+    stamp_ns : (n,) int64 stamps, ns
+    position : (n, d) measured palm positions, m (yaw: rad)
+    strain : (n, 8F) strain voltages, V; NaN where missing
+    status : (n, F) uint8 status bits, one a phalanx
+    truth : (n, d) true palm positions where they are known apart from ``position``
+    gaps : strain samples left out because no pose was near enough in time
+    """
+
+    number: int
+    stamp_ns: np.ndarray
+    position: np.ndarray
+    strain: np.ndarray
+    status: np.ndarray
+    truth: np.ndarray | None = None
+    gaps: int = 0
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Sweeps over one piece of material.
+
+    Parameters
+    ----------
+    source : where the recording was read from, for messages
+    axes : names of the d axes of the positions
+    phalanges : names of the F phalanges, in the order of the strain columns
+    sweeps : the sweeps, in the order of the source
+    notes : one line for each thing in the source that could not be used
+    """
+
+    source: str
+    axes: tuple[str, ...]
+    phalanges: tuple[str, ...]
+    sweeps: tuple[RecordedSweep, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        for sweep in self.sweeps:
+            n = len(sweep)
+            expected = {
+                "position": (n, len(self.axes)),
+                "strain": (n, GAUGES * len(self.phalanges)),
+                "status": (n, len(self.phalanges)),
+            }
+            if sweep.truth is not None:
+                expected["truth"] = (n, len(self.axes))
+            for name, shape in expected.items():
+                found = getattr(sweep, name).shape
+                if found != shape:
+                    raise ScanError(
+                        f"{self.source} sweep {sweep.number} {name}: expected shape {shape}, got {found}"
+                    )
+
+    def __len__(self) -> int:
+        return sum(map(len, self.sweeps))
+
+
+def missing_status(strain: np.ndarray) -> np.ndarray:
+    """Status bits of strain rows that carry none: MISSING where a phalanx has values that are not finite.
+
+    Parameters
+    ----------
+    strain : (n, 8F) strain voltages, V
+
+    Returns
+    -------
+    (n, F) uint8
+    """
+    finite = np.isfinite(strain).reshape(len(strain), -1, GAUGES).all(axis=2)
+    return np.where(finite, OK, MISSING).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Which samples can become state-measurement pairs, and how many cannot, by reason."""
+
+    keep: np.ndarray
+    missing: int
+    saturated: int
+    outside: int
+
+    @property
+    def skipped(self) -> int:
+        """Samples left out for any reason."""
+        return self.missing + self.saturated + self.outside
+
+
+def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.ndarray) -> Screening:
+    """Tell which samples a scan can use: felt by every phalanx, inside gauge range and scene bounds.
+
+    Parameters
+    ----------
+    scene : its bounds count
+    position : (n, d) palm positions, m (yaw: rad)
+    strain : (n, 8F) strain voltages, V
+    status : (n, F) status bits
+
+    Returns
+    -------
+    Screening
+        ``keep`` is (n,) bool. A sample counts under its first reason: missing, saturated, outside.
+    """
+    felt = np.isfinite(strain).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
+    in_range = ~np.any(status & SATURATED, axis=1)
+    # A position that is not finite compares false and so counts as outside.
+    inside = np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
+    return Screening(
+        keep=felt & in_range & inside,
+        missing=int(np.sum(~felt)),
+        saturated=int(np.sum(felt & ~in_range)),
+        outside=int(np.sum(felt & in_range & ~inside)),
+    )

@@ -1,0 +1,63 @@
+"""One writer a scan file: an advisory lock beside it that the system drops when its holder dies."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+
+from tactile_localizer.errors import ScanError
+
+
+class ScanLock:
+    """Exclusive right to write a scan file, held until :meth:`release` or the end of the process.
+
+    The lock is a file beside the scan file, not the scan file itself: closing a second descriptor of
+    a SQLite file would drop SQLite's own locks in this process.
+
+    Parameters
+    ----------
+    scan_path : the scan file
+
+    Raises
+    ------
+    ScanError
+        Another writer holds the lock, or the folder cannot be written.
+    """
+
+    def __init__(self, scan_path: Path) -> None:
+        self.path = Path(f"{scan_path}.lock")
+        try:
+            self._descriptor = self._acquire(scan_path)
+        except OSError as error:
+            raise ScanError(f"{scan_path}: expected a folder that can be written, {error.strerror}") from None
+
+    def release(self) -> None:
+        """Let the next writer in."""
+        self.path.unlink(missing_ok=True)
+        os.close(self._descriptor)
+
+    def _acquire(self, scan_path: Path) -> int:
+        while True:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                holder = os.read(descriptor, 32).decode().strip() or "unknown"
+                os.close(descriptor)
+                raise ScanError(
+                    f"{scan_path}: expected to be its one writer, found process {holder} writing it"
+                ) from None
+            # A writer that has just closed may have removed the file that was opened here.
+            if self._is_current(descriptor):
+                os.ftruncate(descriptor, 0)
+                os.write(descriptor, str(os.getpid()).encode())
+                return descriptor
+            os.close(descriptor)
+
+    def _is_current(self, descriptor: int) -> bool:
+        try:
+            found = os.stat(self.path)
+        except FileNotFoundError:
+            return False
+        return os.path.samestat(found, os.fstat(descriptor))

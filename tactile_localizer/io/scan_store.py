@@ -1,0 +1,446 @@
+"""The scan file: state-measurement pairs that survive whatever happens to the process that records them.
+
+One :class:`ScanStore` writes or reads one SQLite file. Appended pairs are committed at least every
+0.25 s of wall time; a process killed at any moment loses no more than that, the file opens again, and
+recording goes on as a new sweep.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io import scan_file
+from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.scan_lock import ScanLock
+from tactile_localizer.io.scene_file import scene_from_dict
+from tactile_localizer.scene import GAUGES, Scene
+
+COMMIT_PERIOD_S = 0.25
+"""Longest wall time for which appended pairs may stay uncommitted."""
+
+_BATCH_PAIRS = 8192
+
+
+@dataclass(frozen=True)
+class SweepInfo:
+    """One sweep of a scan file, as its tables describe it.
+
+    Parameters
+    ----------
+    number : the sweep's number
+    pairs : state-measurement pairs
+    first_ns, last_ns : stamps of the first and the last pair, ns; 0 without pairs
+    gaps : strain samples that had no pose near enough in time
+    skipped : strain samples that were missing, saturated or out of bounds
+    ended : false when the recording was cut off
+    dropped : true when a person has left the sweep out
+    """
+
+    number: int
+    pairs: int
+    first_ns: int
+    last_ns: int
+    gaps: int
+    skipped: int
+    ended: bool
+    dropped: bool
+
+
+class ScanStore:
+    """A scan file, open. Use :meth:`create`, :meth:`open`, or :meth:`open_or_create`; close it after use.
+
+    Not safe for several threads at once; threads may take turns.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, lock: ScanLock | None) -> None:
+        self.path = path
+        self._db = connection
+        self._lock = lock
+        self._sweep: int | None = None
+        self._pending: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._pending_pairs = 0
+        self._committed_at = time.monotonic()
+        try:
+            header = scan_file.read_header(connection)
+            self.scene: Scene = scene_from_dict(header["scene"])
+            self.units: dict[str, str] = header["units"]
+            self._pairs = int(self._fetch("SELECT coalesce(sum(pairs), 0) FROM batch")[0][0])
+        except (KeyError, sqlite3.Error) as error:
+            raise ScanError(f"{path}: expected a scan file, could not read its header: {error}") from None
+
+    @classmethod
+    def create(cls, path: str | Path, scene: Scene, *, strain_unit: str = "V") -> ScanStore:
+        """Make a new scan file and open it for writing.
+
+        Parameters
+        ----------
+        path : must not exist yet
+        scene : what is modelled; kept inside the file
+        strain_unit : what the strain values are, for people
+
+        Raises
+        ------
+        ScanError
+            The file exists, cannot be written, or is being written by another process.
+        """
+        path = Path(path)
+        lock = ScanLock(path)
+        try:
+            return cls(path, scan_file.create(path, scene, strain_unit), lock)
+        except BaseException:
+            lock.release()
+            raise
+
+    @classmethod
+    def open(cls, path: str | Path, *, writable: bool = False) -> ScanStore:
+        """Open a scan file.
+
+        Raises
+        ------
+        ScanError
+            The file is missing, is not a scan, was made by a newer version, or, when it is to be
+            written, is being written by another process.
+        """
+        path = Path(path)
+        if not writable:
+            return cls(path, scan_file.open_existing(path, writable=False), None)
+        lock = ScanLock(path)
+        try:
+            return cls(path, scan_file.open_existing(path, writable=True), lock)
+        except BaseException:
+            lock.release()
+            raise
+
+    @classmethod
+    def open_or_create(cls, path: str | Path, scene: Scene) -> ScanStore:
+        """Open a scan file for writing, making it if there is none.
+
+        Raises
+        ------
+        ScanError
+            As :meth:`open`; or the file holds a scan of other axes, bounds or phalanges.
+        """
+        path = Path(path)
+        if not path.exists() or path.stat().st_size == 0:
+            return cls.create(path, scene)
+        store = cls.open(path, writable=True)
+        try:
+            require_same_scene(store.scene, scene, str(path))
+        except ScanError:
+            store.close()
+            raise
+        return store
+
+    def __enter__(self) -> ScanStore:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Commit what is pending, end the sweep, close the file and let another writer in.
+
+        Raises
+        ------
+        ScanError
+            The last pairs could not be written; the file is closed all the same.
+        """
+        try:
+            if self._sweep is not None:
+                self.end_sweep()
+        finally:
+            scan_file.close(self._db)
+            if self._lock is not None:
+                self._lock.release()
+                self._lock = None
+
+    # Writing
+
+    @property
+    def active_sweep(self) -> int | None:
+        """Number of the sweep that is being recorded, if one is."""
+        return self._sweep
+
+    @property
+    def pairs(self) -> int:
+        """Pairs in the file, dropped sweeps and pending pairs included."""
+        return self._pairs + self._pending_pairs
+
+    def begin_sweep(self, number: int | None = None) -> int:
+        """Begin to record a sweep.
+
+        Parameters
+        ----------
+        number : its number; by default, or where the number is taken, one more than the highest
+
+        Returns
+        -------
+        int
+            The sweep's number.
+
+        Raises
+        ------
+        ScanError
+            A sweep is being recorded already, or the file cannot be written.
+        """
+        if self._sweep is not None:
+            raise ScanError(f"{self.path}: expected no sweep under way, found sweep {self._sweep}")
+        taken = {row[0] for row in self._fetch("SELECT number FROM sweep")}
+        if number is None or number in taken:
+            number = max(taken, default=0) + 1
+        self._write([("INSERT INTO sweep (number) VALUES (?)", (number,))], f"sweep {number}")
+        self._sweep = number
+        self._committed_at = time.monotonic()
+        return number
+
+    def append(self, stamp_ns: np.ndarray, states: np.ndarray, strain: np.ndarray) -> None:
+        """Append pairs to the sweep that is being recorded.
+
+        Parameters
+        ----------
+        stamp_ns : (n,) int64 stamps, ns
+        states : (n, d) palm positions, m (yaw: rad), finite
+        strain : (n, 8F) strain voltages, V, finite
+
+        Raises
+        ------
+        ScanError
+            No sweep is being recorded, shapes or values are wrong, or the file cannot be written.
+        """
+        if self._sweep is None:
+            raise ScanError(f"{self.path}: expected a sweep under way, found none")
+        n = len(stamp_ns)
+        shapes = (n, self.scene.dimension), (n, GAUGES * len(self.scene.phalanges))
+        if (states.shape, strain.shape) != shapes:
+            raise ScanError(f"pairs: expected shapes {shapes}, got {states.shape} and {strain.shape}")
+        if not (np.isfinite(states).all() and np.isfinite(strain).all()):
+            raise ScanError("pairs: expected finite values, found NaN or infinity")
+        self._pending.append((stamp_ns, states, strain))
+        self._pending_pairs += n
+        due = time.monotonic() - self._committed_at >= COMMIT_PERIOD_S
+        if due or self._pending_pairs >= _BATCH_PAIRS:
+            self.commit()
+
+    def commit(self) -> None:
+        """Write the pending pairs in one transaction. A recorder calls this on a timer as well.
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written; the pairs stay pending.
+        """
+        self._committed_at = time.monotonic()
+        if not self._pending:
+            return
+        columns = [np.concatenate(column) for column in zip(*self._pending, strict=True)]
+        stamp_ns, states, strain = (
+            np.ascontiguousarray(column, dtype=kind)
+            for column, kind in zip(columns, ("<i8", "<f8", "<f8"), strict=True)
+        )
+        rows = []
+        for start in range(0, len(stamp_ns), _BATCH_PAIRS):
+            part = slice(start, start + _BATCH_PAIRS)
+            stamps = stamp_ns[part]
+            rows.append(
+                (
+                    "INSERT INTO batch (sweep, pairs, first_ns, last_ns, stamp_ns, states, strain)"
+                    " VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    (
+                        self._sweep,
+                        len(stamps),
+                        int(stamps.min()),
+                        int(stamps.max()),
+                        stamps.tobytes(),
+                        states[part].tobytes(),
+                        strain[part].tobytes(),
+                    ),
+                )
+            )
+        self._write(rows, f"{len(stamp_ns)} pairs")
+        self._pairs += self._pending_pairs
+        self._pending, self._pending_pairs = [], 0
+
+    def end_sweep(self, *, gaps: int = 0, skipped: int = 0) -> None:
+        """Commit and end the sweep that is being recorded.
+
+        Parameters
+        ----------
+        gaps : strain samples that had no pose near enough in time
+        skipped : strain samples that were missing, saturated or out of bounds
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written. The sweep counts as ended all the same: what was pending is
+            lost, what was committed is not, and another sweep can begin.
+        """
+        number, self._sweep = self._sweep, None
+        if number is None:
+            raise ScanError(f"{self.path}: expected a sweep under way, found none")
+        try:
+            self._sweep = number
+            self.commit()
+            end = "UPDATE sweep SET ended = 1, gaps = ?, skipped = ? WHERE number = ?"
+            self._write([(end, (gaps, skipped, number))], f"end of sweep {number}")
+        finally:
+            self._sweep = None
+            self._pending, self._pending_pairs = [], 0
+
+    def drop_sweep(self, number: int, *, dropped: bool = True) -> None:
+        """Leave a sweep out of :meth:`load`, or take it back in. Its pairs stay in the file.
+
+        Raises
+        ------
+        ScanError
+            There is no such sweep, or the file cannot be written.
+        """
+        numbers = [row[0] for row in self._fetch("SELECT number FROM sweep ORDER BY number")]
+        if number not in numbers:
+            raise ScanError(f"{self.path}: expected a sweep of {_ranges(numbers)}, got {number}")
+        update = "UPDATE sweep SET dropped = ? WHERE number = ?"
+        self._write([(update, (int(dropped), number))], f"sweep {number}")
+        self.note("drop sweep" if dropped else "take sweep back", {"sweep": number})
+
+    def note(self, what: str, detail: dict[str, Any]) -> None:
+        """Add an entry to the file's history: where its pairs came from and what was done to them."""
+        at = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        insert = "INSERT INTO history (at, what, detail) VALUES (?, ?, ?)"
+        self._write([(insert, (at, what, json.dumps(detail)))], "history entry")
+
+    # Reading
+
+    def sweeps(self) -> list[SweepInfo]:
+        """The sweeps, by number, dropped ones included."""
+        rows = self._fetch(
+            "SELECT number, coalesce(sum(pairs), 0), coalesce(min(first_ns), 0), coalesce(max(last_ns), 0),"
+            " gaps, skipped, ended, dropped FROM sweep LEFT JOIN batch ON batch.sweep = sweep.number"
+            " GROUP BY number ORDER BY number"
+        )
+        return [SweepInfo(*row[:6], ended=bool(row[6]), dropped=bool(row[7])) for row in rows]
+
+    def history(self) -> list[tuple[str, str, dict[str, Any]]]:
+        """The file's history, oldest first: time (ISO 8601, UTC), what was done, its details."""
+        rows = self._fetch("SELECT at, what, detail FROM history ORDER BY id")
+        return [(at, what, json.loads(detail)) for at, what, detail in rows]
+
+    def load(self) -> Scan:
+        """All pairs of the sweeps that are not dropped, in the order in which they were recorded.
+
+        Raises
+        ------
+        ScanError
+            The file is damaged or holds no pairs.
+        """
+        _, states, strain, sweep = self._arrays()
+        if not len(states):
+            raise ScanError(f"{self.path}: expected at least one state-measurement pair, found none")
+        return Scan(states, strain, sweep, self.scene.axis_names, self.scene.phalanx_names)
+
+    def recording(self) -> Recording:
+        """The same pairs by sweep and with their stamps, as any other recording.
+
+        Raises
+        ------
+        ScanError
+            The file is damaged.
+        """
+        stamp_ns, states, strain, sweep = self._arrays()
+        infos = {info.number: info for info in self.sweeps()}
+        sweeps = []
+        for number in np.unique(sweep):
+            mine = sweep == number
+            sweeps.append(
+                RecordedSweep(
+                    number=int(number),
+                    stamp_ns=stamp_ns[mine],
+                    position=states[mine],
+                    strain=strain[mine],
+                    status=missing_status(strain[mine]),
+                    gaps=infos[int(number)].gaps,
+                )
+            )
+        return Recording(str(self.path), self.scene.axis_names, self.scene.phalanx_names, tuple(sweeps))
+
+    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        kept = "FROM batch WHERE sweep IN (SELECT number FROM sweep WHERE NOT dropped)"
+        n = int(self._fetch(f"SELECT coalesce(sum(pairs), 0) {kept}")[0][0])
+        stamp_ns = np.empty(n, dtype=np.int64)
+        states = np.empty((n, self.scene.dimension))
+        strain = np.empty((n, GAUGES * len(self.scene.phalanges)))
+        sweep = np.empty(n, dtype=np.int64)
+        start = 0
+        try:
+            query = f"SELECT sweep, pairs, stamp_ns, states, strain {kept} ORDER BY id"
+            for number, pairs, *blobs in self._db.execute(query):
+                stop = start + pairs
+                sweep[start:stop] = number
+                stamp_ns[start:stop] = np.frombuffer(blobs[0], "<i8")
+                states[start:stop] = np.frombuffer(blobs[1], "<f8").reshape(pairs, -1)
+                strain[start:stop] = np.frombuffer(blobs[2], "<f8").reshape(pairs, -1)
+                start = stop
+        except (sqlite3.Error, ValueError) as error:
+            raise ScanError(f"{self.path}: expected {n} pairs, could read {start}: {error}") from None
+        return stamp_ns, states, strain, sweep
+
+    def _fetch(self, query: str) -> list[tuple[Any, ...]]:
+        try:
+            return self._db.execute(query).fetchall()
+        except sqlite3.Error as error:
+            raise ScanError(f"{self.path}: expected a scan file that can be read, {error}") from None
+
+    def _write(self, statements: list[tuple[str, tuple[Any, ...]]], what: str) -> None:
+        if self._lock is None:
+            raise ScanError(f"{self.path}: expected a scan file opened for writing, it was opened for reading")
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            for statement, values in statements:
+                self._db.execute(statement, values)
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise ScanError(f"{self.path}: could not write {what}: {error}") from None
+
+
+def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
+    """Check that pairs of both scenes can lie in one file: the same axes, bounds and phalanges.
+
+    Raises
+    ------
+    ScanError
+        They cannot; says what differs.
+    """
+    for what, mine, theirs in (
+        ("axes", found.axis_names, expected.axis_names),
+        ("lower bounds", tuple(found.lower), tuple(expected.lower)),
+        ("upper bounds", tuple(found.upper), tuple(expected.upper)),
+        ("phalanges", found.phalanx_names, expected.phalanx_names),
+        ("phalanx offsets", _offsets(found), _offsets(expected)),
+    ):
+        if mine != theirs:
+            raise ScanError(f"{where}: expected {what} {_text(theirs)}, found {_text(mine)}")
+
+
+def _offsets(scene: Scene) -> tuple[tuple[float, ...], ...]:
+    return tuple(phalanx.offset for phalanx in scene.phalanges)
+
+
+def _text(values: tuple[Any, ...]) -> str:
+    return ", ".join(value if isinstance(value, str) else f"{value}" for value in values)
+
+
+def _ranges(numbers: list[int]) -> str:
+    return f"{numbers[0]} to {numbers[-1]}" if numbers else "none"
