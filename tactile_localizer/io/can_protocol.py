@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import can
-from cantools.database.can import Signal
 import numpy as np
+from cantools.database.can import Signal
 
 from tactile_localizer.io.can_frames import ERROR, REMOTE, FrameBatch, wire_length
 from tactile_localizer.io.can_layout import (
@@ -187,7 +187,7 @@ class LoadCellProtocol:
                     values[signal.name] = sequence % (1 << signal.length)
                 else:
                     values[signal.name] = status if signal.name == status_name else 0
-            data = message.encode(values, scaling=False, strict=False)  # type: ignore[arg-type]
+            data = message.encode(values, scaling=False, strict=False)
             frames.append(
                 can.Message(
                     timestamp=stamp_s,

@@ -1,0 +1,171 @@
+"""The lifecycle node that the package's nodes are made from, and how a process runs one."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from rclpy.executors import (
+    Executor,
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.nodes.parameters import Parameter, Parameters
+
+_OWN_PARAMETERS = (
+    Parameter("autostart", True, "Configure and activate at start; false leaves that to a lifecycle manager"),
+    Parameter(
+        "executor",
+        "standard",
+        "rclpy executor; 'events' takes less CPU time where the installation's works",
+        choices=("standard", "events"),
+    ),
+)
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node whose transitions are four plain methods.
+
+    A subclass overrides :meth:`configure`, :meth:`activate`, :meth:`deactivate` and :meth:`cleanup`. The
+    first two refuse by raising a :class:`TactileLocalizerError`: the node logs its one line and stays in the
+    state that it was in. The last two must bear being called when nothing, or only a part, was made.
+
+    Parameters
+    ----------
+    name : the node's name
+    declared : its parameters, beside ``autostart`` and ``executor``
+    threads : callbacks that may run at once. More than one needs callback groups
+    """
+
+    def __init__(
+        self, name: str, declared: Sequence[Parameter] = (), threads: int = 1, **kwargs: Any
+    ) -> None:
+        super().__init__(name, **kwargs)
+        self._is_configured = False
+        self.threads = threads
+        self.parameters = Parameters(self, (*_OWN_PARAMETERS, *declared), lambda: self._is_configured)
+
+    def configure(self) -> None:
+        """Read the parameters and make everything that is needed."""
+
+    def activate(self) -> None:
+        """Begin the work."""
+
+    def deactivate(self) -> None:
+        """End the work; threads are joined."""
+
+    def cleanup(self) -> None:
+        """Let go of what :meth:`configure` made."""
+
+    def start(self) -> bool:
+        """Configure and activate; whether both went well."""
+        return (
+            self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+            and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
+        )
+
+    def close(self) -> None:
+        """End the work and let go of everything, whatever the state; for the end of the process."""
+        self.deactivate()
+        self.cleanup()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition to inactive, or refuse."""
+        self._is_configured = True
+        answer = self._attempt(self.configure, undo=self.cleanup)
+        self._is_configured = answer == TransitionCallbackReturn.SUCCESS
+        return answer
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition to active, or refuse."""
+        super().on_activate(state)
+        return self._attempt(self.activate, undo=self.deactivate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition to inactive."""
+        super().on_deactivate(state)
+        return self._attempt(self.deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition to unconfigured."""
+        self._is_configured = False
+        return self._attempt(self.cleanup)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition to finalized, from any state."""
+        self._is_configured = False
+        return self._attempt(self.close)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After an unexpected failure: back to unconfigured."""
+        self._is_configured = False
+        return self._attempt(self.close)
+
+    def _attempt(
+        self, work: Callable[[], None], undo: Callable[[], None] | None = None
+    ) -> TransitionCallbackReturn:
+        try:
+            work()
+        except TactileLocalizerError as error:
+            self.get_logger().error(str(error))
+            if undo is not None:
+                undo()
+            return TransitionCallbackReturn.FAILURE
+        except Exception:  # rclpy would swallow it without a word
+            self.get_logger().fatal(traceback.format_exc())
+            return TransitionCallbackReturn.ERROR
+        return TransitionCallbackReturn.SUCCESS
+
+
+def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
+    """Run a node until Ctrl-C, SIGTERM or shutdown: the body of every executable.
+
+    Parameters
+    ----------
+    make : makes the node, once rclpy is initialised
+    args : command line; ``None``: that of the process
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 2 where the node could not be made, or refused to start by itself.
+    """
+    try:
+        rclpy.init(args=args)
+    except RuntimeError as error:  # the command line's own mistakes
+        print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
+        return 2
+    node = None
+    try:
+        node = make()
+        if node.parameters["autostart"] and not node.start():
+            return 2
+        executor = _executor(node)
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except TactileLocalizerError as error:
+        rclpy.logging.get_logger("tactile_localizer").error(str(error))
+        return 2
+    finally:
+        if node is not None:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _executor(node: ManagedNode) -> Executor:
+    if node.parameters["executor"] == "events":
+        from rclpy.experimental import EventsExecutor  # not in every installation
+
+        return EventsExecutor()
+    return MultiThreadedExecutor(node.threads) if node.threads > 1 else SingleThreadedExecutor()

@@ -1,0 +1,134 @@
+"""Parameters with a description, a unit and a range; a bad value is refused with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+
+from tactile_localizer.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node.
+
+    Parameters
+    ----------
+    name : with dots for a group
+    default : a bool, int, float, str, or list; its type is the parameter's. An empty list is one of strings
+    description : one sentence, for people
+    unit : SI unit, empty where there is none
+    lower, upper : ends of the range of an int or a float, both allowed
+    choices : the strings that are allowed; empty: any
+    live : whether it may be set while the node is configured. Others are read when the node configures
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ""
+    lower: float | None = None
+    upper: float | None = None
+    choices: Sequence[str] = ()
+    live: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What ``ros2 param describe`` shows."""
+        text = f"{self.description} [{self.unit}]" if self.unit else self.description
+        descriptor = ParameterDescriptor(name=self.name, description=text)
+        if self.choices:
+            descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
+        if self.lower is not None or self.upper is not None:
+            if isinstance(self.default, float):
+                lower = float("-inf") if self.lower is None else float(self.lower)
+                upper = float("inf") if self.upper is None else float(self.upper)
+                descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
+            else:
+                least = -(2**63) if self.lower is None else int(self.lower)
+                most = 2**63 - 1 if self.upper is None else int(self.upper)
+                descriptor.integer_range = [IntegerRange(from_value=least, to_value=most)]
+        return descriptor
+
+
+class Parameters:
+    """A node's declared parameters: ``parameters["rate_hz"]`` is the present value.
+
+    Parameters
+    ----------
+    node : declares and keeps the values
+    declared : the parameters
+    configured : tells whether the node is configured, when parameters that are not live are refused
+
+    Raises
+    ------
+    ParameterError
+        A value given from outside (command line, file) is out of its range or of the wrong type.
+    """
+
+    def __init__(self, node: Node, declared: Iterable[Parameter], configured: Callable[[], bool]) -> None:
+        self._node = node
+        self._declared: dict[str, Parameter] = {}
+        self._configured = configured
+        node.add_on_set_parameters_callback(self._check)
+        self.declare(declared)
+
+    def declare(self, declared: Iterable[Parameter]) -> None:
+        """Declare more parameters, such as a group a phalanx. Those declared already are left alone."""
+        for parameter in declared:
+            if parameter.name in self._declared:
+                continue
+            self._declared[parameter.name] = parameter
+            default = rclpy.Parameter.Type.STRING_ARRAY if parameter.default == [] else parameter.default
+            try:
+                self._node.declare_parameter(parameter.name, default, parameter.descriptor())
+            except InvalidParameterTypeException as error:
+                wanted = (
+                    "a list of strings"
+                    if parameter.default == []
+                    else f"a value such as {parameter.default!r}"
+                )
+                raise ParameterError(
+                    f"parameter {parameter.name}: expected {wanted}. {_reason(error, parameter.name)}"
+                ) from error
+            except InvalidParameterValueException as error:
+                raise ParameterError(
+                    f"parameter {parameter.name}: {_reason(error, parameter.name)}"
+                ) from error
+
+    def __getitem__(self, name: str) -> Any:
+        value = self._node.get_parameter_or(name).value
+        return list(value or ()) if isinstance(self._declared[name].default, list) else value
+
+    def _check(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
+        for change in changes:
+            parameter = self._declared.get(change.name)
+            if parameter is None:
+                continue
+            if parameter.choices and change.value not in parameter.choices:
+                reason = (
+                    f"{change.name}: expected one of {', '.join(parameter.choices)}, got {change.value!r}"
+                )
+                return SetParametersResult(successful=False, reason=reason)
+            if self._configured() and not parameter.live and self._node.has_parameter(change.name):
+                reason = (
+                    f"{change.name}: expected to be set before the node is configured, and it is configured"
+                )
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+
+def _reason(error: Exception, name: str) -> str:
+    # rclpy's text without what its exceptions wrap around the reason.
+    text = str(error).removesuffix(f": {name}")
+    return text.partition("Reason: ")[2] or text
