@@ -1,0 +1,61 @@
+"""The ``tactile-localizer`` command: one module a subcommand, imported only when it is asked for.
+
+A subcommand's module has ``NAME``, ``HELP``, ``add_arguments(parser)`` and ``run(args) -> int``; its name is
+``NAME`` as an identifier (``import`` is in ``import_.py``), and :data:`COMMANDS` lists it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from tactile_localizer import __version__
+from tactile_localizer.errors import TactileLocalizerError
+
+COMMANDS: tuple[str, ...] = ()
+"""Modules of the subcommands, in the order of the help text."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, an interrupt status 130; a
+    reader of standard output that has gone away ends the command quietly.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        args = _parser(arguments).parse_args(arguments)
+        status: int = args.run(args)
+        sys.stdout.flush()
+        return status
+    except TactileLocalizerError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes again at exit
+        return 141
+
+
+def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """A parser of the subcommand that ``arguments`` begin with, or of all where they begin with none."""
+    parser = argparse.ArgumentParser(
+        prog="tactile-localizer", description="Where a robot hand is on a piece of flexible material, by touch alone."
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    asked = [module for module in COMMANDS if arguments and _name(module) == arguments[0]]
+    for module in asked or COMMANDS:
+        command = importlib.import_module(f"{__name__}.{module}")
+        subparser = subparsers.add_parser(command.NAME, help=command.HELP, description=command.HELP)
+        command.add_arguments(subparser)
+        subparser.set_defaults(run=command.run)
+    return parser
+
+
+def _name(module: str) -> str:
+    return module.rstrip("_").replace("_", "-")
