@@ -5,8 +5,11 @@ On a machine with ROS 2 the package is built by colcon (CMakeLists.txt); this fi
 
 from setuptools import find_packages, setup
 
+DATA = {f"tactile_localizer.share.{folder}": folder for folder in ("config", "msg")}
+"""Where :func:`tactile_localizer.resources.resource_path` finds the folders of the source tree."""
+
 setup(
-    packages=[*find_packages(include=["tactile_localizer", "tactile_localizer.*"]), "tactile_localizer.config"],
-    package_dir={"tactile_localizer.config": "config"},
-    package_data={"tactile_localizer": ["py.typed"], "tactile_localizer.config": ["*", "*/*"]},
+    packages=[*find_packages(include=["tactile_localizer", "tactile_localizer.*"]), *DATA],
+    package_dir=DATA,
+    package_data={"tactile_localizer": ["py.typed"], **{package: ["*", "*/*"] for package in DATA}},
 )

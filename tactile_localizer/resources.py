@@ -1,4 +1,4 @@
-"""Where the files that come with the package are: scenes, parameters, the CAN database."""
+"""Where the files that come with the package are: scenes, parameters, the CAN database, message definitions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def resource_path(relative: str | Path) -> Path:
 
     Parameters
     ----------
-    relative : path below the package's root, such as ``config/loadcells.dbc``
+    relative : path below the source tree, such as ``config/loadcells.dbc`` or ``msg/Posterior.msg``
 
     Raises
     ------
@@ -25,7 +25,7 @@ def resource_path(relative: str | Path) -> Path:
     """
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     shares = [Path(prefix, "share", PACKAGE.name) for prefix in prefixes if prefix]
-    places = [PACKAGE.parent, PACKAGE, *shares]
+    places = [PACKAGE.parent, PACKAGE / "share", *shares]
     for place in places:
         path = place / relative
         if path.exists():
