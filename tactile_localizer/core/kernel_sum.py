@@ -1,0 +1,161 @@
+"""The kernel sums of the sum-of-Gaussians model (paper, Eq. 4), evaluated in three ways.
+
+For one measurement the strain distances ``||z - z_n||^2`` do not depend on the state: they are computed
+once. What differs between states is the position kernel, summed
+
+- ``exact``: directly, over all pairs: the reference;
+- ``truncated``: directly, over the pairs within :data:`REACH` of the box that the states occupy;
+- ``field``: over the same pairs, after spreading their weights on a grid on which the kernel is separable,
+  so that the sum becomes a few small matrix products (:class:`~.pair_block.KernelGrid`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.measurement import flatten_axes
+from tactile_localizer.core.pair_block import PairBlock
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import GAUGES
+
+EVALUATIONS = ("field", "truncated", "exact")
+REACH = 5.3
+"""Standard deviations beyond which a position kernel is left out: it is below exp(-5.3^2 / 2) = 8e-7."""
+_MARGIN = 2.0
+"""Standard deviations that a block serves beyond the states it was made for, so that it lasts many updates."""
+_WORTH_SHRINKING = 0.5
+
+
+class KernelSum:
+    """For one measurement, sums over the training pairs of strain kernel times position kernel.
+
+    Parameters
+    ----------
+    positions : (N, d) where the pairs were felt, m (yaw: rad)
+    strain : (N, 8F) what was felt, V
+    position_std : (d,) square root of the diagonal of the paper's Sigma_x
+    strain_std : (8F,) square root of the diagonal of the paper's Sigma_z
+    wraps : (d,) bool, axes that are a full turn
+    evaluation : one of :data:`EVALUATIONS`
+    dtype : of the strains in memory: float64, or float32 for half the traffic
+    """
+
+    def __init__(
+        self,
+        positions: np.ndarray,
+        strain: np.ndarray,
+        position_std: np.ndarray,
+        strain_std: np.ndarray,
+        wraps: np.ndarray,
+        evaluation: str = "field",
+        dtype: Any = np.float64,
+    ) -> None:
+        if evaluation not in EVALUATIONS:
+            raise ParameterError(f"evaluation {evaluation!r}: expected one of {', '.join(EVALUATIONS)}")
+        self.evaluation = evaluation
+        self.position_std = np.asarray(position_std, dtype=np.float64)
+        self._strain_std = np.asarray(strain_std, dtype=np.float64)
+        self._dtype = np.dtype(dtype)
+        self._strain = strain
+        self._centre = strain.mean(axis=0)
+        index, unrolled = _unroll(positions, wraps, REACH * self.position_std)
+        order = np.argsort(unrolled[:, 0], kind="stable")
+        self._index = index[order]
+        self._positions = unrolled[order] / self.position_std
+        self._lower, self._upper = self._positions.min(axis=0) - REACH, self._positions.max(axis=0) + REACH
+        self._block: PairBlock | None = None
+        log_widths = np.log(self._strain_std).reshape(-1, GAUGES).sum(axis=1)
+        self._log_constants = -0.5 * GAUGES * math.log(2.0 * math.pi) - log_widths
+
+    def __len__(self) -> int:
+        return len(self._strain)
+
+    def at_states(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """The sums at states (P, d), m, for a strain (8F,), V, of the phalanges ``present`` (F,) bool.
+
+        Returns
+        -------
+        sums : (P,) position kernel (one at its centre) times strain kernel (one for the nearest pair)
+        density : (P,) the position kernel alone
+        log_scale : logarithm of the factor that makes ``sums`` a density over z
+        """
+        scaled = states / self.position_std
+        block = self._block_for(scaled.min(axis=0), scaled.max(axis=0))
+        if len(block) == 0:
+            return np.zeros(len(states)), np.zeros(len(states)), 0.0
+        weights, log_scale = self._weights(block, strain, present)
+        if self.evaluation == "field":
+            return block.grid.at_states(scaled, block.grid.spread(weights)), block.density(scaled), log_scale
+        both = block.direct_sum(scaled, np.stack([weights, np.ones(len(weights))], axis=1))
+        return both[:, 0], both[:, 1], log_scale
+
+    def on_axes(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """The same at every combination of d coordinates: arrays (C1, ..., Cd)."""
+        shape = tuple(len(coordinates) for coordinates in axes)
+        states = flatten_axes(axes)
+        if self.evaluation != "field":
+            sums, density, log_scale = self.at_states(states, strain, present)
+            return sums.reshape(shape), density.reshape(shape), log_scale
+        scaled = [coordinates / std for coordinates, std in zip(axes, self.position_std, strict=True)]
+        block = self._block_for(np.array([c.min() for c in scaled]), np.array([c.max() for c in scaled]))
+        if len(block) == 0:
+            return np.zeros(shape), np.zeros(shape), 0.0
+        weights, log_scale = self._weights(block, strain, present)
+        sums = block.grid.on_axes(scaled, block.grid.spread(weights))
+        return sums, block.density(states / self.position_std).reshape(shape), log_scale
+
+    def _weights(self, block: PairBlock, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
+        weights, log_scale = block.strain_weights((strain - self._centre) / self._strain_std, present)
+        return weights, log_scale + float(self._log_constants[present].sum())
+
+    def _block_for(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
+        """The pairs within reach of the box, kept from update to update while they serve and are not far too many."""
+        if self.evaluation == "exact":
+            if self._block is None:
+                self._block = self._make_block(self._lower - 2 * REACH, self._upper + 2 * REACH)
+            return self._block
+        wanted_lower = np.clip(lower - _MARGIN, self._lower, self._upper)
+        wanted_upper = np.clip(upper + _MARGIN, self._lower, self._upper)
+        block = self._block
+        if block is None or not block.serves(np.maximum(lower, self._lower), np.minimum(upper, self._upper)):
+            block = self._make_block(wanted_lower, wanted_upper)
+        else:
+            share = np.prod((wanted_upper - wanted_lower) / np.maximum(block.upper - block.lower, 1e-300))
+            if share < _WORTH_SHRINKING:
+                block = self._make_block(wanted_lower, wanted_upper)
+        self._block = block
+        return block
+
+    def _make_block(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
+        first, last = np.searchsorted(self._positions[:, 0], [lower[0] - REACH, upper[0] + REACH])
+        near = self._positions[first:last]
+        keep = np.all((near >= lower - REACH) & (near <= upper + REACH), axis=1)
+        rows = self._index[first:last][keep]
+        # A channel at a time: a large map is never held twice.
+        strain = np.empty((self._strain.shape[1], len(rows)), dtype=self._dtype)
+        for channel, (centre, std) in enumerate(zip(self._centre, self._strain_std, strict=True)):
+            strain[channel] = (self._strain[rows, channel] - centre) / std
+        return PairBlock(near[keep], strain, lower, upper)
+
+
+def _unroll(positions: np.ndarray, wraps: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices and positions with the pairs near the ends of full-turn axes repeated a turn away."""
+    index = np.arange(len(positions))
+    for axis in np.flatnonzero(wraps):
+        turns = []
+        for turn in (-2 * math.pi, 2 * math.pi):
+            moved = positions[:, axis] + turn
+            within = np.abs(moved) <= math.pi + min(float(reach[axis]), math.pi)
+            copy = positions[within].copy()
+            copy[:, axis] += turn
+            turns.append((index[within], copy))
+        index = np.concatenate([index, *(rows for rows, _ in turns)])
+        positions = np.concatenate([positions, *(copy for _, copy in turns)])
+    return index, positions

@@ -1,0 +1,81 @@
+"""What every measurement model offers: the log-likelihood of a strain at any states."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.scene import GAUGES
+
+
+class MeasurementModel(Protocol):
+    """P(z | x), built from a scan and a scene.
+
+    A phalanx that is not ``present`` drops out of the product over phalanges; the others go on.
+    """
+
+    def log_likelihood(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Log-density of ``strain`` (8F,), V, at each of ``states`` (P, d), m (yaw: rad): (P,), finite.
+
+        ``present`` (F,) bool; ``None``: all phalanges.
+
+        Raises
+        ------
+        MeasurementError
+            The strain of a present phalanx is not finite, or the shape is wrong.
+        """
+
+    def log_likelihood_on(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """The same at every combination of the coordinates of ``axes``: an array (C1, ..., Cd)."""
+
+
+def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """The strain as float64 with absent phalanges at zero, and which are present.
+
+    Raises
+    ------
+    MeasurementError
+        A wrong shape, no phalanx present, or NaN or infinity in a present phalanx.
+    """
+    strain = np.asarray(strain, dtype=np.float64)
+    if strain.shape != (GAUGES * phalanges,):
+        raise MeasurementError(f"strain: expected shape ({GAUGES * phalanges},), got {strain.shape}")
+    if present is None:
+        if not np.isfinite(strain).all():
+            raise MeasurementError("strain: expected finite volts, found NaN or infinity")
+        return strain, np.ones(phalanges, dtype=bool)
+    present = np.asarray(present, dtype=bool)
+    if present.shape != (phalanges,) or not present.any():
+        raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
+    strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+    if not np.isfinite(strain).all():
+        raise MeasurementError("strain: expected finite volts, found NaN or infinity")
+    return strain, present
+
+
+def positive(name: str, value: object, size: int) -> np.ndarray:
+    """A parameter as ``size`` positive finite numbers; a single number stands for all of them.
+
+    Raises
+    ------
+    ParameterError
+        Not a number, not positive, or the wrong count.
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name}: expected numbers, got {value!r}") from None
+    if array.shape not in ((), (size,)) or not (np.isfinite(array).all() and (array > 0).all()):
+        raise ParameterError(f"{name}: expected one or {size} positive numbers, got {value!r}")
+    return np.broadcast_to(array, (size,)).copy()
+
+
+def flatten_axes(axes: list[np.ndarray]) -> np.ndarray:
+    """Every combination of the coordinates of d axes, in C order: (C1 * ... * Cd, d)."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))

@@ -1,0 +1,50 @@
+"""Motion model: the palm moved as the arm says, plus noise that grows with the travel (paper, Eq. 1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.scene import Scene
+
+YAW_LEVER = 0.02
+"""m of travel that a turn of 1 rad counts for: a fingertip about the middle of its contact."""
+
+
+class MotionModel:
+    """x_t = x_{t-1} + displacement + noise, with a variance in proportion to the travelled distance.
+
+    A variance per metre, not per step, makes the belief independent of the sample rate and leaves a
+    hand at rest where it is.
+
+    Parameters
+    ----------
+    scene : names the axes, their motion noise, and which of them wrap
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._wraps = scene.wraps
+        self._variance_per_metre = scene.motion_std**2
+        self._lever = np.array([YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes])
+
+    def displacement(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """What has to be added to ``before`` (d,) to come to ``after`` (d,); yaw along the shortest arc."""
+        step = after - before
+        if self._wraps.any():
+            step[self._wraps] = wrap_angle(step[self._wraps])
+        return step
+
+    def travel(self, displacement: np.ndarray) -> float:
+        """Length of a displacement (d,), m; a turn counts :data:`YAW_LEVER` a radian."""
+        return float(np.sqrt(np.sum((displacement * self._lever) ** 2)))
+
+    def variance(self, travel: float) -> np.ndarray:
+        """Variance of the noise after ``travel`` metres, (d,)."""
+        return self._variance_per_metre * travel
+
+    def sample(
+        self, states: np.ndarray, displacement: np.ndarray, travel: float, rng: np.random.Generator
+    ) -> np.ndarray:
+        """States (P, d) moved by ``displacement`` (d,), each with its own noise of ``travel`` metres."""
+        noise = rng.standard_normal(states.shape) * np.sqrt(self.variance(travel))
+        return states + displacement + noise

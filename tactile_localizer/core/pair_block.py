@@ -1,0 +1,204 @@
+"""The training pairs near one box of states, laid out so that sums over them are fast."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy import ndimage, sparse
+from scipy.spatial.distance import cdist
+
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import GAUGES
+
+NODES_PER_STD = 7
+"""Grid nodes a standard deviation of the position kernel, an axis."""
+_MAX_NODES = 2**26
+_CHUNK = 2**22
+
+
+class PairBlock:
+    """Pairs that matter for the states inside one box. All lengths are in kernel standard deviations.
+
+    Parameters
+    ----------
+    positions : (M, d) where the pairs were felt
+    strain : (8F, M) whitened strains, channels first: the product with one measurement reads memory in order
+    lower, upper : (d,) the box of states that this block serves
+    """
+
+    def __init__(self, positions: np.ndarray, strain: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+        self.lower, self.upper = lower, upper
+        self.positions = positions
+        self._strain = strain
+        by_phalanx = strain.reshape(-1, GAUGES, len(positions))
+        self._square = np.einsum("fcn,fcn->fn", by_phalanx, by_phalanx)
+        self._largest = float(self._square.sum(axis=0).max(initial=0.0))
+        self._grid: KernelGrid | None = None
+        self._density: Density | None = None
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def grid(self) -> KernelGrid:
+        """The nodes that weights are spread on; made when first needed."""
+        if self._grid is None:
+            self._grid = KernelGrid(self.positions, self._strain.dtype)
+        return self._grid
+
+    @property
+    def density(self) -> Density:
+        """The sum of the position kernels alone, for states in the box; made when first needed."""
+        if self._density is None:
+            self._density = Density(self)
+        return self._density
+
+    def serves(self, lower: np.ndarray, upper: np.ndarray) -> bool:
+        """Whether the box ``lower`` (d,) to ``upper`` (d,) lies inside this block's."""
+        return bool((lower >= self.lower).all() and (upper <= self.upper).all())
+
+    def strain_weights(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
+        """exp(-||z - z_n||^2 / 2) of every pair, scaled so that the largest is one.
+
+        Parameters
+        ----------
+        strain : (8F,) whitened
+        present : (F,) bool, the phalanges to count
+
+        Returns
+        -------
+        weights : (M,)
+        log_scale : logarithm of what they were divided by, so that nothing underflows
+        """
+        distances = self._squared_distances(strain, present)
+        nearest = float(distances.min())
+        distances -= distances.dtype.type(nearest)
+        distances *= -0.5
+        return np.exp(distances, out=distances), -0.5 * nearest
+
+    def _squared_distances(self, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
+        if present.all():
+            square = self._square[0] if len(present) == 1 else self._square.sum(axis=0)
+        else:
+            strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+            square = self._square[present].sum(axis=0)
+        dtype = self._strain.dtype
+        size = float(strain @ strain)
+        # ||z||^2 - 2 z.z_n + ||z_n||^2 takes one pass over the strains but cancels. Where that could cost a
+        # hundredth (the measurement is far from the whole scan, or float32 is short) subtract first.
+        if 8.0 * float(np.finfo(dtype).eps) * (size + self._largest) < 1e-2:
+            distances = strain.astype(dtype, copy=False) @ self._strain
+            distances *= -2.0
+            distances += square
+            distances += dtype.type(size)
+            return distances
+        columns = np.repeat(present, GAUGES)
+        difference = self._strain[columns].astype(np.float64) - strain[columns, None]
+        return np.einsum("cn,cn->n", difference, difference)
+
+    def direct_sum(self, states: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Sum of weight times position kernel over the pairs, weights (M,) or (M, k), at states (P, d) -> (P,) or (P, k)."""
+        rows = max(1, _CHUNK // len(self))
+        parts = []
+        for start in range(0, len(states), rows):
+            kernel = cdist(states[start : start + rows], self.positions, "sqeuclidean")
+            kernel *= -0.5
+            parts.append(np.exp(kernel, out=kernel) @ weights)
+        return np.concatenate(parts)
+
+
+class Density:
+    """The sum of the position kernels of a block's pairs: tabulated once, then cubic splines.
+
+    Parameters
+    ----------
+    block : its pairs; states are expected inside its box, and see zero outside
+    """
+
+    _NODES_PER_STD = 4
+
+    def __init__(self, block: PairBlock) -> None:
+        self._start = block.lower - 1.0 / self._NODES_PER_STD
+        counts = np.ceil((block.upper - block.lower) * self._NODES_PER_STD).astype(np.int64) + 3
+        axes = [start + np.arange(count) / self._NODES_PER_STD for start, count in zip(self._start, counts, strict=True)]
+        ones = np.ones(len(block), dtype=np.float64)
+        self._coefficients = ndimage.spline_filter(block.grid.on_axes(axes, block.grid.spread(ones)), mode="mirror")
+
+    def __call__(self, states: np.ndarray) -> np.ndarray:
+        """At states (P, d): (P,)."""
+        coordinates = ((states - self._start) * self._NODES_PER_STD).T
+        values = ndimage.map_coordinates(self._coefficients, coordinates, prefilter=False, mode="constant")
+        return np.maximum(values, 0.0)
+
+
+class KernelGrid:
+    """A regular grid over pairs, and Gaussian kernel sums between its nodes and any states.
+
+    A weight is spread linearly on the 2^d nodes around its pair, which widens the kernel by a variance of
+    h^2 / 6 on average (h the node spacing, in standard deviations); the kernel is narrowed by as much. In
+    the logarithm that leaves an error of at most h^2 / 12 |u^2 - 1| at a distance u from a lone pair.
+
+    Parameters
+    ----------
+    positions : (M, d) pairs, in standard deviations of the kernel
+    dtype : of the weights and kernels
+    """
+
+    def __init__(self, positions: np.ndarray, dtype: np.dtype[Any]) -> None:
+        spacing = 1.0 / NODES_PER_STD
+        low = positions.min(axis=0)
+        scaled = (positions - low) / spacing
+        sizes = np.floor(scaled.max(axis=0)) + 2.0
+        if float(np.prod(sizes)) > _MAX_NODES:
+            raise ParameterError(
+                f"evaluation field: expected at most {_MAX_NODES} nodes, got {sizes.prod():.3g}: the position "
+                "kernel is narrow for so wide a scan; use evaluation truncated"
+            )
+        self.shape = tuple(int(size) for size in sizes)
+        self._dtype = dtype
+        self._nodes = [low[axis] + spacing * np.arange(size) for axis, size in enumerate(self.shape)]
+        self._factor = -0.5 / (1.0 - spacing**2 / 6.0)
+        self._taps = self._spreading(scaled)
+
+    def _spreading(self, scaled: np.ndarray) -> sparse.csc_array:
+        """The linear spreading as a sparse matrix (nodes, pairs)."""
+        pairs, d = scaled.shape
+        base = scaled.astype(np.int32)
+        fraction = scaled - base
+        rows = np.zeros((pairs, 2**d), dtype=np.int32)
+        taps = np.ones((pairs, 2**d), dtype=self._dtype)
+        for corner in range(2**d):
+            for axis in range(d):
+                upper = corner >> axis & 1
+                rows[:, corner] = rows[:, corner] * self.shape[axis] + base[:, axis] + upper
+                taps[:, corner] *= fraction[:, axis] if upper else 1.0 - fraction[:, axis]
+        pointers = np.arange(pairs + 1, dtype=np.int32) * 2**d
+        return sparse.csc_array((taps.ravel(), rows.ravel(), pointers), shape=(math.prod(self.shape), pairs))
+
+    def spread(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of the pairs (M,) on the nodes: an array of the grid's shape."""
+        return (self._taps @ weights).reshape(self.shape)
+
+    def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray:
+        kernel = np.subtract.outer(coordinates, self._nodes[axis]).astype(self._dtype, copy=False)
+        kernel *= kernel
+        kernel *= self._dtype.type(self._factor)
+        return np.exp(kernel, out=kernel)
+
+    def at_states(self, states: np.ndarray, field: np.ndarray) -> np.ndarray:
+        """A field (G1, ..., Gd) summed with the kernel at states (P, d) -> (P,)."""
+        total = self._kernel(states[:, 0], 0) @ field.reshape(self.shape[0], -1)
+        for axis in range(1, len(self.shape)):
+            kernel = self._kernel(states[:, axis], axis)
+            total = np.einsum("pg,pgr->pr", kernel, total.reshape(len(states), self.shape[axis], -1))
+        return total[:, 0]
+
+    def on_axes(self, axes: list[np.ndarray], field: np.ndarray) -> np.ndarray:
+        """A field (G1, ..., Gd) summed with the kernel at every combination of d coordinates -> (C1, ..., Cd)."""
+        total = field
+        for axis, coordinates in enumerate(axes):
+            # Contracting the first grid axis appends the new one, so after d turns the order is right again.
+            total = np.tensordot(total, self._kernel(coordinates, axis), axes=(0, 1))
+        return total

@@ -1,0 +1,170 @@
+"""The sum-of-Gaussians measurement model (paper, III-C, Eq. 4)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.background import Background
+from tactile_localizer.core.interpolation import interpolated
+from tactile_localizer.core.kernel_sum import KernelSum
+from tactile_localizer.core.measurement import checked, positive
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import GAUGES, Scene
+
+FLOOR = 0.01
+"""Share of the broad background in the density, at a typical density of the scan."""
+
+
+class PhalanxKernels:
+    """A kernel density of strain given position over one set of phalanges, with the background as its floor.
+
+    .. math:: p(z | x) = (S(x, z) + a\\, b(z)) / (D(x) + a)
+
+    where S is the sum over pairs of position kernel times strain kernel, D the sum of the position kernel
+    alone and b the :class:`Background`. ``a`` is :data:`FLOOR` times the D of an evenly spread scan: where
+    nothing was scanned, the background is all that is known. ``conditional=False`` is the paper's form, in which
+    P(x) is taken as constant: D is then that of an evenly spread scan everywhere.
+
+    Parameters
+    ----------
+    positions, strain : (N, d) and (N, 8F) the pairs
+    position_std, strain_std : (d,) and (8F,) kernel widths
+    """
+
+    def __init__(
+        self,
+        positions: np.ndarray,
+        strain: np.ndarray,
+        position_std: np.ndarray,
+        strain_std: np.ndarray,
+        wraps: np.ndarray,
+        conditional: bool = True,
+        evaluation: str = "field",
+        dtype: Any = np.float64,
+    ) -> None:
+        self.kernels = KernelSum(positions, strain, position_std, strain_std, wraps, evaluation, dtype)
+        self.background = Background(strain, strain_std)
+        self._conditional = conditional
+        kernel = position_std * math.sqrt(2.0 * math.pi)
+        extent = positions.max(axis=0) - positions.min(axis=0)
+        self._typical = len(positions) * float(np.prod(kernel / np.maximum(extent, kernel)))
+
+    def at_states(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
+        """Log-density at states (P, d): (P,)."""
+        return self._mix(*self.kernels.at_states(states, strain, present), strain, present)
+
+    def on_axes(self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray) -> np.ndarray:
+        """Log-density at every combination of coordinates: (C1, ..., Cd)."""
+        return self._mix(*self.kernels.on_axes(axes, strain, present), strain, present)
+
+    def _mix(
+        self, sums: np.ndarray, density: np.ndarray, log_scale: float, strain: np.ndarray, present: np.ndarray
+    ) -> np.ndarray:
+        floor = FLOOR * self._typical
+        log_floor = math.log(floor) + self.background.log_density(strain, present)
+        with np.errstate(divide="ignore"):
+            log_sum = np.log(sums) + log_scale
+        total = np.logaddexp(log_sum, log_floor)
+        scanned = density if self._conditional else self._typical
+        return total - np.log(scanned + floor)
+
+
+class SumOfGaussians:
+    """Every training pair is a Gaussian bump in state and strain (paper, Eq. 4).
+
+    Parameters
+    ----------
+    scan, scene : the training pairs and what is modelled
+    position_std : square root of the diagonal of Sigma_x, one number or one an axis, m (yaw: rad)
+    strain_std : square root of the diagonal of Sigma_z, one number or one a channel, V
+    conditional : divide by the scan's own density in x, right where the scan is uneven; ``False``: the paper's
+        joint form with constant P(x)
+    evaluation : ``field``, ``truncated`` or ``exact`` (:mod:`.kernel_sum`)
+    precision : ``float64`` or ``float32``
+
+    Raises
+    ------
+    ParameterError
+        A width that is not positive, or an unknown evaluation or precision.
+    SceneError
+        The scene names a phalanx that the scan does not have.
+    """
+
+    def __init__(
+        self,
+        scan: Scan,
+        scene: Scene,
+        position_std: Any,
+        strain_std: Any,
+        conditional: bool = True,
+        evaluation: str = "field",
+        precision: str = "float64",
+    ) -> None:
+        positions, strain = training_pairs(scan, scene)
+        self._phalanges = len(scene.phalanges)
+        self._kernels = PhalanxKernels(
+            positions,
+            strain,
+            positive("position_std", position_std, scene.dimension),
+            positive("strain_std", strain_std, GAUGES * self._phalanges),
+            scene.wraps,
+            conditional,
+            evaluation,
+            dtype_of(precision),
+        )
+
+    def log_likelihood(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See :meth:`MeasurementModel.log_likelihood`."""
+        strain, present = checked(strain, self._phalanges, present)
+        kernels = self._kernels.kernels
+        if kernels.evaluation == "field":
+            return interpolated(
+                states,
+                kernels.position_std,
+                lambda points: self._kernels.at_states(points, strain, present),
+                lambda axes: self._kernels.on_axes(axes, strain, present),
+            )
+        return self._kernels.at_states(states, strain, present)
+
+    def log_likelihood_on(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See :meth:`MeasurementModel.log_likelihood_on`."""
+        strain, present = checked(strain, self._phalanges, present)
+        return self._kernels.on_axes(axes, strain, present)
+
+
+def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The scan's positions (N, d) and strains (N, 8F) on the axes and phalanges that the scene names.
+
+    Raises
+    ------
+    SceneError
+        The scene names an axis or a phalanx that the scan does not have.
+    """
+    positions = scan.states[:, scene.columns(scan.axes)]
+    if scene.wraps.any():
+        positions[:, scene.wraps] = wrap_angle(positions[:, scene.wraps])
+    channels = scene.channels(scan.phalanges)
+    strain = scan.strain if np.array_equal(channels, np.arange(scan.strain.shape[1])) else scan.strain[:, channels]
+    return positions, strain
+
+
+def dtype_of(precision: str) -> Any:
+    """float64 or float32 by name.
+
+    Raises
+    ------
+    ParameterError
+        Another name.
+    """
+    if precision not in ("float64", "float32"):
+        raise ParameterError(f"precision {precision!r}: expected float64 or float32")
+    return np.dtype(precision)

@@ -1,0 +1,62 @@
+"""Weights kept as logarithms: normalising, effective sample size, moments."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+
+def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
+    """Scale weights to sum to one.
+
+    Parameters
+    ----------
+    log_weights : (P,) logarithms; ``-inf`` is a weight of zero
+
+    Returns
+    -------
+    normalized : (P,) logarithms of weights that sum to one
+    log_total : logarithm of the sum that was divided by; ``-inf`` where every weight was zero, in
+        which case the weights come back equal, because nothing was learned
+    """
+    peak = float(np.max(log_weights))
+    if peak == -math.inf:
+        return np.full_like(log_weights, -math.log(len(log_weights))), -math.inf
+    log_total = peak + math.log(float(np.sum(np.exp(log_weights - peak))))
+    return log_weights - log_total, log_total
+
+
+def effective_sample_size(log_weights: np.ndarray) -> float:
+    """Kish's 1 / sum of squared weights, for normalised ``log_weights`` (P,): between 1 and P."""
+    return float(1.0 / np.sum(np.exp(2.0 * log_weights)))
+
+
+def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of weighted states.
+
+    Parameters
+    ----------
+    states : (P, d)
+    weights : (P,) that sum to one
+    wraps : (d,) bool; the mean of a full-turn axis is the circular one, and differences from it are
+        taken along the shortest arc
+
+    Returns
+    -------
+    mean : (d,)
+    covariance : (d, d)
+    """
+    mean = weights @ states
+    if wraps.any():
+        angles = states[:, wraps]
+        mean[wraps] = np.arctan2(weights @ np.sin(angles), weights @ np.cos(angles))
+    deviation = states - mean
+    if wraps.any():
+        deviation[:, wraps] = wrap_angle(deviation[:, wraps])
+    return mean, (deviation * weights[:, None]).T @ deviation
+
+
+def wrap_angle(angle: np.ndarray) -> np.ndarray:
+    """The same angle in [-pi, pi), rad."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
