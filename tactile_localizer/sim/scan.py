@@ -1,0 +1,141 @@
+"""A whole session of simulated sweeps: the paper's training scan, or test sweeps between its lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.sim.hand import PHALANGES
+from tactile_localizer.sim.noise import child
+from tactile_localizer.sim.sweep import RATE_HZ, SIDE_M, SPEED_MPS, SimulatedSweep, simulate_sweep
+
+AXES = ("x", "y")
+"""Axes of the simulated state: along the sweeps and across them."""
+
+TRAINING_SWEEPS = 21
+"""Sweeps of a training scan, 0.1 inch apart across the square."""
+
+TEST_SWEEPS = 18
+"""Sweeps of a test session, as many as the paper's."""
+
+_PLAN = 3 << 30
+_LATEST_START_M = 8.0e-3
+_LATEST_BLANK_END_M = 14.0e-3
+
+
+@dataclass(frozen=True)
+class SimulatedScan:
+    """The sweeps of a session one after another, N samples in S sweeps.
+
+    Parameters
+    ----------
+    feature : what lay in the material
+    stamp_ns : (N,) int64
+    truth : (N, 2) m, palm relative to the material
+    odometry : (N, 2) m, palm as the arm reports it
+    strain : (N, 16) V
+    sweep : (N,) number of each sample's sweep
+    contact, feature_end : (S,) sample, counted from the scan's start, at which the sweep's first pad
+        comes to feel the feature and the last one ceases to; -1 where none does
+    """
+
+    feature: str
+    stamp_ns: np.ndarray
+    truth: np.ndarray
+    odometry: np.ndarray
+    strain: np.ndarray
+    sweep: np.ndarray
+    contact: np.ndarray
+    feature_end: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def to_scan(self) -> Scan:
+        """The training pairs: each strain with the position that the arm reported for it."""
+        return Scan(self.odometry, self.strain, self.sweep, AXES, PHALANGES)
+
+    def slices(self) -> list[slice]:
+        """Where each sweep lies in the arrays."""
+        starts = np.flatnonzero(np.diff(self.sweep, prepend=-1))
+        return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(self)], strict=True)]
+
+
+def sweep_plan(kind: str, number: int, seed: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where sweep ``number`` of a session is meant to start and end, m.
+
+    Training sweeps lie 0.1 inch apart and wrap around after the last. Test sweeps begin anywhere before
+    the feature and lie between the lines of the training.
+    """
+    spacing = SIDE_M / (TRAINING_SWEEPS - 1)
+    if kind == "train":
+        y = spacing * (number % TRAINING_SWEEPS)
+        return (0.0, y), (SIDE_M, y)
+    rng = child(seed, _PLAN, number)
+    y = spacing * (rng.integers(TRAINING_SWEEPS - 1) + rng.uniform(0.2, 0.8))
+    return (rng.uniform(0, _LATEST_START_M), y), (SIDE_M - rng.uniform(0, 1e-3), y)
+
+
+def blank_plan(number: int, seed: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where a test sweep is meant to start and end that stops before any feature, m."""
+    (x, y), _ = sweep_plan("test", number, seed)
+    return (0.25 * x, y), (_LATEST_BLANK_END_M, y)
+
+
+def simulate_scan(
+    feature: str,
+    seed: int,
+    kind: str = "train",
+    *,
+    sweeps: int | None = None,
+    reach_feature: bool = True,
+    speed: float = SPEED_MPS,
+    rate: float = RATE_HZ,
+) -> SimulatedScan:
+    """Simulate a session.
+
+    Parameters
+    ----------
+    feature : one of :data:`~tactile_localizer.sim.material.FEATURES`
+    seed : of the session; each sweep depends on it and its number alone
+    kind : ``train`` or ``test``
+    sweeps : how many; by default 21 for training (about 16,300 samples), 18 for test
+    reach_feature : False lets every sweep end on the featureless stretch before the feature
+    speed : m/s
+    rate : samples per second
+
+    Raises
+    ------
+    ParameterError
+        No such feature or kind, no sweeps, a speed or rate that is not positive.
+    """
+    count = {"train": TRAINING_SWEEPS, "test": TEST_SWEEPS}.get(kind, 1) if sweeps is None else sweeps
+    if count < 1:
+        raise ParameterError(f"simulated scan: expected at least one sweep, got {count}")
+    recorded = []
+    for number in range(count):
+        start, end = sweep_plan(kind, number, seed) if reach_feature else blank_plan(number, seed)
+        recorded.append(
+            simulate_sweep(feature, seed, number, kind, start=start, end=end, speed=speed, rate=rate)
+        )
+    return _join(feature, recorded)
+
+
+def _join(feature: str, sweeps: list[SimulatedSweep]) -> SimulatedScan:
+    lengths = [len(sweep.stamp_ns) for sweep in sweeps]
+    before = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    contact = np.array([sweep.contact for sweep in sweeps])
+    feature_end = np.array([sweep.feature_end for sweep in sweeps])
+    return SimulatedScan(
+        feature=feature,
+        stamp_ns=np.concatenate([sweep.stamp_ns for sweep in sweeps]),
+        truth=np.concatenate([sweep.truth for sweep in sweeps]),
+        odometry=np.concatenate([sweep.odometry for sweep in sweeps]),
+        strain=np.concatenate([sweep.strain for sweep in sweeps]),
+        sweep=np.repeat([sweep.number for sweep in sweeps], lengths),
+        contact=np.where(contact < 0, -1, contact + before),
+        feature_end=np.where(feature_end < 0, -1, feature_end + before),
+    )
