@@ -75,7 +75,7 @@ def interpolate_poses(
     before = np.where(exact, after, np.maximum(after - 1, 0))
     span = pose_ns[after] - pose_ns[before]
     found = inside & (span <= round(max_gap_s * NANOSECONDS))
-    share = np.where(exact, 0.0, (stamp_ns - pose_ns[before]) / np.where(exact, 1, span))
+    share = (stamp_ns - pose_ns[before]) / np.maximum(span, 1)
     step = poses[after] - poses[before]
     yaw = [axis.name == "yaw" for axis in axes]
     step[:, yaw] = _shortest_arc(step[:, yaw])

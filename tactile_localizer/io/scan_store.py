@@ -329,7 +329,7 @@ class ScanStore:
             " gaps, skipped, ended, dropped FROM sweep LEFT JOIN batch ON batch.sweep = sweep.number"
             " GROUP BY number ORDER BY number"
         )
-        return [SweepInfo(*row[:6], ended=bool(row[6]), dropped=bool(row[7])) for row in rows]
+        return [SweepInfo(*counts, bool(ended), bool(dropped)) for *counts, ended, dropped in rows]
 
     def history(self) -> list[tuple[str, str, dict[str, Any]]]:
         """The file's history, oldest first: time (ISO 8601, UTC), what was done, its details."""
@@ -403,7 +403,7 @@ class ScanStore:
 
     def _write(self, statements: list[tuple[str, tuple[Any, ...]]], what: str) -> None:
         if self._lock is None:
-            raise ScanError(f"{self.path}: expected a scan file opened for writing, it was opened for reading")
+            raise ScanError(f"{self.path}: expected to be open for writing, it is open for reading")
         try:
             self._db.execute("BEGIN IMMEDIATE")
             for statement, values in statements:

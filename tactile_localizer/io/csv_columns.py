@@ -1,0 +1,151 @@
+"""Which columns of a CSV file mean what: naming of other sensors' columns, in YAML or on the command line.
+
+A naming maps the package's own names to recorded ones::
+
+    stamp_s: timestamp * 0.001      # name * factor to the package's unit
+    x: position_mm * 0.001
+    index: gauge1..8                # a phalanx: eight columns
+    middle: [a, b, c, d, e, f, g, h]
+    strain_unit: counts             # volts where it is left out
+
+What it leaves out has the standard name: ``stamp_s``, ``sweep``, the axis, ``<phalanx>_1..8``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import GAUGES, Scene
+
+_RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Names in a file for one quantity, and the factor that brings them to the package's unit."""
+
+    names: tuple[str, ...]
+    scale: Decimal = Decimal(1)
+
+
+@dataclass(frozen=True)
+class ColumnNaming:
+    """The quantities whose columns do not have the standard names.
+
+    Parameters
+    ----------
+    columns : by quantity: ``stamp_s``, ``sweep``, an axis or a phalanx
+    strain_unit : what the strain values are, for people
+    """
+
+    columns: Mapping[str, Columns] = field(default_factory=dict)
+    strain_unit: str = "V"
+
+    def of(self, quantity: str) -> Columns:
+        """Columns of ``stamp_s``, ``sweep`` or an axis."""
+        return self.columns.get(quantity, Columns((quantity,)))
+
+    def of_phalanx(self, phalanx: str) -> Columns:
+        """The eight columns of a phalanx."""
+        standard = Columns(tuple(f"{phalanx}_{gauge}" for gauge in range(1, GAUGES + 1)))
+        return self.columns.get(phalanx, standard)
+
+    def check(self, scene: Scene) -> None:
+        """Check that the naming speaks of this scene.
+
+        Raises
+        ------
+        ScanError
+            It names a quantity that the scene does not have, or a phalanx with other than 8 columns.
+        """
+        known = ("stamp_s", "sweep", *scene.axis_names, *scene.phalanx_names)
+        for quantity, columns in self.columns.items():
+            if quantity not in known:
+                raise ScanError(
+                    f"column naming {quantity!r}: expected one of {', '.join(known)}, strain_unit"
+                )
+            expected = GAUGES if quantity in scene.phalanx_names else 1
+            if len(columns.names) != expected:
+                raise ScanError(
+                    f"column naming {quantity!r}: expected {expected} columns, got {len(columns.names)}"
+                )
+
+
+def load_naming(path: str | Path) -> ColumnNaming:
+    """Read a naming from a YAML file.
+
+    Raises
+    ------
+    ScanError
+        The file is missing or does not hold a naming.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise ScanError(f"{path}: expected a column naming in YAML, {reason}") from None
+    if not isinstance(content, Mapping):
+        raise ScanError(f"{path}: expected a mapping of names, got {content!r}")
+    try:
+        return naming_from_dict(content)
+    except ScanError as error:
+        raise ScanError(f"{path}: {error}") from None
+
+
+def naming_from_dict(content: Mapping[Any, Any]) -> ColumnNaming:
+    """A naming from the mapping of its YAML form.
+
+    Raises
+    ------
+    ScanError
+        An entry is neither a name nor a list of names.
+    """
+    entries = {str(quantity): value for quantity, value in content.items()}
+    unit = str(entries.pop("strain_unit", "V"))
+    return ColumnNaming({quantity: _columns(quantity, value) for quantity, value in entries.items()}, unit)
+
+
+def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
+    """A naming from ``QUANTITY=COLUMNS`` texts of the command line, over that of a file.
+
+    Raises
+    ------
+    ScanError
+        A text is not of that form.
+    """
+    content: dict[str, Any] = {}
+    for pair in pairs:
+        quantity, equals, value = pair.partition("=")
+        if not (quantity and equals and value):
+            raise ScanError(f"column {pair!r}: expected QUANTITY=COLUMN, as in stamp_s=time_ms*0.001")
+        content[quantity.strip()] = value.split(",") if "," in value else value
+    content.setdefault("strain_unit", base.strain_unit)
+    own = naming_from_dict(content)
+    return ColumnNaming({**base.columns, **own.columns}, own.strain_unit)
+
+
+def _columns(quantity: str, value: Any) -> Columns:
+    if isinstance(value, list):
+        return Columns(tuple(str(name).strip() for name in value))
+    if not isinstance(value, str):
+        raise ScanError(
+            f"column naming {quantity!r}: expected a column's name or a list of names, got {value!r}"
+        )
+    name, star, factor = value.partition("*")
+    try:
+        scale = Decimal(factor.strip()) if star else Decimal(1)
+    except InvalidOperation:
+        raise ScanError(f"column naming {quantity!r}: expected a number after *, got {factor!r}") from None
+    match = _RANGE.match(name.strip())
+    if match is None:
+        return Columns((name.strip(),), scale)
+    prefix, first, last = match.group(1), int(match.group(2)), int(match.group(3))
+    return Columns(tuple(f"{prefix}{number}" for number in range(first, last + 1)), scale)

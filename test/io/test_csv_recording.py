@@ -1,0 +1,200 @@
+"""CSV recordings are read as they are; what cannot be used is counted and said."""
+
+import csv
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
+from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.recording import MISSING
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("TACTILE_LOCALIZER_DATA", "/nonexistent")) / "fabric_slide"
+
+SCENE = Scene(
+    "bump", (Axis("x", 0, 1), Axis("y", 0, 1)), (Phalanx("index", (0, 0)), Phalanx("middle", (0, 0)))
+)
+LINE = Scene("line", (Axis("x", 0, 1),), (Phalanx("index", (0,)),))
+GAUGES = [f"index_{gauge}" for gauge in range(1, 9)]
+
+
+def write(path: Path, header: list[str], rows: list[list[object]], **options: str) -> Path:
+    with path.open("w", newline="") as file:
+        csv.writer(file, **options).writerows([header, *rows])
+    return path
+
+
+def line_rows(n: int) -> list[list[object]]:
+    return [
+        [f"{1.0 + 0.01 * row:.2f}", 0.001 * row, *(row + gauge / 10 for gauge in range(8))]
+        for row in range(n)
+    ]
+
+
+def test_standard_columns_are_read_by_name_in_the_scene_order_and_grouped_by_sweep(tmp_path):
+    names = ["middle_1", "x", "stamp_s", "sweep", "y", "note"]
+    names += [f"middle_{gauge}" for gauge in range(2, 9)] + GAUGES
+    rng = np.random.default_rng(1)
+    table = {name: rng.uniform(0, 1, 6) for name in names}
+    table["stamp_s"] = np.array([1, 2, 3, 1, 2, 3.0])
+    table["sweep"] = np.array([4, 4, 4, 0, 0, 0])
+    rows = [
+        [repr(float(table[name][row])) if name != "note" else "felt" for name in names] for row in range(6)
+    ]
+    recording = read_csv(write(tmp_path / "a.csv", names, rows), SCENE)
+    assert recording.axes == ("x", "y")
+    assert recording.phalanges == ("index", "middle")
+    assert recording.notes == ()
+    assert [sweep.number for sweep in recording.sweeps] == [4, 0]
+    first = recording.sweeps[0]
+    np.testing.assert_array_equal(first.stamp_ns, np.array([1, 2, 3]) * 1_000_000_000)
+    np.testing.assert_array_equal(first.position, np.column_stack([table["x"][:3], table["y"][:3]]))
+    expected = [table[f"{phalanx}_{gauge}"][:3] for phalanx in ("index", "middle") for gauge in range(1, 9)]
+    np.testing.assert_array_equal(first.strain, np.column_stack(expected))
+    assert first.truth is None
+
+
+def test_a_stamp_that_counts_from_1970_keeps_its_nanoseconds(tmp_path):
+    rows = [["1700000000.123456789", 0, *[0] * 8]]
+    sweep = read_csv(write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], rows), LINE).sweeps[0]
+    assert sweep.stamp_ns[0] == 1_700_000_000_123_456_789
+
+
+def test_each_file_is_a_sweep_and_a_taken_number_gets_the_next_free_one(tmp_path):
+    header = ["stamp_s", "x", *GAUGES]
+    files = [write(tmp_path / f"{name}.csv", header, line_rows(3)) for name in "abc"]
+    numbered = write(tmp_path / "d.csv", [*header, "sweep"], [[*row, 2] for row in line_rows(3)])
+    recording = read_csv([*files, numbered], LINE)
+    assert [sweep.number for sweep in recording.sweeps] == [1, 2, 3, 4]
+
+
+def test_position_from_constant_speed_starts_at_zero_in_each_sweep(tmp_path):
+    header = ["stamp_s", *GAUGES, "sweep"]
+    rows = [[row[0], *row[2:], sweep] for sweep in (1, 2) for row in line_rows(4)]
+    recording = read_csv(write(tmp_path / "a.csv", header, rows), LINE, speed={"x": -0.5})
+    for sweep in recording.sweeps:
+        np.testing.assert_allclose(sweep.position[:, 0], [0, -0.005, -0.01, -0.015])
+
+
+def test_columns_can_be_named_in_yaml_and_on_the_command_line(tmp_path):
+    (tmp_path / "naming.yaml").write_text(
+        "stamp_s: time * 0.001\nx: [pos_mm]\nindex: gauge1..8 * 0.5\nstrain_unit: counts\n"
+    )
+    naming = naming_from_pairs(["x=pos_mm*1e-3"], load_naming(tmp_path / "naming.yaml"))
+    assert naming.strain_unit == "counts"
+    header = ["time", "pos_mm", *(f"gauge{gauge}" for gauge in range(1, 9))]
+    path = write(tmp_path / "a.csv", header, [[2500, 7, *range(8)]])
+    sweep = read_csv(path, LINE, naming).sweeps[0]
+    assert sweep.stamp_ns[0] == 2_500_000_000
+    np.testing.assert_allclose(sweep.position, [[0.007]])
+    np.testing.assert_allclose(sweep.strain, [np.arange(8) / 2])
+    listed = naming_from_pairs(["index=" + ",".join(header[2:]), "stamp_s=time", "x=pos_mm"], ColumnNaming())
+    np.testing.assert_allclose(read_csv(path, LINE, listed).sweeps[0].strain, [np.arange(8)])
+
+
+def test_rows_that_are_no_numbers_or_go_back_in_time_are_counted_with_their_first_line(tmp_path):
+    rows = line_rows(10)
+    rows[2][0] = "late"
+    rows[3][4] = "high"
+    rows[4] = rows[4][:3]
+    rows[5][1] = "nan"
+    rows[6][0] = rows[1][0]
+    rows[7][0] = "1e300"
+    recording = read_csv(write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], rows), LINE)
+    assert len(recording) == 4
+    assert recording.notes == (
+        f"{tmp_path / 'a.csv'}: left out 6 of 10 rows: 4 not numbers (first: line 4), "
+        "1 with a position that is not finite (first: line 7), "
+        "1 with a stamp not later than the one before (first: line 8)",
+    )
+
+
+def test_strain_that_is_not_finite_marks_its_phalanx_missing_and_keeps_the_others(tmp_path):
+    names = ["stamp_s", "x", "y", *GAUGES, *(f"middle_{gauge}" for gauge in range(1, 9))]
+    rows = [[1, 0, 0, *range(16)], [2, 0, 0, *range(16)]]
+    rows[1][3 + 9] = "nan"
+    rows[0][3] = "inf"
+    sweep = read_csv(write(tmp_path / "a.csv", names, rows), SCENE).sweeps[0]
+    np.testing.assert_array_equal(sweep.status, [[MISSING, 0], [0, MISSING]])
+    np.testing.assert_array_equal(np.isnan(sweep.strain).sum(axis=1), [1, 1])
+
+
+def test_spaces_quotes_blank_lines_and_a_byte_order_mark_do_no_harm(tmp_path):
+    lines = ["\ufeffstamp_s, x, " + ", ".join(GAUGES), "", '"1.5", 0.25,' + ",".join("12345678"), ""]
+    (tmp_path / "a.csv").write_text("\r\n".join(lines), encoding="utf-8")
+    recording = read_csv(tmp_path / "a.csv", LINE)
+    assert len(recording) == 1
+    assert recording.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "expected a CSV file, No such file"),
+        (b"", "expected a column 'stamp_s', found no header"),
+        (b"stamp_s,x\n1,2\n", "expected a column 'index_1', found stamp_s, x"),
+        (b"\xff\xfe\x00\x80" * 50, "expected a CSV file, not text"),
+        (("stamp_s,x," + ",".join(GAUGES) + "\n").encode(), "expected rows of numbers, found none in 0 rows"),
+        (("stamp_s,x," + ",".join(GAUGES) + "\na" + ",b" * 9).encode(), "found none in 1 rows"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, content, message):
+    path = tmp_path / "a.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ScanError, match=message) as refusal:
+        read_csv(path, LINE)
+    assert str(refusal.value).startswith(str(path))
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "message"),
+    [
+        (["x"], "expected QUANTITY=COLUMN"),
+        (["=a"], "expected QUANTITY=COLUMN"),
+        (["x=a*b"], "expected a number after"),
+        (["thumb=g1..8"], "'thumb': expected one of stamp_s, sweep, x, index"),
+        (["index=g1..7"], "'index': expected 8 columns, got 7"),
+        (["x=a,b"], "'x': expected 1 columns, got 2"),
+    ],
+)
+def test_a_naming_that_does_not_fit_is_refused(tmp_path, pairs, message):
+    with pytest.raises(ScanError, match=message):
+        read_csv(tmp_path / "a.csv", LINE, naming_from_pairs(pairs, ColumnNaming()))
+
+
+@pytest.mark.parametrize("content", [None, "[1, 2]", "x: {a: b}", "x: [", "x: 3"])
+def test_a_naming_file_that_cannot_be_used_is_refused_with_its_name(tmp_path, content):
+    path = tmp_path / "naming.yaml"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(ScanError, match=str(path)):
+        load_naming(path)
+
+
+def test_a_speed_of_an_axis_that_the_scene_lacks_is_refused(tmp_path):
+    with pytest.raises(ScanError, match="speed of axis 'y': expected one of x"):
+        read_csv(tmp_path / "a.csv", LINE, speed={"y": 0.1})
+
+
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="the fabric recordings are not here: set TACTILE_LOCALIZER_DATA"
+)
+def test_the_fabric_recordings_are_read_with_the_shipped_naming_and_scenes():
+    for material in ("Linen", "Canvas"):
+        scene = load_scene(ROOT / "config" / "scenes" / f"{material.lower()}.yaml")
+        naming = load_naming(ROOT / "config" / "import" / "fabric_slide.yaml")
+        files = sorted(DATA.glob(f"{material}_*.csv"))
+        recording = read_csv(files, scene, naming, speed={"x": 0.01})
+        assert recording.notes == ()
+        for sweep in recording.sweeps:
+            assert len(sweep) > 2000
+            assert 0.58 < sweep.position[-1, 0] < 0.60
+            assert np.isfinite(sweep.strain).all()
