@@ -6,12 +6,12 @@ import argparse
 import math
 from collections.abc import Sequence
 
+from tactile_localizer.cli.files import given_or_shipped
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
 from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.scan_import import ImportReport, import_recording
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.io.shipped import given_or_shipped
 from tactile_localizer.scene import Scene
 
 NAME = "import"
@@ -52,7 +52,7 @@ def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
 
 def naming_from_arguments(args: argparse.Namespace) -> ColumnNaming:
     """The column naming of ``--columns`` and ``--column``."""
-    base = load_naming(given_or_shipped(args.columns, "config", "import")) if args.columns else ColumnNaming()
+    base = load_naming(given_or_shipped(args.columns, "config/import")) if args.columns else ColumnNaming()
     return naming_from_pairs(args.column, base)
 
 
@@ -83,7 +83,7 @@ def speed_from_arguments(texts: Sequence[str], scene: Scene) -> dict[str, float]
 
 def run(args: argparse.Namespace) -> int:
     """Import and say what was kept and what was left out."""
-    scene = load_scene(given_or_shipped(args.scene, "config", "scenes"))
+    scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
     naming = naming_from_arguments(args)
     speeds = speed_from_arguments(args.speed, scene)
     recording = read_csv(args.files, scene, naming, speeds)
