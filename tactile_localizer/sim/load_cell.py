@@ -12,7 +12,7 @@ import numpy as np
 
 _BAR_ANGLES_RAD = np.radians([15.0, 100.0, 200.0, 290.0])
 _BAR_RADIUS_M = 6.0e-3
-_OUT_OF_PLANE_V_PER_N = 0.55
+_OUT_OF_PLANE_V_PER_N = 0.5
 _ALONG_RIM_V_PER_N = 0.45
 _CROSSTALK = 0.15
 _TOLERANCE = 0.08

@@ -26,13 +26,16 @@ RATE_HZ = 100.0
 KINDS = ("train", "test")
 """Training: fixtured material, odometry from a known origin. Test: hanging material, unknown origin."""
 
-_CELLS = tuple(load_cell(serial) for serial in (101, 102))
+CELLS = tuple(load_cell(serial) for serial in (101, 102))
+"""The load cells of :data:`~tactile_localizer.sim.hand.PHALANGES`."""
+
 _FELT_V = 40e-3
 """A feature is felt from three sigma of what featureless stretches differ between sweeps (about 13 mV)."""
 
 _FIRST_STAMP_NS = 1_000_000_000
 _PAUSE_S = 3.0
 _UNKNOWN_ORIGIN_M = 0.3
+_MODES, _DRIFT = 1 << 30, 2 << 30
 
 
 @dataclass(frozen=True)
@@ -90,22 +93,22 @@ def simulate_sweep(
     end = (SIDE_M, start[1]) if end is None else end
     if np.allclose(start, end):
         raise ParameterError(f"sweep {number}: expected an end away from its start {start}, got {end}")
-    session = KINDS.index(kind)
-    rng = child(seed, session, number)
+    session = (FEATURES.index(feature), KINDS.index(kind))
+    rng = child(seed, *session, number)
     motion = sweep_motion(rng, start, end, speed, rate, FIXTURED if kind == "train" else HANGING)
 
-    mode = mode_of_sweep(child(seed, session, 1 << 30), number)
+    mode = mode_of_sweep(child(seed, *session, _MODES), number)
     place = motion.truth - FEATURE_CENTER_M
     lie = deformation(rng, mode, place[:, 0], spacing=speed / rate)
     sliding = Sliding(place, motion.yaw, motion.direction, motion.tension, speed / rate, 1 / rate)
     wrench, departure = feel(feature, sliding, lie, rng)
 
     begin_s = number * (SIDE_M / speed + _PAUSE_S)
-    strain = np.hstack([cell.strain(wrench[:, f]) for f, cell in enumerate(_CELLS)])
-    strain += drift(child(seed, session, 2 << 30), begin_s + motion.time, strain.shape[1])
+    strain = np.hstack([cell.strain(wrench[:, f]) for f, cell in enumerate(CELLS)])
+    strain += drift(child(seed, *session, _DRIFT), begin_s + motion.time, strain.shape[1])
     strain += NOISE_V * rng.standard_normal(strain.shape)
 
-    signal = np.stack([departure[:, f] @ cell.gain.T for f, cell in enumerate(_CELLS)])
+    signal = np.stack([departure[:, f] @ cell.gain.T for f, cell in enumerate(CELLS)])
     felt = np.flatnonzero(np.max(np.abs(signal), axis=(0, 2)) > _FELT_V)
     contact, feature_end = (int(felt[0]), int(felt[-1])) if len(felt) else (-1, -1)
     unknown = rng.uniform(-_UNKNOWN_ORIGIN_M, _UNKNOWN_ORIGIN_M, 2) if kind == "test" else np.zeros(2)
