@@ -106,7 +106,7 @@ def phalanx_messages(
 ) -> PhalanxMessages:
     """The messages of each phalanx: those named in ``messages``, or else those called after the phalanx.
 
-    A message is called after the phalanx ``index`` when it is ``index``, or ``index_`` and one letter or digit.
+    ``index`` is called after the phalanx ``index``, and so is ``index_`` with one letter or digit.
 
     Raises
     ------
@@ -121,8 +121,8 @@ def phalanx_messages(
         names = list(messages.get(phalanx, ())) or [name for name in by_name if pattern.fullmatch(name)]
         if not names:
             raise CanError(
-                f"phalanx {phalanx!r}: expected a message named {phalanx} or {phalanx}_a, {phalanx}_b, ... in the "
-                f"DBC or in the parameter messages.{phalanx}, found {_some(by_name)}"
+                f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the DBC, "
+                f"or the parameter messages.{phalanx}, found {_some(by_name)}"
             )
         for name in names:
             if name not in by_name:
@@ -148,7 +148,7 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
         longer than a frame; only some messages of a phalanx have a counter; two messages share an identifier.
     """
     rows = []
-    for index, (phalanx, own) in enumerate(zip(phalanges, messages)):
+    for index, (phalanx, own) in enumerate(zip(phalanges, messages, strict=True)):
         gauges = [name.replace("{phalanx}", phalanx) for name in names.gauges]
         counter, status = (name.replace("{phalanx}", phalanx) for name in (names.counter, names.status))
         _check(phalanx, own, gauges, counter)
@@ -172,8 +172,8 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
             layout.counter_bits[m] = counter_signal.length
         if status_signal is not None:
             _place(layout, m, width + 1, message, status_signal)
-    for key in layout.key:
-        shared = [row[1].name for row, other in zip(rows, layout.key) if other == key]
+    for key in layout.key.tolist():
+        shared = [rows[m][1].name for m in np.flatnonzero(layout.key == key)]
         if len(shared) > 1:
             raise CanError(f"frame 0x{key & 0x1FFFFFFF:X}: expected one message, found {', '.join(shared)}")
     return layout
@@ -186,7 +186,7 @@ def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], cou
         found = [signal for signal in signals if signal.name == gauge]
         if len(found) != 1:
             raise CanError(
-                f"phalanx {phalanx!r}: expected the signal {gauge!r} once in {where}, found it {len(found)} times"
+                f"phalanx {phalanx!r}: expected the signal {gauge!r} once in {where}, found {len(found)}"
             )
         if found[0].unit not in VOLTS:
             raise CanError(

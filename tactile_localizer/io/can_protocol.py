@@ -25,13 +25,15 @@ from tactile_localizer.io.can_layout import (
 
 
 class FrameKind(enum.IntEnum):
-    """What a frame is to the load cells' database."""
+    """What becomes of a frame. The last two are the assembler's verdict on a ``DATA`` frame."""
 
     DATA = 0
     UNKNOWN_ID = 1
     WRONG_LENGTH = 2
     REMOTE = 3
     ERROR = 4
+    DUPLICATE = 5
+    OUT_OF_ORDER = 6
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,273 @@
+"""Frames to cycles: what all phalanges felt at one time, with what is missing marked and counted.
+
+A cycle is one sample of every load cell. Its first frame opens it; it closes
+
+- when all its frames are there,
+- when a load cell sends a frame of its next sample, or
+- when the stated wait has passed since its first frame.
+
+A phalanx of which a frame is missing then is marked so, and its voltages are NaN. Frames are never
+mixed with those of another cycle: a rolling counter tells which sample of its load cell a frame belongs
+to, and, since all load cells make one sample a cycle, which cycle. A frame that comes after its cycle
+has closed is counted and dropped. Load cells whose clocks drift against each other slip by a cycle once
+in a while: after three samples too late in a row a load cell is taken as it comes again.
+
+Where the DBC has no counter only time tells cycles apart: a frame later than half the cycle's period,
+which is learned from complete cycles, is of the next one.
+"""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from tactile_localizer.io.can_cycle import FAULT, MISSING, SATURATED, Counts, Cycle, PhalanxCounts
+from tactile_localizer.io.can_frames import FrameBatch
+from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.scene import GAUGES
+
+REACH = 8
+"""Cycles over which a counter is trusted to tell which cycle a frame belongs to."""
+BEHIND = 2
+"""Samples that a frame may be behind the newest of its load cell to count as out of order."""
+LATE_SAMPLES = 3
+"""Samples too late in a row after which a load cell is taken as it comes."""
+
+
+class _LoadCell:
+    """What is known of one load cell between frames."""
+
+    __slots__ = ("counter", "counts", "cycle", "flags", "have", "late", "parts", "sequence", "span")
+
+    def __init__(self, parts: int, counter_bits: int, counts: PhalanxCounts) -> None:
+        self.parts = parts
+        self.span = 1 << counter_bits if counter_bits else 0  # counter values, 0: no counter
+        self.counts = counts
+        self.counter: int | None = None  # of the newest sample
+        self.cycle = 0  # number of the cycle that the newest sample is in
+        self.have = 0  # bits of its frames that are there
+        self.flags = 0
+        self.sequence = 0
+        self.late = 0  # frames too late in a row
+
+
+class CycleAssembler:
+    """Makes cycles of frames.
+
+    Parameters
+    ----------
+    protocol : the frames' layout
+    wait_s : how long a cycle waits for its frames, s
+    """
+
+    def __init__(self, protocol: LoadCellProtocol, wait_s: float) -> None:
+        layout = protocol.layout
+        phalanx_of = layout.phalanx.tolist()
+        self._protocol = protocol
+        self._wait_ns = round(wait_s * 1e9)
+        self.counts = Counts(
+            frames=[0] * len(FrameKind), phalanges=[PhalanxCounts() for _ in protocol.phalanges]
+        )
+        self._cells = [
+            _LoadCell(phalanx_of.count(p), int(layout.counter_bits[phalanx_of.index(p)]), counts)
+            for p, counts in enumerate(self.counts.phalanges)
+        ]
+        self._cell_of = [self._cells[p] for p in phalanx_of]
+        self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
+        self._no_counter = any(cell.span == 0 for cell in self._cells)
+        self._channel = layout.channel
+        self._cycles: list[Cycle] = []  # closed, not yet handed out
+        self._voltage = np.empty((0, layout.channel.shape[1]))  # of the frames being fed
+        self._strain = np.empty(0)
+        self._period_ns = 0
+        self._previous_ns = 0
+        self._cycle = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the open cycle and the counters' values, as after a pause of unknown length. Totals stay."""
+        self._open = False
+        self._first_ns = 0
+        self._awaited = 0  # frames that the open cycle still lacks
+        self._rows: list[int] = []  # the open cycle's frames in the batch
+        self._slots: list[int] = []
+        for cell in self._cells:
+            cell.counter = None
+            cell.have = 0
+
+    def feed(self, frames: FrameBatch) -> list[Cycle]:
+        """Cycles that ``frames``, in the order of their arrival, complete or close."""
+        decoded = self._protocol.decode(frames)
+        totals = self.counts.frames
+        for kind, count in enumerate(np.bincount(decoded.kind, minlength=len(totals)).tolist()):
+            totals[kind] += count
+        rows = np.flatnonzero(decoded.kind == FrameKind.DATA)
+        self._voltage = decoded.voltage
+        flags = decoded.fault[rows] * FAULT | decoded.saturated[rows] * SATURATED
+        for row, slot, counter, flag, stamp_ns in zip(
+            rows.tolist(),
+            decoded.slot[rows].tolist(),
+            decoded.counter[rows].tolist(),
+            flags.tolist(),
+            frames.stamp_ns[rows].tolist(),
+            strict=True,
+        ):
+            cell, bit = self._cell_of[slot], self._bit_of[slot]
+            if self._open and abs(stamp_ns - self._first_ns) > self._window_ns():
+                self._close()
+            kind = self._place(cell, bit, counter, stamp_ns)
+            if kind != FrameKind.DATA:
+                totals[FrameKind.DATA] -= 1
+                totals[kind] += 1
+                continue
+            cell.have |= bit
+            cell.flags |= flag
+            cell.counts.last_ns = stamp_ns
+            self._rows.append(row)
+            self._slots.append(slot)
+            self._awaited -= 1
+            if not self._awaited:
+                self._close()
+        self._keep()
+        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._take()
+
+    def flush(self, now_ns: int) -> list[Cycle]:
+        """The open cycle, where its wait is over at ``now_ns``, by the clock of the frames' stamps."""
+        if self._open and abs(now_ns - self._first_ns) > self._window_ns():
+            self._close()
+        return self._take()
+
+    def remaining_ns(self, now_ns: int) -> int | None:
+        """How long from ``now_ns`` the open cycle still waits, ns; ``None`` where none is open."""
+        return max(0, self._first_ns + self._window_ns() - now_ns) if self._open else None
+
+    def _window_ns(self) -> int:
+        if self._no_counter and self._period_ns:
+            return min(self._wait_ns, self._period_ns // 2)
+        return self._wait_ns
+
+    def _place(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
+        """Put a frame into its cycle, closing and opening cycles as needed; or say why it has none."""
+        in_open = self._open and cell.have != 0 and cell.cycle == self._cycle
+        kind, step = self._compare(cell, bit, counter, stamp_ns, in_open)
+        if kind != FrameKind.DATA or step == 0:
+            return kind
+        if in_open:
+            self._close()
+        ahead = self._ahead(cell, step)
+        if ahead < 0:
+            cell.late += 1
+            return FrameKind.OUT_OF_ORDER
+        if self._open and ahead > 0:
+            self._close()
+            ahead -= 1
+        if not self._open:
+            self._begin(self._cycle + 1 + ahead, stamp_ns)
+        self._begin_sample(cell, counter, step)
+        return FrameKind.DATA
+
+    def _compare(
+        self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int, in_open: bool
+    ) -> tuple[FrameKind, int]:
+        """How many samples a frame is after the newest of its load cell, or why it cannot be used."""
+        if cell.span == 0:
+            return FrameKind.DATA, 0 if in_open and not cell.have & bit else 1
+        if cell.counter is None:
+            return FrameKind.DATA, 1
+        step = (counter - cell.counter) % cell.span
+        if abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
+            if step == 0 and cell.have & bit:
+                return FrameKind.DUPLICATE, 0
+            if step == 0:
+                return (FrameKind.DATA if in_open else FrameKind.OUT_OF_ORDER), 0
+            if step >= cell.span - min(BEHIND, cell.span // 4):
+                return FrameKind.OUT_OF_ORDER, 0
+        return FrameKind.DATA, step or cell.span
+
+    def _ahead(self, cell: _LoadCell, step: int) -> int:
+        """By how many cycles a sample is ahead of the open, or else the next, cycle."""
+        if cell.counter is None or cell.span == 0:
+            return 0
+        expected = self._cycle + (not self._open) - cell.cycle
+        ahead = _nearest(step - expected, cell.span)
+        reach = min(REACH, cell.span // 2 + 1)
+        if expected >= reach or abs(ahead) >= reach or (ahead < 0 and cell.late >= LATE_SAMPLES * cell.parts):
+            return 0
+        return ahead
+
+    def _begin(self, number: int, stamp_ns: int) -> None:
+        self._open = True
+        self._cycle = number
+        self._first_ns = stamp_ns
+        self._awaited = len(self._cell_of)
+        self._strain = np.full(len(self._cells) * GAUGES + 1, np.nan)  # the last takes what has no channel
+
+    def _begin_sample(self, cell: _LoadCell, counter: int, step: int) -> None:
+        if cell.span == 0:
+            cell.sequence = self._cycle
+        elif cell.counter is None:
+            cell.sequence = counter
+        else:
+            expected = self._cycle - cell.cycle
+            advance = expected + _nearest(step - expected, cell.span)
+            if advance < 1:
+                # A wide counter that goes back has started anew; a narrow one has gone round.
+                advance = 1 if cell.span >= 256 else step
+            cell.sequence += advance
+            cell.counts.gaps += advance - 1
+            cell.counts.drops += advance * cell.parts - cell.have.bit_count()
+        cell.counter = counter
+        cell.cycle = self._cycle
+        cell.have = cell.flags = cell.late = 0
+
+    def _close(self) -> None:
+        self._keep()
+        counts = self.counts
+        status, sequence = array("B"), array("I")
+        incomplete = False
+        for p, cell in enumerate(self._cells):
+            here = cell.cycle == self._cycle and cell.have != 0
+            flags = cell.flags if here else 0
+            if here and cell.have == (1 << cell.parts) - 1:
+                cell.counts.samples += 1
+            else:
+                incomplete = True
+                flags |= MISSING
+                cell.counts.missing += 1
+                self._strain[p * GAUGES : (p + 1) * GAUGES] = np.nan
+            if flags:
+                cell.counts.saturated += flags & SATURATED != 0
+                cell.counts.faults += flags & FAULT != 0
+            status.append(flags)
+            sequence.append(cell.sequence & 0xFFFFFFFF)
+        counts.cycles += 1
+        counts.incomplete += incomplete
+        self._learn_period(incomplete)
+        self._open = False
+        self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
+
+    def _learn_period(self, incomplete: bool) -> None:
+        elapsed = self._first_ns - self._previous_ns
+        if not incomplete and self._previous_ns and elapsed > 0:
+            if self._period_ns:
+                elapsed = min(elapsed, 2 * self._period_ns)  # a cycle may have been lost between
+                self._period_ns += (elapsed - self._period_ns) // 8
+            else:
+                self._period_ns = elapsed
+        self._previous_ns = 0 if incomplete else self._first_ns
+
+    def _keep(self) -> None:
+        # Voltages of the open cycle's frames leave the batch's array: when it closes, or the batch ends.
+        if self._rows:
+            self._strain[self._channel[self._slots]] = self._voltage[self._rows]
+            self._rows, self._slots = [], []
+
+    def _take(self) -> list[Cycle]:
+        cycles, self._cycles = self._cycles, []
+        return cycles
+
+
+def _nearest(difference: int, span: int) -> int:
+    """``difference`` modulo ``span``, between ``-span / 2`` (not included) and ``span / 2``."""
+    return (difference + (span - 1) // 2) % span - (span - 1) // 2

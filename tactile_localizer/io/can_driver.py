@@ -1,0 +1,133 @@
+"""The load cells of a hand on a bus: receive thread, decoding, assembly and tare, as one thing."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import can
+import numpy as np
+
+from tactile_localizer.io.can_assembler import CycleAssembler
+from tactile_localizer.io.can_bus import BusSettings, open_bus
+from tactile_localizer.io.can_cycle import Counts, Cycle
+from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.io.can_reader import LONGEST_WAIT_S, BusStatus, CanReader
+from tactile_localizer.io.tare import TareAverage
+from tactile_localizer.scene import GAUGES
+
+
+@dataclass(frozen=True)
+class DriverSettings:
+    """How the load cells are read.
+
+    Parameters
+    ----------
+    bus : the bus to open
+    cycle_timeout_s : how long a cycle waits for its frames, s
+    backoff_s, backoff_limit_s : see :class:`~tactile_localizer.io.can_reader.CanReader`
+    """
+
+    bus: BusSettings
+    cycle_timeout_s: float = 0.01
+    backoff_s: float = 0.1
+    backoff_limit_s: float = 5.0
+
+
+class LoadCellDriver:
+    """Reads load cells and hands out cycles.
+
+    Parameters
+    ----------
+    protocol : the frames' layout
+    settings : how to read
+    on_cycle : takes each cycle, in the receive thread, with the tare offset taken off
+    log : takes a line when the bus fails and when it is back
+    """
+
+    def __init__(
+        self,
+        protocol: LoadCellProtocol,
+        settings: DriverSettings,
+        on_cycle: Callable[[Cycle], None],
+        log: Callable[[str], None],
+    ) -> None:
+        self.protocol = protocol
+        self.offset = np.zeros(len(protocol.phalanges) * GAUGES)  # V, taken off each strain vector
+        self.latest: Cycle | None = None  # as the load cells sent it
+        self._on_cycle = on_cycle
+        self._assembler = CycleAssembler(protocol, settings.cycle_timeout_s)
+        self._average: TareAverage | None = None
+        self._reader = CanReader(
+            lambda: open_bus(settings.bus, protocol),
+            self._deliver,
+            batch=len(protocol.message_names),
+            backoff_s=settings.backoff_s,
+            backoff_limit_s=settings.backoff_limit_s,
+            opened=self._assembler.reset,
+            log=log,
+        )
+
+    @property
+    def counts(self) -> Counts:
+        """Totals of frames, cycles and phalanges."""
+        return self._assembler.counts
+
+    @property
+    def status(self) -> BusStatus:
+        """State of the bus."""
+        return self._reader.status
+
+    def start(self) -> None:
+        """Open the bus and begin.
+
+        Raises
+        ------
+        CanError
+            The bus cannot be opened.
+        """
+        self._reader.start()
+
+    def stop(self) -> bool:
+        """End the receive thread and close the bus; whether that was done in time."""
+        return self._reader.stop()
+
+    def reconnect(self) -> None:
+        """Close the bus and open it again."""
+        self._reader.reconnect()
+
+    def tare(self, duration_s: float, spread_limit: float, cancelled: Callable[[], bool]) -> np.ndarray:
+        """Average the load cells for ``duration_s`` and take that off from now on: the offset (8F,), V.
+
+        Called in another thread than the receive thread, which goes on meanwhile.
+
+        Raises
+        ------
+        MeasurementError
+            Too few samples came, or the hand moved: the offset stays as it was.
+        """
+        average = TareAverage(self.protocol.phalanges, spread_limit)
+        self._average = average
+        end_s = time.monotonic() + duration_s
+        pause = threading.Event()
+        while (left_s := end_s - time.monotonic()) > 0 and not cancelled():
+            pause.wait(min(left_s, LONGEST_WAIT_S))
+        self._average = None
+        self.offset = average.offset()
+        return self.offset
+
+    def _deliver(self, messages: list[can.Message]) -> float:
+        if messages:
+            cycles = self._assembler.feed(self.protocol.batch(messages))
+        else:
+            cycles = self._assembler.flush(time.time_ns())
+        average = self._average
+        for cycle in cycles:
+            self.latest = cycle
+            if average is not None:
+                average.add(cycle.strain)
+            self._on_cycle(replace(cycle, strain=cycle.strain - self.offset))
+        remaining_ns = self._assembler.remaining_ns(time.time_ns())
+        return LONGEST_WAIT_S if remaining_ns is None else remaining_ns * 1e-9

@@ -1,0 +1,124 @@
+"""Zeroing the load cells when asked to: an average over a stated time, kept in a file."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.scene import GAUGES
+
+LEAST_SAMPLES = 10
+"""Samples of each phalanx that a tare needs at least."""
+
+
+class TareAverage:
+    """Averages strain vectors while the stream goes on.
+
+    Parameters
+    ----------
+    phalanges : names, in the order of the strain vector
+    spread_limit : V, the largest standard deviation of a gauge in a hand at rest
+    """
+
+    def __init__(self, phalanges: Sequence[str], spread_limit: float) -> None:
+        self._phalanges = phalanges
+        self._spread_limit = spread_limit
+        self._vectors: list[np.ndarray] = []
+
+    def add(self, strain: np.ndarray) -> None:
+        """Take in a strain vector (8F,), V, as the load cells sent it; NaN where a phalanx is missing."""
+        self._vectors.append(strain)
+
+    def offset(self) -> np.ndarray:
+        """The average (8F,), V.
+
+        Raises
+        ------
+        MeasurementError
+            A phalanx sent too few samples, or moved.
+        """
+        vectors = np.array(self._vectors).reshape(len(self._vectors), GAUGES * len(self._phalanges))
+        samples = np.isfinite(vectors).sum(axis=0).reshape(-1, GAUGES).min(axis=1)
+        for name, count in zip(self._phalanges, samples, strict=True):
+            if count < LEAST_SAMPLES:
+                raise MeasurementError(
+                    f"tare: expected at least {LEAST_SAMPLES} samples of {name}, got {count}"
+                )
+        spread = np.nanstd(vectors, axis=0)
+        worst = int(np.argmax(spread))
+        if spread[worst] > self._spread_limit:
+            raise MeasurementError(
+                f"tare: expected a hand at rest, with a spread of at most {self._spread_limit:g} V, got "
+                f"{spread[worst]:.3g} V on gauge {worst % GAUGES + 1} of {self._phalanges[worst // GAUGES]}"
+            )
+        return np.asarray(np.nanmean(vectors, axis=0))
+
+
+def load_tare(path: Path, phalanges: Sequence[str]) -> np.ndarray:
+    """Offsets (8F,), V, stored in ``path``; zeros for a phalanx without one, or where there is no file.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, or is not one that :func:`store_tare` writes.
+    """
+    stored = _read(path)
+    offset = np.zeros(GAUGES * len(phalanges))
+    for i, name in enumerate(phalanges):
+        offset[GAUGES * i : GAUGES * (i + 1)] = stored.get(name, 0.0)
+    return offset
+
+
+def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray) -> None:
+    """Store ``offset`` (8F,), V, in ``path``, leaving what it holds of other phalanges. Zeros are no entry.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read or written.
+    """
+    stored = _read(path)
+    for i, name in enumerate(phalanges):
+        values = offset[GAUGES * i : GAUGES * (i + 1)]
+        stored.pop(name, None)
+        if values.any():
+            stored[name] = [float(value) for value in values]
+    new = path.with_name(path.name + ".new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new.write_text(
+            "# Tare offsets, V, eight a phalanx\n" + yaml.safe_dump(stored, default_flow_style=None)
+        )
+        os.replace(new, path)
+    except OSError as error:
+        raise ParameterError(f"tare file {path}: expected to write it, {error.strerror}") from error
+
+
+def _read(path: Path) -> dict[str, list[float]]:
+    try:
+        stored = yaml.safe_load(path.read_text()) or {}
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeError, yaml.YAMLError) as error:
+        raise ParameterError(
+            f"tare file {path}: expected to read it, {str(error).splitlines()[0]}"
+        ) from error
+    if not isinstance(stored, dict) or not all(_is_offset(values) for values in stored.values()):
+        raise ParameterError(
+            f"tare file {path}: expected {GAUGES} voltages for each phalanx, found something else"
+        )
+    return stored
+
+
+def _is_offset(values: object) -> bool:
+    return (
+        isinstance(values, list)
+        and len(values) == GAUGES
+        and all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+    )
