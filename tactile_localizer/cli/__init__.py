@@ -15,15 +15,15 @@ from collections.abc import Sequence
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError
 
-COMMANDS: tuple[str, ...] = ("import_",)
+COMMANDS: tuple[str, ...] = ("import_", "simulate")
 """Modules of the subcommands, in the order of the help text."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, an interrupt status 130; a
-    reader of standard output that has gone away ends the command quietly.
+    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, an interrupt status
+    130; a reader of standard output that has gone away ends the command quietly.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -37,14 +37,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes again at exit
+        # The interpreter flushes once more at exit: into nothing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """A parser of the subcommand that ``arguments`` begin with, or of all where they begin with none."""
     parser = argparse.ArgumentParser(
-        prog="tactile-localizer", description="Where a robot hand is on a piece of flexible material, by touch alone."
+        prog="tactile-localizer",
+        description="Where a robot hand is on a piece of flexible material, by touch alone.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)

@@ -1,0 +1,67 @@
+"""``tactile-localizer simulate``: recordings of the simulated hand, to train on and to localise."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import GAUGES
+from tactile_localizer.sim.hand import PHALANGES
+from tactile_localizer.sim.material import FEATURES
+from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, SimulatedScan, simulate_scan
+
+NAME = "simulate"
+HELP = "record the simulated hand: train.csv and test.csv, for import and replay"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the feature, the seed and the numbers of sweeps."""
+    parser.add_argument(
+        "feature", choices=FEATURES, help="what lies in the material; none: nothing, seam: something foreign"
+    )
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/simulate"), metavar="DIR")
+    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    parser.add_argument("--train", type=int, default=TRAINING_SWEEPS, metavar="N", help="training sweeps")
+    parser.add_argument("--test", type=int, default=TEST_SWEEPS, metavar="N", help="test sweeps")
+    parser.add_argument(
+        "--never-reach", action="store_true", help="let the test sweeps end before they come to the feature"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate and write; the training has the arm's positions, the test the true ones."""
+    train = simulate_scan(args.feature, args.seed, "train", sweeps=args.train)
+    test = simulate_scan(
+        args.feature, args.seed, "test", sweeps=args.test, reach_feature=not args.never_reach
+    )
+    for name, scan, position in (("train", train, train.odometry), ("test", test, test.truth)):
+        path = args.output / f"{name}.csv"
+        write_csv(path, scan, position)
+        print(f"{path}: {len(scan.contact)} sweeps, {len(scan)} samples")
+    return 0
+
+
+def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
+    """Write a recording in the standard columns.
+
+    Parameters
+    ----------
+    position : (N, 2) m, what stands in the axes' columns
+
+    Raises
+    ------
+    ScanError
+        The file cannot be written.
+    """
+    strain_names = [f"{phalanx}_{gauge}" for phalanx in PHALANGES for gauge in range(1, GAUGES + 1)]
+    header = ",".join(["stamp_s", "sweep", *AXES, *strain_names])
+    table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain])
+    formats = ["%.6f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names)]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savetxt(path, table, formats, delimiter=",", header=header, comments="")
+    except OSError as error:
+        raise ScanError(f"{path}: expected to write a recording, {error.strerror}") from error

@@ -1,0 +1,107 @@
+"""The load cells' side of the CAN bus: strain voltages out as frames, with faults where wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import can
+import numpy as np
+
+from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.scene import GAUGES
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What goes wrong on the bus; nothing by default.
+
+    Parameters
+    ----------
+    drop : probability that a frame is lost
+    garbage : probability, a frame, that one follows which means nothing: a foreign id, a wrong length,
+        a remote request or an error frame
+    silent : phalanges whose load cell sends nothing
+    faulty : phalanges whose load cell reports a fault
+
+    Raises
+    ------
+    ParameterError
+        A probability is not one.
+    """
+
+    drop: float = 0.0
+    garbage: float = 0.0
+    silent: Collection[str] = ()
+    faulty: Collection[str] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("drop", "garbage"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ParameterError(f"{name}: expected a probability, got {getattr(self, name)}")
+
+
+NO_FAULTS = Faults()
+
+
+class CanLoadCells:
+    """Load cells that share a bus.
+
+    Parameters
+    ----------
+    protocol : which bits are which gauge pair
+    bus : where the frames go; stays the caller's
+    rng : chooses where faults strike
+    """
+
+    def __init__(self, protocol: LoadCellProtocol, bus: can.BusABC, rng: np.random.Generator) -> None:
+        self._protocol = protocol
+        self._bus = bus
+        self._rng = rng
+        self._sequence = 0
+        self.frames_sent = 0
+        """Frames that carried strain and were not dropped."""
+
+    def send(self, strain: np.ndarray, faults: Faults = NO_FAULTS) -> None:
+        """Put one sample of every load cell on the bus.
+
+        Parameters
+        ----------
+        strain : (8F,) V, in the order of the protocol's phalanges
+
+        Raises
+        ------
+        CanError
+            The bus does not take the frames.
+        """
+        for phalanx, name in enumerate(self._protocol.phalanges):
+            if name in faults.silent:
+                continue
+            own = strain[GAUGES * phalanx : GAUGES * (phalanx + 1)]
+            status = int(name in faults.faulty)
+            for frame in self._protocol.encode(phalanx, own, self._sequence, status):
+                if self._rng.random() >= faults.drop:
+                    self._put(frame)
+                    self.frames_sent += 1
+                if self._rng.random() < faults.garbage:
+                    self._put(self._garbage(frame))
+        self._sequence += 1
+
+    def _put(self, frame: can.Message) -> None:
+        try:
+            self._bus.send(frame)
+        except (can.CanError, OSError) as error:
+            raise CanError(f"{self._bus.channel_info}: expected to send a frame, got {error}") from error
+
+    def _garbage(self, frame: can.Message) -> can.Message:
+        """A frame that no load cell would send."""
+        data = self._rng.bytes(8)
+        foreign = int(self._rng.integers(0x700, 0x7FF))
+        own, extended = frame.arbitration_id, frame.is_extended_id
+        return (
+            can.Message(arbitration_id=foreign, is_extended_id=False, data=data),
+            can.Message(arbitration_id=own, is_extended_id=extended, data=data[:3]),
+            can.Message(arbitration_id=own, is_extended_id=extended, is_remote_frame=True),
+            can.Message(is_error_frame=True),
+        )[self._rng.integers(4)]
