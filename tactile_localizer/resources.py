@@ -1,4 +1,4 @@
-"""Where the files that come with the package are: scenes, parameters, the CAN database, message definitions."""
+"""Where the files that come with the package are: scenes, parameters, CAN databases, messages."""
 
 from __future__ import annotations
 

@@ -1,0 +1,102 @@
+"""The frame of the command line: how subcommands are found and how it ends."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import types
+
+import pytest
+
+from tactile_localizer import __version__, cli
+from tactile_localizer.errors import ScanError
+
+
+@pytest.fixture
+def run_command(monkeypatch: pytest.MonkeyPatch):
+    """A subcommand ``try`` (module ``try_``) whose body the test gives."""
+
+    def install(body) -> None:
+        module = types.ModuleType("tactile_localizer.cli.try_")
+        module.NAME = "try"
+        module.HELP = "Try something"
+        module.add_arguments = lambda parser: parser.add_argument("--status", type=int, default=0)
+        module.run = body
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setattr(cli, "COMMANDS", ("absent", "try_"))
+
+    return install
+
+
+def test_a_subcommand_gets_its_arguments_and_gives_the_exit_status(run_command) -> None:
+    run_command(lambda args: args.status)
+    assert cli.main(["try", "--status", "3"]) == 3
+
+
+def test_only_the_subcommand_that_is_asked_for_is_imported(run_command) -> None:
+    run_command(lambda args: 0)
+    assert cli.main(["try"]) == 0
+    with pytest.raises(ModuleNotFoundError, match="absent"):
+        cli.main(["--help"])
+
+
+def test_an_error_of_the_package_is_one_line_and_status_2(run_command, capsys: pytest.CaptureFixture) -> None:
+    def fail(args: argparse.Namespace) -> int:
+        raise ScanError("scan.db: expected a scan file, found a picture")
+
+    run_command(fail)
+    assert cli.main(["try"]) == 2
+    assert capsys.readouterr().err == "error: scan.db: expected a scan file, found a picture\n"
+
+
+def test_an_interrupt_is_status_130(run_command) -> None:
+    def interrupted(args: argparse.Namespace) -> int:
+        raise KeyboardInterrupt
+
+    run_command(interrupted)
+    assert cli.main(["try"]) == 130
+
+
+def test_a_fault_of_the_program_is_not_hidden(run_command) -> None:
+    run_command(lambda args: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["try"])
+
+
+def test_the_version_is_the_packages(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"tactile-localizer {__version__}\n"
+
+
+def test_every_subcommand_explains_itself(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--help"])
+    assert end.value.code == 0
+    for module in cli.COMMANDS:
+        name = module.rstrip("_").replace("_", "-")
+        with pytest.raises(SystemExit) as end:
+            cli.main([name, "--help"])
+        assert end.value.code == 0
+        assert f"tactile-localizer {name}" in capsys.readouterr().out
+
+
+def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
+    program = (
+        "import sys, types; from tactile_localizer import cli\n"
+        "m = types.ModuleType('tactile_localizer.cli.flood'); m.NAME = 'flood'; m.HELP = ''\n"
+        "m.add_arguments = lambda parser: None\n"
+        "m.run = lambda args: [print('x' * 1000) for _ in range(10000)] and 0\n"
+        "sys.modules[m.__name__] = m; cli.COMMANDS = ('flood',); sys.exit(cli.main(['flood']))\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as command:
+        assert command.stdout is not None
+        assert command.stderr is not None
+        command.stdout.readline()
+        command.stdout.close()
+        assert command.stderr.read() == ""
+        assert command.wait(30) == 141

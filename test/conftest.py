@@ -1,0 +1,91 @@
+"""What all tests share: repeatable random tests, a ROS domain of their own, processes that always end."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import settings
+from support.isolation import can_port, own_domain
+from support.processes import Process, node_command
+
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
+settings.load_profile("repeatable")
+
+# Before any test imports rclpy: nothing of this process is seen by other processes' tests, or by a robot.
+_DOMAIN, _CLAIM = own_domain()
+os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+
+def _why_no_ros() -> str | None:
+    if importlib.util.find_spec("rclpy") is None:
+        return "rclpy is not installed: `make test` makes an environment that has it"
+    if importlib.util.find_spec("tactile_localizer.msg") is None:
+        return "the messages are not built: `make build` builds them"
+    return None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if reason := _why_no_ros():
+        for item in items:
+            if item.get_closest_marker("ros"):
+                item.add_marker(pytest.mark.skip(reason=reason))
+
+
+@pytest.fixture
+def data_dir() -> Path:
+    """Directory of recorded data sets, from TACTILE_LOCALIZER_DATA."""
+    directory = os.environ.get("TACTILE_LOCALIZER_DATA")
+    if not directory:
+        pytest.skip("TACTILE_LOCALIZER_DATA is not set: no recorded data here")
+    return Path(directory)
+
+
+@pytest.fixture
+def simulated_can() -> dict[str, Any]:
+    """Interface, channel and port of a simulated CAN bus that no other test process hears."""
+    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": can_port(_DOMAIN)}
+
+
+@pytest.fixture
+def process() -> Iterator[Callable[..., Process]]:
+    """Start a command: ``process([...])`` is a :class:`support.processes.Process`, ended with the test."""
+    started: list[Process] = []
+
+    def start(*args: Any, **kwargs: Any) -> Process:
+        started.append(Process(*args, **kwargs))
+        return started[-1]
+
+    try:
+        yield start
+    finally:
+        for one in reversed(started):
+            one.kill()
+
+
+@pytest.fixture
+def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
+    """Start an installed node: ``node_process("driver_node", parameters={...})``; see ``node_command``."""
+    if reason := _why_no_ros():
+        pytest.skip(reason)
+    return lambda *args, **kwargs: process(node_command(*args, **kwargs))
+
+
+@pytest.fixture
+def probe() -> Iterator[Any]:
+    """A :class:`support.probe.Probe`: a node of the test's own."""
+    if reason := _why_no_ros():
+        pytest.skip(reason)
+    from support.probe import Probe
+
+    probe = Probe()
+    try:
+        yield probe
+    finally:
+        probe.close()

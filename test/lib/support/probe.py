@@ -1,0 +1,67 @@
+"""A ROS node of the test's own that looks at the nodes under test from outside."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+T = TypeVar("T")
+
+
+class Probe:
+    """A node in a context of its own that spins only while the test waits.
+
+    Messages of :meth:`listen` gather in lists; :meth:`until` spins until a condition is true.
+    """
+
+    def __init__(self, name: str = "probe", namespace: str = "") -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node(name, namespace=namespace or None, context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def until(self, condition: Callable[[], T], what: str, timeout_s: float = 15.0) -> T:
+        """Spin until ``condition`` is true and return its value; fails the test when it is not in time."""
+        deadline = time.monotonic() + timeout_s
+        while not (value := condition()):
+            if time.monotonic() > deadline:
+                raise AssertionError(f"waited {timeout_s:g} s for {what}")
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
+
+    def listen(self, kind: Any, topic: str, qos: QoSProfile | int = 10) -> list[Any]:
+        """The messages of a topic, in a list that grows while the probe spins; waits for no publisher."""
+        messages: list[Any] = []
+        self.node.create_subscription(kind, topic, messages.append, qos)
+        return messages
+
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10, timeout_s: float = 15.0) -> Any:
+        """A publisher that a subscriber has been matched with."""
+        publisher = self.node.create_publisher(kind, topic, qos)
+        self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}", timeout_s)
+        return publisher
+
+    def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 15.0) -> Any:
+        """A service's answer, once the service is there."""
+        client = self.node.create_client(kind, service)
+        try:
+            self.until(client.service_is_ready, f"service {service}", timeout_s)
+            future = client.call_async(request if request is not None else kind.Request())
+            self.until(future.done, f"an answer of {service}", timeout_s)
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)

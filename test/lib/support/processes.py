@@ -1,0 +1,147 @@
+"""Installed executables as processes of their own: started, read, waited for, always ended."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from support.waiting import wait_until
+
+
+class Process:
+    """A running command whose output (both streams) is collected line by line.
+
+    Parameters
+    ----------
+    command : program and arguments
+    environment : variables on top of this process's own
+    """
+
+    def __init__(self, command: Sequence[str | Path], environment: Mapping[str, str] | None = None) -> None:
+        self.command = [str(part) for part in command]
+        self.lines: list[str] = []
+        self._popen = subprocess.Popen(
+            self.command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
+            start_new_session=True,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._popen.stdout is not None
+        for line in self._popen.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    @property
+    def pid(self) -> int:
+        return self._popen.pid
+
+    @property
+    def output(self) -> str:
+        """What it has printed so far."""
+        return "\n".join(self.lines)
+
+    @property
+    def running(self) -> bool:
+        return self._popen.poll() is None
+
+    def wait_for_line(self, pattern: str, timeout_s: float = 15.0) -> str:
+        """The first line, printed or yet to be, that the regular expression ``pattern`` is found in."""
+
+        def found() -> str | None:
+            ended = not self.running and not self._reader.is_alive()
+            line = next((line for line in list(self.lines) if re.search(pattern, line)), None)
+            status = self._popen.returncode
+            assert line is not None or not ended, f"it ended with status {status} before /{pattern}/"
+            return line
+
+        try:
+            return wait_until(found, f"/{pattern}/", timeout_s)
+        except AssertionError as error:
+            raise AssertionError(f"{self.command[0]}: {error}; it printed:\n{self.output}") from None
+
+    def wait(self, timeout_s: float = 30.0) -> int:
+        """The exit status of a process that ends by itself."""
+        try:
+            status = self._popen.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(
+                f"{self.command[0]} still runs after {timeout_s:g} s:\n{self.output}"
+            ) from None
+        self._reader.join(5)
+        return status
+
+    def stop(self, sig: signal.Signals = signal.SIGINT, timeout_s: float = 10.0) -> int:
+        """Ask it to end, and return its exit status; fails if it does not end in time."""
+        if self.running:
+            self._popen.send_signal(sig)
+        return self.wait(timeout_s)
+
+    def kill(self) -> None:
+        """End it and everything that it started, at once; harmless when it has ended."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._popen.wait(10)
+        self._reader.join(5)
+        if self._popen.stdout is not None:
+            self._popen.stdout.close()
+
+
+def node_executable(name: str) -> Path:
+    """Path of an installed node."""
+    prefixes = [
+        Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
+    ]
+    places = [prefix / "lib" / "tactile_localizer" / name for prefix in prefixes]
+    for place in places:
+        if place.exists():
+            return place
+    raise AssertionError(f"{name}: expected below AMENT_PREFIX_PATH, found in none of {len(places)} places")
+
+
+def node_command(
+    name: str,
+    parameters: Mapping[str, Any] | None = None,
+    remaps: Mapping[str, str] | None = None,
+    namespace: str | None = None,
+    parameter_files: Sequence[Path] = (),
+) -> list[str]:
+    """Command line of an installed node, as ``ros2 run`` would make it.
+
+    Parameters
+    ----------
+    name : executable, such as ``driver_node``
+    parameters : by name; values are written as YAML does
+    remaps : from name to name
+    namespace : of the node
+    parameter_files : YAML files, before ``parameters``
+    """
+    arguments = [str(node_executable(name)), "--ros-args"]
+    for file in parameter_files:
+        arguments += ["--params-file", str(file)]
+    for parameter, value in (parameters or {}).items():
+        arguments += ["-p", f"{parameter}:={_yaml(value)}"]
+    names = ({"__ns": namespace} if namespace else {}) | dict(remaps or {})
+    for source, target in names.items():
+        arguments += ["-r", f"{source}:={target}"]
+    return arguments
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_yaml, value))}]"
+    return str(value)

@@ -1,0 +1,126 @@
+"""The layers of the package: who may import whom."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "tactile_localizer"
+
+ROS = {
+    "rclpy",
+    "ament_index_python",
+    "launch",
+    "launch_ros",
+    "rcl_interfaces",
+    "builtin_interfaces",
+    "rosgraph_msgs",
+}
+
+MAY_IMPORT_LAYERS = {
+    "core": {"core"},
+    "io": {"core", "io"},
+    "sim": {"core", "io", "sim"},
+    "evaluation": {"core", "io", "sim", "evaluation"},
+    "nodes": {"core", "io", "sim", "evaluation", "nodes", "msg", "srv"},
+    "cli": {"core", "io", "sim", "evaluation", "cli"},
+}
+"""Layers of the package that each may import; ``errors``, ``scene`` and ``resources`` are below them all."""
+
+
+def modules(layer: str) -> list[Path]:
+    return sorted((PACKAGE / layer).rglob("*.py"))
+
+
+def imported(path: Path, lazily: bool = True) -> set[str]:
+    """Full names that a module imports; with ``lazily`` also inside functions."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    names: set[str] = set()
+    nodes = ast.walk(tree) if lazily else iter(tree.body)
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: expected absolute imports, found a relative one"
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names
+
+
+def is_ros(name: str) -> bool:
+    top = name.split(".")[0]
+    return top in ROS or top.endswith("_msgs") or top.endswith("_srvs")
+
+
+def layer_of(name: str) -> str | None:
+    """The layer that a full name belongs to, if it is one of the package's layers."""
+    parts = name.split(".")
+    known = set(MAY_IMPORT_LAYERS) | {"msg", "srv"}
+    return parts[1] if parts[0] == "tactile_localizer" and len(parts) > 1 and parts[1] in known else None
+
+
+@pytest.mark.parametrize("layer", MAY_IMPORT_LAYERS)
+def test_a_layer_imports_only_the_layers_below_it(layer: str) -> None:
+    wrong = {
+        f"{path.relative_to(PACKAGE)} imports {name}"
+        for path in modules(layer)
+        for name in imported(path)
+        if (found := layer_of(name)) is not None and found not in MAY_IMPORT_LAYERS[layer]
+    }
+    assert modules(layer), f"{layer}: expected modules, found none"
+    assert wrong == set()
+
+
+def test_the_core_imports_only_numpy_scipy_and_the_standard_library() -> None:
+    allowed = {"numpy", "scipy", "tactile_localizer"} | set(sys.stdlib_module_names)
+    wrong = {
+        f"{path.name} imports {name}"
+        for path in modules("core")
+        for name in imported(path)
+        if name.split(".")[0] not in allowed
+    }
+    assert wrong == set()
+
+
+@pytest.mark.parametrize("layer", ["core", "io", "sim", "evaluation"])
+def test_only_the_nodes_know_ros(layer: str) -> None:
+    wrong = {
+        f"{path.name} imports {name}" for path in modules(layer) for name in imported(path) if is_ros(name)
+    }
+    assert wrong == set()
+
+
+def test_the_command_line_starts_without_ros() -> None:
+    wrong = {
+        f"{path.name} imports {name}"
+        for path in modules("cli")
+        for name in imported(path, lazily=False)
+        if is_ros(name)
+    }
+    assert wrong == set()
+
+
+def test_the_core_reads_no_clock_and_has_no_global_random_state() -> None:
+    clocks = {"time", "datetime", "random"}
+    wrong = {
+        f"{path.name} imports {name}"
+        for path in modules("core")
+        for name in imported(path)
+        if name.split(".")[0] in clocks
+    }
+    assert wrong == set()
+
+
+def test_no_source_package_is_named_as_generated_interfaces_are() -> None:
+    assert [name for name in ("msg", "srv", "action") if (PACKAGE / name).exists()] == []
+
+
+def test_no_file_grows_past_five_hundred_lines() -> None:
+    long = {
+        str(path.relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        if len(path.read_text(encoding="utf-8").splitlines()) > 500
+    }
+    assert long == set()
