@@ -1,0 +1,55 @@
+"""How much of the scene's bounds a scan has come near."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_localizer.scene import Scene
+
+SWEEP_DISTANCE_M = 0.00254
+"""Distance between sweeps in the paper, a tenth of an inch."""
+
+SWEEP_DISTANCE_RAD = 0.1
+"""The same along yaw."""
+
+_CELLS_A_DISTANCE = 4
+
+
+class Coverage:
+    """Share of the scene's bounds that lies within one sweep distance of a pair.
+
+    Parameters
+    ----------
+    scene : its bounds count
+    distance_m : sweep distance, m
+    distance_rad : the same along yaw, rad
+    """
+
+    def __init__(
+        self, scene: Scene, distance_m: float = SWEEP_DISTANCE_M, distance_rad: float = SWEEP_DISTANCE_RAD
+    ) -> None:
+        distance = np.array([distance_rad if axis.name == "yaw" else distance_m for axis in scene.axes])
+        extent = scene.upper - scene.lower
+        self._lower = scene.lower
+        self._shape = np.ceil(_CELLS_A_DISTANCE * extent / distance).astype(int)
+        self._cell = extent / self._shape
+        # Distances are counted in sweep distances, so that metres and radians can be compared.
+        self._sampling = self._cell / distance
+        self._visited = np.zeros(self._shape, dtype=bool)
+        self._share: float | None = 0.0
+
+    def add(self, states: np.ndarray) -> None:
+        """Count pairs at ``states`` (n, d), which lie within the bounds, as visited."""
+        cells = np.clip(((states - self._lower) / self._cell).astype(int), 0, self._shape - 1)
+        if not self._visited[tuple(cells.T)].all():
+            self._visited[tuple(cells.T)] = True
+            self._share = None
+
+    @property
+    def share(self) -> float:
+        """Covered share of the bounds, 0 to 1."""
+        if self._share is None:
+            distance = ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)
+            self._share = float(np.mean(distance < 1.0))
+        return self._share

@@ -1,0 +1,133 @@
+"""Pairs each strain vector with the palm position at its stamp, waiting for the pose that follows it.
+
+One class for all that do so live: the mapping node records the pairs, the filter node localises by
+them. Whichever topic is late, the pairs are those that
+:func:`~tactile_localizer.core.pose_buffer.interpolate_poses` finds in a recording of both.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS, PoseBuffer
+from tactile_localizer.scene import Axis
+
+T = TypeVar("T")
+
+DEFAULT_PATIENCE_S = 1.0
+"""How long, by stamps, a strain vector waits for the pose that follows it, s."""
+
+
+@dataclass(frozen=True)
+class Pair(Generic[T]):
+    """Where the palm was when something was felt.
+
+    Parameters
+    ----------
+    stamp_ns : stamp of what was felt, ns
+    position : (d,) palm position, m (yaw: rad); ``None`` when no pose was near enough in time
+    felt : what came with the strain vector
+    """
+
+    stamp_ns: int
+    position: np.ndarray | None
+    felt: T
+
+
+class Pairing(Generic[T]):
+    """Brings strain vectors and palm poses together by their stamps.
+
+    Parameters
+    ----------
+    axes : the d axes
+    max_gap_s : longest time between the two poses around a strain vector, s
+    patience_s : a strain vector that is older than the newest by more than this waits no longer, s
+
+    Attributes
+    ----------
+    late : poses and strain vectors dropped because a later one had come before, so far
+    resets : times that stamps jumped back and everything began anew, so far
+    """
+
+    def __init__(
+        self,
+        axes: tuple[Axis, ...],
+        *,
+        max_gap_s: float = DEFAULT_MAX_GAP_S,
+        patience_s: float = DEFAULT_PATIENCE_S,
+    ) -> None:
+        self.late = 0
+        self.resets = 0
+        self._patience_ns = round(patience_s * NANOSECONDS)
+        # Poses are kept for as long as a strain vector that needs them may still wait.
+        self._length_s = 2 * patience_s + max_gap_s
+        self._poses = PoseBuffer(axes, max_gap_s=max_gap_s, length_s=self._length_s)
+        self._waiting: deque[tuple[int, T]] = deque()
+        self._newest_strain_ns: int | None = None
+
+    @property
+    def waiting_ns(self) -> int | None:
+        """Stamp of the oldest strain vector that waits for a pose, ns; ``None`` when none waits."""
+        return self._waiting[0][0] if self._waiting else None
+
+    def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Pair[T]]:
+        """Add a palm pose; returns what need not wait any more, in the order of the stamps.
+
+        Parameters
+        ----------
+        stamp_ns : its stamp, ns
+        position : (d,) palm position, m (yaw: rad)
+
+        Raises
+        ------
+        MeasurementError
+            The position is not finite or not of the scene's axes.
+        """
+        newest = self._poses.newest_ns
+        done: list[Pair[T]] = []
+        if not self._poses.add(stamp_ns, position):
+            self.late += 1
+        elif newest is not None and stamp_ns < newest:
+            done = self._reset()
+        return done + self._complete()
+
+    def add_strain(self, stamp_ns: int, felt: T) -> list[Pair[T]]:
+        """Add a strain vector; returns what need not wait any more, in the order of the stamps."""
+        newest = self._newest_strain_ns
+        done: list[Pair[T]] = []
+        if newest is not None and stamp_ns <= newest:
+            if newest - stamp_ns <= self._length_s * NANOSECONDS:
+                self.late += 1
+                return []
+            self._poses.clear()
+            done = self._reset()
+        self._newest_strain_ns = stamp_ns
+        self._waiting.append((stamp_ns, felt))
+        return done + self._complete()
+
+    def finish(self) -> list[Pair[T]]:
+        """No more will come: returns the strain vectors that still wait, without positions."""
+        unpaired = [Pair(stamp_ns, None, felt) for stamp_ns, felt in self._waiting]
+        self._waiting.clear()
+        return unpaired
+
+    def _complete(self) -> list[Pair[T]]:
+        pairs = []
+        newest_pose, newest_strain = self._poses.newest_ns, self._newest_strain_ns
+        while self._waiting and newest_strain is not None:
+            stamp_ns, felt = self._waiting[0]
+            must_wait = newest_pose is None or stamp_ns > newest_pose
+            if must_wait and newest_strain - stamp_ns <= self._patience_ns:
+                break
+            self._waiting.popleft()
+            pairs.append(Pair(stamp_ns, self._poses.at(stamp_ns), felt))
+        return pairs
+
+    def _reset(self) -> list[Pair[T]]:
+        self.resets += 1
+        self._newest_strain_ns = None
+        return self.finish()

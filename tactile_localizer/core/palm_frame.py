@@ -1,0 +1,95 @@
+"""From palm poses in a named frame to positions on the scene's axes, in the material's frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.scene import Axis
+
+
+class PalmFrame:
+    """Knows in which frames palm poses can be used.
+
+    Parameters
+    ----------
+    axes : the d axes of the positions
+    material_frame : poses in this frame are used as they are
+    reference_frame : poses in this frame, such as the robot's base, are brought into the material's;
+        empty: there is none
+    material_pose : x, y, z (m), roll, pitch, yaw (rad) of the material in ``reference_frame``
+
+    Raises
+    ------
+    ParameterError
+        ``material_pose`` is not six finite numbers.
+    """
+
+    def __init__(
+        self,
+        axes: tuple[Axis, ...],
+        material_frame: str = "material",
+        reference_frame: str = "",
+        material_pose: Sequence[float] = (0.0,) * 6,
+    ) -> None:
+        if len(material_pose) != 6 or not all(map(math.isfinite, material_pose)):
+            raise ParameterError(
+                f"material_pose: expected x, y, z, roll, pitch, yaw, got {list(material_pose)}"
+            )
+        self.material_frame = material_frame
+        self._names = tuple(axis.name for axis in axes)
+        identity = (np.eye(3), np.zeros(3))
+        self._from = {material_frame: identity}
+        if reference_frame and reference_frame != material_frame:
+            rotation = _rotation(*material_pose[3:]).T
+            self._from[reference_frame] = (rotation, -rotation @ np.asarray(material_pose[:3]))
+
+    def position(self, frame: str, translation: Sequence[float], quaternion: Sequence[float]) -> np.ndarray:
+        """The palm's position on the axes, (d,), m (yaw: rad).
+
+        Parameters
+        ----------
+        frame : the frame that the pose is given in
+        translation : x, y, z, m
+        quaternion : x, y, z, w
+
+        Raises
+        ------
+        MeasurementError
+            The pose is in a frame that cannot be brought into the material's, or is not finite.
+        """
+        if frame not in self._from:
+            known = " or ".join(repr(name) for name in self._from)
+            raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")
+        rotation, offset = self._from[frame]
+        place = rotation @ np.asarray(translation) + offset
+        values = {"x": place[0], "y": place[1]}
+        if "yaw" in self._names:
+            values["yaw"] = _yaw(rotation, quaternion)
+        position = np.array([values[name] for name in self._names])
+        if not np.isfinite(position).all():
+            raise MeasurementError(f"palm pose: expected finite {', '.join(self._names)}, got {position}")
+        return position
+
+
+def _yaw(rotation: np.ndarray, quaternion: Sequence[float]) -> float:
+    """Heading of the palm's x axis in the material's x-y plane; NaN for a quaternion of length zero."""
+    x, y, z, w = quaternion
+    # The palm's x axis in the given frame, times the quaternion's squared length.
+    heading = rotation @ np.array([w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)])
+    return math.atan2(heading[1], heading[0]) if w or x or y or z else math.nan
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Rotation by roll, pitch and yaw about the fixed x, y and z axes (REP 103), (3, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

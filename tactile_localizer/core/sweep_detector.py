@@ -1,0 +1,104 @@
+"""Finding sweeps in the palm's motion: one ends where the hand reverses or rests."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.core.pose_buffer import NANOSECONDS
+from tactile_localizer.scene import Axis
+
+DEFAULT_REVERSAL_M = 0.002
+"""Travel against a sweep's direction that ends it, and travel out of rest that begins one, m."""
+
+DEFAULT_REST_S = 2.0
+"""Time without that much travel after which the hand rests, s."""
+
+
+class SweepDetector:
+    """Tells for each sample, as it comes, which sweep it belongs to.
+
+    A reversal is known only once the hand has gone back by ``reversal_m``, so the first samples of the
+    way back still count to the sweep that it ends. A step aside neither ends nor begins a sweep.
+
+    Parameters
+    ----------
+    axes : the d axes; travel is that along x and y (along yaw where there is nothing else)
+    one_way : strokes against the first one's direction, as the hand's return, are no sweeps
+    reversal_m : travel that makes a reversal, m (yaw: rad)
+    rest_s : time without that travel that makes a rest, s
+    """
+
+    def __init__(
+        self,
+        axes: tuple[Axis, ...],
+        *,
+        one_way: bool = False,
+        reversal_m: float = DEFAULT_REVERSAL_M,
+        rest_s: float = DEFAULT_REST_S,
+    ) -> None:
+        plane = [column for column, axis in enumerate(axes) if axis.name != "yaw"]
+        self._columns = plane or [0]
+        self._one_way = one_way
+        self._reversal = reversal_m
+        self._rest_ns = round(rest_s * NANOSECONDS)
+        self._sweeps = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion, as when time was set back; sweeps go on being numbered."""
+        self._first_direction: np.ndarray | None = None
+        self._direction: np.ndarray | None = None
+        self._is_sweep = False
+        self._furthest = self._mark = np.zeros(len(self._columns))
+        self._mark_ns: int | None = None
+
+    def update(self, stamp_ns: int, position: np.ndarray) -> int:
+        """Take the next sample.
+
+        Parameters
+        ----------
+        stamp_ns : its stamp, ns
+        position : (d,) palm position, m (yaw: rad)
+
+        Returns
+        -------
+        int
+            Number of the sweep that the sample belongs to, from 1; 0 when it belongs to none.
+        """
+        place = position[self._columns]
+        if self._mark_ns is None:
+            self._rest_at(stamp_ns, place)
+        elif self._direction is None:
+            if np.linalg.norm(place - self._mark) >= self._reversal:
+                self._begin(stamp_ns, place, since=self._mark)
+            elif stamp_ns - self._mark_ns > self._rest_ns:
+                self._rest_at(stamp_ns, place)
+        else:
+            self._advance(stamp_ns, place, self._direction)
+        return self._sweeps if self._is_sweep else 0
+
+    def _advance(self, stamp_ns: int, place: np.ndarray, direction: np.ndarray) -> None:
+        assert self._mark_ns is not None
+        gain = float((place - self._furthest) @ direction)
+        if gain > 0:
+            self._furthest = place
+        if gain < -self._reversal:
+            self._begin(stamp_ns, place, since=self._furthest)
+        elif float((place - self._mark) @ direction) >= self._reversal:
+            self._mark, self._mark_ns = place, stamp_ns
+        elif stamp_ns - self._mark_ns > self._rest_ns:
+            self._rest_at(stamp_ns, place)
+
+    def _begin(self, stamp_ns: int, place: np.ndarray, since: np.ndarray) -> None:
+        stroke = place - since
+        self._direction = stroke / np.linalg.norm(stroke)
+        if self._first_direction is None:
+            self._first_direction = self._direction
+        self._is_sweep = not self._one_way or float(self._direction @ self._first_direction) > 0
+        self._sweeps += self._is_sweep
+        self._furthest = self._mark = place
+        self._mark_ns = stamp_ns
+
+    def _rest_at(self, stamp_ns: int, place: np.ndarray) -> None:
+        self._direction, self._is_sweep = None, False
+        self._mark, self._mark_ns = place, stamp_ns

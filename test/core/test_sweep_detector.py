@@ -1,0 +1,95 @@
+"""Sweeps are found in the motion: reversals and rests end them, steps aside do not."""
+
+import itertools
+
+import numpy as np
+
+from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.scene import Axis
+
+AXES = (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1))
+RATE = 100
+
+
+def path(*points: tuple[float, float], speed: float = 0.01) -> np.ndarray:
+    """Positions at RATE along straight lines through the points."""
+    legs = [np.array([points[0]])]
+    for a, b in itertools.pairwise(points):
+        steps = max(round(np.hypot(b[0] - a[0], b[1] - a[1]) / speed * RATE), 1)
+        share = np.arange(1, steps + 1)[:, None] / steps
+        legs.append(np.asarray(a) + share * (np.asarray(b) - np.asarray(a)))
+    return np.concatenate(legs)
+
+
+def numbers(detector: SweepDetector, positions: np.ndarray, start_s: float = 0.0) -> np.ndarray:
+    stamps = [round((start_s + index / RATE) * 1e9) for index in range(len(positions))]
+    return np.array([detector.update(t, p) for t, p in zip(stamps, positions, strict=True)])
+
+
+def raster(lines: int = 4) -> np.ndarray:
+    points = []
+    for line in range(lines):
+        ends = (0.0, 0.05) if line % 2 == 0 else (0.05, 0.0)
+        points += [(end, 0.0025 * line) for end in ends]
+    return path(*points)
+
+
+def test_a_raster_of_there_and_back_has_a_sweep_a_line():
+    positions = raster(4)
+    found = numbers(SweepDetector(AXES), positions)
+    assert set(found) == {0, 1, 2, 3, 4}
+    middle = np.abs(positions[:, 0] - 0.025) < 0.01
+    line = np.round(positions[:, 1] / 0.0025).astype(int) + 1
+    np.testing.assert_array_equal(found[middle], line[middle])
+
+
+def test_only_a_reversal_distance_at_the_ends_goes_to_the_wrong_sweep():
+    positions = raster(2)
+    found = numbers(SweepDetector(AXES, reversal_m=0.002), positions)
+    line = np.round(positions[:, 1] / 0.0025).astype(int) + 1
+    wrong = (found != line) & (positions[:, 1] % 0.0025 == 0)
+    assert wrong.sum() <= 2 * (0.002 / 0.01 * RATE + 2)
+
+
+def test_one_way_leaves_out_the_returns():
+    there_and_back = path((0, 0), (0.05, 0), (0, 0), (0.05, 0), (0, 0))
+    found = numbers(SweepDetector(AXES, one_way=True), there_and_back)
+    assert found.max() == 2
+    going_back = np.concatenate([[False], np.diff(there_and_back[:, 0]) < 0])
+    assert np.mean(found[going_back] == 0) > 0.95
+    assert np.mean(found[~going_back] > 0) > 0.95
+
+
+def test_jitter_smaller_than_a_reversal_does_not_end_a_sweep():
+    positions = path((0, 0), (0.05, 0))
+    positions = positions + np.random.default_rng(0).normal(0, 0.0003, positions.shape)
+    assert set(numbers(SweepDetector(AXES), positions)) == {0, 1}
+
+
+def test_a_hand_that_rests_is_in_no_sweep_and_begins_another_when_it_moves_on():
+    still = np.repeat([[0.02, 0.0]], 5 * RATE, axis=0)
+    positions = np.concatenate([path((0, 0), (0.02, 0)), still, path((0.02, 0), (0.04, 0))])
+    found = numbers(SweepDetector(AXES, rest_s=2.0), positions)
+    assert found[100] == 1
+    assert found[200 + 4 * RATE] == 0
+    assert found[-1] == 2
+
+
+def test_a_hand_that_never_moves_is_in_no_sweep():
+    rng = np.random.default_rng(1)
+    positions = 0.02 + rng.normal(0, 0.0002, (60 * RATE, 2))
+    assert not numbers(SweepDetector(AXES), positions).any()
+
+
+def test_after_a_reset_numbers_go_on_and_direction_is_found_anew():
+    detector = SweepDetector(AXES, one_way=True)
+    numbers(detector, path((0, 0), (0.03, 0)), start_s=100.0)
+    detector.reset()
+    found = numbers(detector, path((0.03, 0), (0, 0)))
+    assert found[-1] == 2
+
+
+def test_a_scene_of_yaw_alone_has_sweeps_of_yaw():
+    detector = SweepDetector((Axis("yaw", -1.0, 1.0),), reversal_m=0.05)
+    turn = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, 0, 100)])[:, None]
+    assert numbers(detector, turn).max() == 2
