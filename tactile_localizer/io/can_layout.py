@@ -121,8 +121,8 @@ def phalanx_messages(
         names = list(messages.get(phalanx, ())) or [name for name in by_name if pattern.fullmatch(name)]
         if not names:
             raise CanError(
-                f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the DBC, "
-                f"or the parameter messages.{phalanx}, found {_some(by_name)}"
+                f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the "
+                f"DBC, or its messages named, found {_some(by_name)}"
             )
         for name in names:
             if name not in by_name:

@@ -161,6 +161,14 @@ class LoadCellProtocol:
                 value[chosen] = raw[chosen].astype(f"u{bits // 8}").view(f"f{bits // 8}")
         return raw, value * layout.scale[slot] + layout.offset[slot]
 
+    def saturated(self, strain: np.ndarray) -> np.ndarray:
+        """Which gauges of ``strain`` (8F,), V, as decoded, stand at an end of their range: (8F,) bool."""
+        layout, used = self.layout, self.layout.channel >= 0
+        lowest, highest = np.empty(len(strain)), np.empty(len(strain))
+        lowest[layout.channel[used]] = layout.lowest[used]
+        highest[layout.channel[used]] = layout.highest[used]
+        return np.asarray((strain <= lowest) | (strain >= highest))
+
     def encode(
         self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0
     ) -> list[can.Message]:

@@ -1,0 +1,274 @@
+"""Driver node: load cell frames from a CAN bus to one ``StrainVectors`` a cycle.
+
+Publishes ``strain`` (best effort, depth 100), ``~/tare_offset`` (kept for late subscribers) and
+``/diagnostics`` at 1 Hz; offers ``~/tare``, ``~/clear_tare`` and ``~/reconnect``.
+
+Strain is published from the receive thread: a cycle waits for no executor.
+"""
+
+from __future__ import annotations
+
+import os
+from array import array
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from tactile_localizer.errors import CanError, TactileLocalizerError
+from tactile_localizer.io.can_bus import BusSettings, parse_options
+from tactile_localizer.io.can_cycle import Cycle
+from tactile_localizer.io.can_driver import DriverSettings, LoadCellDriver
+from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames
+from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.io.tare import load_tare, store_tare
+from tactile_localizer.msg import StrainVectors
+from tactile_localizer.nodes.driver_diagnostics import DriverDiagnostics
+from tactile_localizer.nodes.lifecycle import ManagedNode, run
+from tactile_localizer.nodes.parameters import Parameter
+from tactile_localizer.resources import resource_path
+
+STRAIN_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+_KEPT_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_DIAGNOSTICS_PERIOD_S = 1.0
+
+PARAMETERS = (
+    Parameter("phalanges", ["index", "middle"], "Names of the load cells, in the order of the strain vector"),
+    Parameter("dbc", "loadcells.dbc", "CAN database: a path, or a file in the package's config directory"),
+    Parameter(
+        "gauge_signals", list(GAUGE_SIGNALS), "DBC signals of the 8 gauge pairs; {phalanx} is its name"
+    ),
+    Parameter("counter_signal", "counter", "DBC signal of the rolling counter, where the DBC has one"),
+    Parameter(
+        "status_signal", "status", "DBC signal of the load cell's status, 0 is well, where there is one"
+    ),
+    Parameter("interface", "socketcan", "python-can interface of the bus"),
+    Parameter("channel", "can0", "Channel of the interface"),
+    Parameter("bus_options", [], "Further options of the interface, each as name=value"),
+    Parameter(
+        "receive_buffer", 1 << 20, "Kernel's buffer for frames not read yet; 0: default", "byte", 0, 1 << 28
+    ),
+    Parameter(
+        "cycle_timeout_s",
+        0.01,
+        "How long a cycle waits for its frames",
+        "s",
+        0.0005,
+        1.0,
+    ),
+    Parameter(
+        "stale_timeout_s", 0.5, "Silence after which a phalanx is stale in the diagnostics", "s", 0.01, 60.0
+    ),
+    Parameter(
+        "reconnect_delay_s",
+        0.1,
+        "Wait before a failed bus is opened again, doubled after each failure; 0: only when asked to",
+        "s",
+        0.0,
+        60.0,
+    ),
+    Parameter(
+        "reconnect_delay_limit_s", 5.0, "Longest wait before a failed bus is opened again", "s", 0.0, 600.0
+    ),
+    Parameter("tare_duration_s", 1.0, "How long ~/tare averages", "s", 0.05, 10.0, live=True),
+    Parameter(
+        "tare_spread_limit",
+        0.02,
+        "Standard deviation of a gauge above which ~/tare refuses",
+        "V",
+        0.0,
+        10.0,
+        live=True,
+    ),
+    Parameter(
+        "tare_file", "", "Where the tare is kept; empty: tactile_localizer/tare.yaml in ROS_HOME or ~/.ros"
+    ),
+    Parameter("frame_id", "palm", "Frame in the header of the strain vectors"),
+)
+
+
+class DriverNode(ManagedNode):
+    """Reads load cells and publishes what they feel."""
+
+    def __init__(self) -> None:
+        super().__init__("driver_node", PARAMETERS, threads=2)  # a tare takes its time, diagnostics go on
+        self._driver: LoadCellDriver | None = None
+        self._timer: Any = None  # of the diagnostics; there while the node is active
+        self._made: list = []  # services, destroyed in cleanup
+
+    def configure(self) -> None:
+        """Read the DBC and the stored tare, make publishers and services."""
+        parameters = self.parameters
+        phalanges = parameters["phalanges"]
+        parameters.declare(
+            Parameter(
+                f"messages.{name}", [], f"DBC messages of {name}; empty: those called {name}, {name}_a, ..."
+            )
+            for name in phalanges
+        )
+        protocol = LoadCellProtocol.from_dbc(
+            _dbc_path(parameters["dbc"]),
+            phalanges,
+            {name: parameters[f"messages.{name}"] for name in phalanges},
+            SignalNames(
+                tuple(parameters["gauge_signals"]), parameters["counter_signal"], parameters["status_signal"]
+            ),
+        )
+        bus = BusSettings(
+            parameters["interface"],
+            parameters["channel"],
+            parse_options(parameters["bus_options"]),
+            parameters["receive_buffer"],
+        )
+        settings = DriverSettings(
+            bus,
+            parameters["cycle_timeout_s"],
+            parameters["reconnect_delay_s"],
+            parameters["reconnect_delay_limit_s"],
+        )
+        self._use_sim_time = self.get_parameter("use_sim_time").value
+        self._tare_file = _tare_path(parameters["tare_file"])
+        self._driver = LoadCellDriver(protocol, settings, self._publish, self.get_logger().warning)
+        self._driver.offset = load_tare(self._tare_file, phalanges)
+        self._diagnostics = DriverDiagnostics(
+            self._driver, self.get_name(), str(bus), parameters["stale_timeout_s"]
+        )
+        self._message = StrainVectors(phalanges=phalanges)
+        self._message.header.frame_id = parameters["frame_id"]
+        self._strain = self.create_publisher(StrainVectors, "strain", STRAIN_QOS)
+        self._offset = self.create_publisher(StrainVectors, "~/tare_offset", _KEPT_QOS)
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        group = MutuallyExclusiveCallbackGroup()
+        self._made = [
+            self.create_service(Trigger, "~/tare", self._on_tare, callback_group=group),
+            self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group),
+            self.create_service(Trigger, "~/reconnect", self._on_reconnect),
+        ]
+        self._publish_offset()
+
+    def activate(self) -> None:
+        """Open the bus and begin to read."""
+        assert self._driver is not None
+        self._driver.start()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where simulated time stands still
+        self._timer = self.create_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics, clock=steady)
+
+    def deactivate(self) -> None:
+        """End the receive thread and close the bus."""
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+            self._timer = None
+        if self._driver is not None and not self._driver.stop():
+            self.get_logger().error("CAN receive thread: expected it to end within 1 s, it did not")
+
+    def cleanup(self) -> None:
+        """Destroy publishers and services."""
+        for service in self._made:
+            self.destroy_service(service)
+        if self._made:
+            for publisher in (self._strain, self._offset, self._health):
+                self.destroy_publisher(publisher)
+        self._made = []
+        self._driver = None
+
+    def _publish(self, cycle: Cycle) -> None:
+        message = self._message
+        _set_stamp(message, self.get_clock().now().nanoseconds if self._use_sim_time else cycle.stamp_ns)
+        message.strain = array("d", cycle.strain.tobytes())
+        message.status = cycle.status
+        message.sequence = cycle.sequence
+        try:
+            self._strain.publish(message)
+        except RuntimeError:
+            if self.context.ok():  # else the process is about to end
+                raise
+
+    def _publish_offset(self) -> None:
+        assert self._driver is not None
+        phalanges = self._driver.protocol.phalanges
+        message = StrainVectors(
+            phalanges=list(phalanges),
+            strain=array("d", self._driver.offset.tobytes()),
+            status=bytes(len(phalanges)),
+            sequence=[0] * len(phalanges),
+        )
+        _set_stamp(message, self.get_clock().now().nanoseconds)
+        self._offset.publish(message)
+
+    def _publish_diagnostics(self) -> None:
+        message = DiagnosticArray(status=self._diagnostics.statuses())
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._health.publish(message)
+
+    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            driver = self._running()
+            driver.tare(
+                self.parameters["tare_duration_s"],
+                self.parameters["tare_spread_limit"],
+                cancelled=lambda: self._timer is None or not self.context.ok(),
+            )
+            return self._new_offset(driver, response)
+        except TactileLocalizerError as error:
+            response.message = str(error)
+        return response
+
+    def _on_clear_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            driver = self._running()
+            driver.offset = np.zeros_like(driver.offset)
+            return self._new_offset(driver, response)
+        except TactileLocalizerError as error:
+            response.message = str(error)
+        return response
+
+    def _new_offset(self, driver: LoadCellDriver, response: Trigger.Response) -> Trigger.Response:
+        self._publish_offset()
+        store_tare(self._tare_file, driver.protocol.phalanges, driver.offset)
+        response.success = True
+        response.message = f"offset of up to {np.abs(driver.offset).max():.4g} V, stored in {self._tare_file}"
+        self.get_logger().info(f"Tare: {response.message}")
+        return response
+
+    def _on_reconnect(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            self._running().reconnect()
+            response.success = True
+            response.message = "the bus is closed and opened again"
+        except TactileLocalizerError as error:
+            response.message = str(error)
+        return response
+
+    def _running(self) -> LoadCellDriver:
+        if self._driver is None or self._timer is None:
+            raise CanError("driver: expected the node to be active, it is not")
+        return self._driver
+
+
+def _set_stamp(message: StrainVectors, stamp_ns: int) -> None:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+
+
+def _dbc_path(name: str) -> Path:
+    path = Path(name).expanduser()
+    if path.exists() or path.is_absolute():
+        return path
+    try:
+        return resource_path(Path("config", name))
+    except FileNotFoundError:
+        return path  # reading it says that it is not there
+
+
+def _tare_path(name: str) -> Path:
+    home = Path(os.environ.get("ROS_HOME", "~/.ros"))
+    return (Path(name) if name else home / "tactile_localizer" / "tare.yaml").expanduser()
+
+
+def main() -> int:
+    """Run the node; returns the exit status."""
+    return run(DriverNode)
