@@ -4,7 +4,7 @@ For one measurement the strain distances ``||z - z_n||^2`` do not depend on the 
 once. What differs between states is the position kernel, summed
 
 - ``exact``: directly, over all pairs: the reference;
-- ``truncated``: directly, over the pairs within :data:`REACH` of the box that the states occupy;
+- ``truncated``: directly, over the pairs within :data:`~.pair_block.REACH` of the box that the states occupy;
 - ``field``: over the same pairs, after spreading their weights on a grid on which the kernel is separable,
   so that the sum becomes a few small matrix products (:class:`~.pair_block.KernelGrid`).
 """
@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.measurement import flatten_axes
-from tactile_localizer.core.pair_block import PairBlock
+from tactile_localizer.core.pair_block import REACH, PairBlock
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import GAUGES
 
 EVALUATIONS = ("field", "truncated", "exact")
-REACH = 5.3
-"""Standard deviations beyond which a position kernel is left out: it is below exp(-5.3^2 / 2) = 8e-7."""
 _MARGIN = 2.0
 """Standard deviations that a block serves beyond the states it was made for, so that it lasts many updates."""
 _WORTH_SHRINKING = 0.5

@@ -14,6 +14,10 @@ from tactile_localizer.scene import GAUGES
 
 NODES_PER_STD = 7
 """Grid nodes a standard deviation of the position kernel, an axis."""
+REACH = 5.3
+"""Standard deviations beyond which a position kernel is left out: it is below exp(-5.3^2 / 2) = 8e-7."""
+_BANDED_ABOVE = 4
+"""Axes longer than this many kernel widths are worth a sparse matrix."""
 _MAX_NODES = 2**26
 _CHUNK = 2**22
 
@@ -181,17 +185,11 @@ class KernelGrid:
         """Weights of the pairs (M,) on the nodes: an array of the grid's shape."""
         return (self._taps @ weights).reshape(self.shape)
 
-    def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray:
-        kernel = np.subtract.outer(coordinates, self._nodes[axis]).astype(self._dtype, copy=False)
-        kernel *= kernel
-        kernel *= self._dtype.type(self._factor)
-        return np.exp(kernel, out=kernel)
-
     def at_states(self, states: np.ndarray, field: np.ndarray) -> np.ndarray:
         """A field (G1, ..., Gd) summed with the kernel at states (P, d) -> (P,)."""
         total = self._kernel(states[:, 0], 0) @ field.reshape(self.shape[0], -1)
         for axis in range(1, len(self.shape)):
-            kernel = self._kernel(states[:, axis], axis)
+            kernel = self._dense(states[:, axis], axis)
             total = np.einsum("pg,pgr->pr", kernel, total.reshape(len(states), self.shape[axis], -1))
         return total[:, 0]
 
@@ -199,6 +197,29 @@ class KernelGrid:
         """A field (G1, ..., Gd) summed with the kernel at every combination of d coordinates -> (C1, ..., Cd)."""
         total = field
         for axis, coordinates in enumerate(axes):
-            # Contracting the first grid axis appends the new one, so after d turns the order is right again.
-            total = np.tensordot(total, self._kernel(coordinates, axis), axes=(0, 1))
+            rest = total.shape[1:]
+            total = (self._kernel(coordinates, axis) @ total.reshape(len(total), -1)).reshape(-1, *rest)
+            # The axis that was contracted goes last, so after d turns the order is right again.
+            total = np.moveaxis(total, 0, -1)
         return total
+
+    def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray | sparse.csr_array:
+        """Kernel between coordinates (C,) and an axis's nodes (C, G): banded where most of it would be nothing."""
+        nodes = self._nodes[axis]
+        width = 2 * math.ceil(REACH * NODES_PER_STD) + 1
+        if len(nodes) < _BANDED_ABOVE * width:
+            return self._dense(coordinates, axis)
+        first = np.rint((coordinates - nodes[0]) * NODES_PER_STD).astype(np.int64) - width // 2
+        columns = np.clip(first, 0, len(nodes) - width)[:, None] + np.arange(width)
+        values = self._gaussian(coordinates[:, None] - nodes[columns])
+        pointers = np.arange(len(coordinates) + 1) * width
+        return sparse.csr_array((values.ravel(), columns.ravel(), pointers), shape=(len(coordinates), len(nodes)))
+
+    def _dense(self, coordinates: np.ndarray, axis: int) -> np.ndarray:
+        return self._gaussian(np.subtract.outer(coordinates, self._nodes[axis]))
+
+    def _gaussian(self, difference: np.ndarray) -> np.ndarray:
+        kernel = difference.astype(self._dtype, copy=False)
+        kernel *= kernel
+        kernel *= self._dtype.type(self._factor)
+        return np.exp(kernel, out=kernel)

@@ -1,0 +1,26 @@
+"""What a filter believes, as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Belief:
+    """First two moments of a belief over the state.
+
+    ``mean`` (d,) and ``covariance`` (d, d) in m (yaw: rad), ``effective_sample_size`` of the hypotheses,
+    and how many ``hypotheses`` (particles or cells) are held.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    effective_sample_size: float
+    hypotheses: int
+
+    @property
+    def trace(self) -> float:
+        """Sum of the variances: the paper's measure of how peaked the belief is (III-D)."""
+        return float(np.trace(self.covariance))

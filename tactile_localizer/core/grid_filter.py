@@ -1,0 +1,145 @@
+"""Grid filter: the exact Bayes recursion (paper, Eq. 1 and 2) on cells that cover the scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.measurement import MeasurementModel, flatten_axes
+from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.weights import moments
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import Scene
+
+_THREE_POINT = 0.6
+"""Variance, in cells squared, up to which three points represent a Gaussian step."""
+_WORTH_DIFFUSING = 0.02
+"""Variance, in cells squared, below which diffusion is saved up: a step costs the same however small."""
+
+
+class GridFilter:
+    """Probability of every cell of the state space; the accuracy limit of any number of particles.
+
+    The cells ride along with the palm: a displacement moves all of them, and only when they have moved by half
+    their size are the probabilities shifted by a whole cell. Motion below a cell's size is so represented exactly,
+    without the smearing of interpolation. Probability that leaves the scene's bounds is lost.
+
+    Parameters
+    ----------
+    scene : bounds and motion noise
+    model : the measurement model; evaluated at the cells' centres
+    cell : (d,) largest size of a cell, m (yaw: rad)
+
+    Raises
+    ------
+    ParameterError
+        More cells than memory is meant for.
+    """
+
+    MOST_CELLS = 4_000_000
+
+    def __init__(self, scene: Scene, model: MeasurementModel, cell: np.ndarray) -> None:
+        extent = scene.upper - scene.lower
+        counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
+        if float(np.prod(counts)) > self.MOST_CELLS:
+            raise ParameterError(f"cells: expected at most {self.MOST_CELLS}, got {counts.prod():.3g}; use larger cells")
+        self._shape = tuple(int(count) for count in counts)
+        self._cell = extent / counts
+        self._centres = [
+            low + size * (np.arange(count) + 0.5)
+            for low, size, count in zip(scene.lower, self._cell, self._shape, strict=True)
+        ]
+        self._model = model
+        self._motion = MotionModel(scene)
+        self._wraps = scene.wraps
+        self.reset()
+
+    def reset(self) -> None:
+        """See :meth:`BayesFilter.reset`."""
+        self._place(np.ones(self._shape))
+
+    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
+        """See :meth:`BayesFilter.seed`. Deviations below half a cell are taken as half a cell."""
+        log_density = np.zeros(self._shape)
+        for axis, centres in enumerate(self._centres):
+            scaled = (centres - mean[axis]) / max(std[axis], 0.5 * self._cell[axis])
+            log_density += np.expand_dims(-0.5 * scaled**2, [a for a in range(len(self._shape)) if a != axis])
+        self._place(np.exp(log_density - log_density.max()))
+
+    def predict(self, displacement: np.ndarray, travel: float) -> None:
+        """See :meth:`BayesFilter.predict`."""
+        self._offset = self._offset + displacement
+        cells = np.rint(self._offset / self._cell).astype(int)
+        if cells.any():
+            self._offset -= cells * self._cell
+            for axis in np.flatnonzero(cells):
+                self._shift(int(axis), int(cells[axis]))
+        self._pending = self._pending + self._motion.variance(travel) / self._cell**2
+        for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
+            self._diffuse(int(axis))
+
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float) -> float:
+        """See :meth:`BayesFilter.update`."""
+        log_likelihood = self._model.log_likelihood_on(self._axes(), strain, present)
+        with np.errstate(divide="ignore"):
+            log_belief = np.log(self._belief)
+        joint = log_belief + log_likelihood
+        peak = joint.max()
+        log_marginal = float(peak + np.log(np.sum(np.exp(joint - peak))))
+        log_belief += exponent * log_likelihood
+        log_belief -= log_belief.max()
+        self._belief = np.exp(log_belief, out=log_belief)
+        self._belief /= self._belief.sum()
+        return log_marginal
+
+    def belief(self) -> Belief:
+        """See :meth:`BayesFilter.belief`. The spread within a cell counts."""
+        weights = self._belief.ravel()
+        mean, covariance = moments(flatten_axes(self._axes()), weights, self._wraps)
+        covariance += np.diag(self._cell**2 / 12.0 + self._pending * self._cell**2)
+        return Belief(mean, covariance, float(1.0 / (weights @ weights)), weights.size)
+
+    def recover(self, fraction: float) -> None:
+        """See :meth:`BayesFilter.recover`."""
+        self._belief *= 1.0 - fraction
+        self._belief += fraction / self._belief.size
+
+    def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`BayesFilter.hypotheses`."""
+        return flatten_axes(self._axes()), self._belief.ravel()
+
+    def _place(self, belief: np.ndarray) -> None:
+        self._belief = belief / belief.sum()
+        self._offset = np.zeros(len(self._shape))
+        self._pending = np.zeros(len(self._shape))
+
+    def _axes(self) -> list[np.ndarray]:
+        return [centres + offset for centres, offset in zip(self._centres, self._offset, strict=True)]
+
+    def _shift(self, axis: int, cells: int) -> None:
+        """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""
+        moved = np.roll(self._belief, cells, axis=axis)
+        if not self._wraps[axis]:
+            emptied = [slice(None)] * moved.ndim
+            emptied[axis] = slice(None, cells) if cells > 0 else slice(cells, None)
+            moved[tuple(emptied)] = 0.0
+        total = moved.sum()
+        if total > 0.0:
+            self._belief = moved / total
+        else:
+            self._belief = np.full(self._shape, 1.0 / moved.size)
+
+    def _diffuse(self, axis: int) -> None:
+        """Spread by the pending variance: small ones by a three-point step, which is exact in the variance."""
+        mode = "wrap" if self._wraps[axis] else "constant"
+        variance = float(self._pending[axis])
+        if variance <= _THREE_POINT:
+            kernel = [0.5 * variance, 1.0 - variance, 0.5 * variance]
+            self._belief = ndimage.correlate1d(self._belief, kernel, axis=axis, mode=mode)
+        else:
+            self._belief = ndimage.gaussian_filter1d(self._belief, math.sqrt(variance), axis=axis, mode=mode)
+        self._belief /= self._belief.sum()
+        self._pending[axis] = 0.0

@@ -1,0 +1,150 @@
+"""Particle filter: sampling importance resampling (paper, III-A and its reference [7])."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.kld import kld_sample_size
+from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.resampling import resampler
+from tactile_localizer.core.weights import effective_sample_size, moments, normalize, wrap_angle
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import Scene
+
+
+class ParticleFilter:
+    """Weighted particles that are moved, weighed, and resampled when too few of them carry the weight.
+
+    Parameters
+    ----------
+    scene : bounds and motion noise; outside the bounds the weight is zero
+    model : the measurement model
+    rng : the only source of randomness
+    particles : how many; the paper uses 75
+    resampling : one of :data:`~.resampling.RESAMPLERS`
+    resample_below : resample when the effective sample size falls below this share of the particles; 1: every step
+    random_particles : replace this many by uniformly random ones at each update, as the paper does (10)
+    adaptive : choose the number of particles by KLD sampling, up to ``particles``
+
+    Raises
+    ------
+    ParameterError
+        A count or share out of its range.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        model: MeasurementModel,
+        rng: np.random.Generator,
+        particles: int = 75,
+        resampling: str = "systematic",
+        resample_below: float = 0.5,
+        random_particles: int = 0,
+        adaptive: bool = False,
+    ) -> None:
+        if particles < 1:
+            raise ParameterError(f"particles: expected at least 1, got {particles}")
+        if not 0.0 < resample_below <= 1.0:
+            raise ParameterError(f"resample_below: expected a share in (0, 1], got {resample_below}")
+        if not 0 <= random_particles < particles:
+            raise ParameterError(f"random_particles: expected 0 to {particles - 1}, got {random_particles}")
+        self._scene = scene
+        self._model = model
+        self._motion = MotionModel(scene)
+        self._rng = rng
+        self._most = particles
+        self._resample = resampler(resampling)
+        self._resample_below = resample_below
+        self._random = random_particles
+        self._adaptive = adaptive
+        self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
+        self.reset()
+
+    def reset(self) -> None:
+        """See :meth:`BayesFilter.reset`. Stratified over the scene, so that even a few particles cover it."""
+        self._place(self._spread(self._most))
+
+    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
+        """See :meth:`BayesFilter.seed`."""
+        draws = self._rng.standard_normal((self._most, len(mean)))
+        self._place(np.clip(mean + draws * std, self._lower, self._upper))
+
+    def predict(self, displacement: np.ndarray, travel: float) -> None:
+        """See :meth:`BayesFilter.predict`."""
+        self._states = self._motion.sample(self._states, displacement, travel, self._rng)
+        if self._wraps.any():
+            self._states[:, self._wraps] = wrap_angle(self._states[:, self._wraps])
+
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float) -> float:
+        """See :meth:`BayesFilter.update`."""
+        self._resample_if_needed()
+        inside = np.all((self._states >= self._lower) & (self._states <= self._upper), axis=1)
+        if not inside.any():
+            self.reset()
+            inside = np.ones(len(self._states), dtype=bool)
+        log_likelihood = self._model.log_likelihood(self._states, strain, present)
+        prior = np.where(inside, self._log_weights, -math.inf)
+        _, log_marginal = normalize(prior + log_likelihood)
+        _, log_prior = normalize(prior)
+        self._log_weights, _ = normalize(prior + exponent * log_likelihood)
+        return log_marginal - log_prior
+
+    def belief(self) -> Belief:
+        """See :meth:`BayesFilter.belief`."""
+        mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
+        return Belief(mean, covariance, effective_sample_size(self._log_weights), len(self._states))
+
+    def recover(self, fraction: float) -> None:
+        """See :meth:`BayesFilter.recover`: the lightest particles make room, each random one of average weight."""
+        count = min(int(self._rng.binomial(len(self._states), fraction)), len(self._states) - 1)
+        if count:
+            self._replace_lightest(count)
+
+    def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`BayesFilter.hypotheses`."""
+        return self._states, np.exp(self._log_weights)
+
+    def _place(self, states: np.ndarray) -> None:
+        self._states = states
+        self._log_weights = np.full(len(states), -math.log(len(states)))
+
+    def _spread(self, count: int) -> np.ndarray:
+        """``count`` uniform states in a Latin hypercube: as random as independent ones, but without holes."""
+        strata = np.stack([self._rng.permutation(count) for _ in range(self._scene.dimension)], axis=1)
+        return self._lower + (strata + self._rng.random(strata.shape)) / count * (self._upper - self._lower)
+
+    def _replace_lightest(self, count: int) -> None:
+        lightest = np.argpartition(self._log_weights, count - 1)[:count]
+        self._states[lightest] = self._spread(count)
+        self._log_weights[lightest] = -math.log(len(self._states))
+        self._log_weights, _ = normalize(self._log_weights)
+
+    def _resample_if_needed(self) -> None:
+        count = len(self._states)
+        if self._resample_below == 1.0 or effective_sample_size(self._log_weights) < self._resample_below * count:
+            if self._adaptive:
+                count = kld_sample_size(self._states, np.exp(self._log_weights), self._scene, self._most)
+            weights = np.exp(self._log_weights)
+            spread = self._regularization(weights)
+            ancestors = self._resample(weights, count, self._rng)
+            jitter = self._rng.standard_normal((count, self._scene.dimension)) @ spread.T
+            self._place(self._states[ancestors] + jitter)
+        if self._random:
+            self._replace_lightest(self._random)
+
+    def _regularization(self, weights: np.ndarray) -> np.ndarray:
+        """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.
+
+        A regularised particle filter (Musso, Oudjane and Le Gland, 2001): half the bandwidth that is optimal for
+        a Gaussian belief, which vanishes as the particles grow in number.
+        """
+        d = self._scene.dimension
+        bandwidth = 0.5 * (4.0 / ((d + 2.0) * len(weights))) ** (1.0 / (d + 4.0))
+        _, covariance = moments(self._states, weights, self._wraps)
+        values, vectors = np.linalg.eigh(covariance)
+        return vectors * (bandwidth * np.sqrt(np.maximum(values, 0.0)))
