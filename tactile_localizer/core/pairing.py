@@ -70,6 +70,11 @@ class Pairing(Generic[T]):
         self._newest_strain_ns: int | None = None
 
     @property
+    def newest_ns(self) -> int | None:
+        """Stamp of the newest strain vector, ns; ``None`` before the first."""
+        return self._newest_strain_ns
+
+    @property
     def waiting_ns(self) -> int | None:
         """Stamp of the oldest strain vector that waits for a pose, ns; ``None`` when none waits."""
         return self._waiting[0][0] if self._waiting else None

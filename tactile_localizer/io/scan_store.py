@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer import __version__
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io import scan_file
@@ -318,7 +319,8 @@ class ScanStore:
         """Add an entry to the file's history: where its pairs came from and what was done to them."""
         at = datetime.now(timezone.utc).isoformat(timespec="seconds")
         insert = "INSERT INTO history (at, what, detail) VALUES (?, ?, ?)"
-        self._write([(insert, (at, what, json.dumps(detail)))], "history entry")
+        entry = json.dumps({**detail, "version": __version__})
+        self._write([(insert, (at, what, entry))], "history entry")
 
     # Reading
 

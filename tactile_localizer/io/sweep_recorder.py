@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from tactile_localizer.io.scan_store import ScanStore
 Felt = tuple[np.ndarray, np.ndarray]
 """Strain voltages (8F,), V, and status bits (F,)."""
 
-_EVER, _NEVER = -(2**63), 2**63 - 1
+_BEFORE_ALL_NS = -1
 
 
 @dataclass
@@ -42,23 +42,34 @@ class SweepRecorder:
     store : open for writing
     detector : finds the sweeps; ``None``: they are asked for by :meth:`start` and :meth:`end`
     coverage : counts the recorded pairs
+    on_change : called with the stamp, ns, after which a sweep was opened or closed
 
     Attributes
     ----------
+    sweeps : sweeps in the file
     gaps : samples of sweeps that had no pose near enough in time
     skipped : samples of sweeps left out because they were missing, saturated or out of bounds
     """
 
-    def __init__(self, store: ScanStore, detector: SweepDetector | None, coverage: Coverage) -> None:
+    def __init__(
+        self,
+        store: ScanStore,
+        detector: SweepDetector | None,
+        coverage: Coverage,
+        on_change: Callable[[int], None] = lambda stamp_ns: None,
+    ) -> None:
         self.store = store
+        known = store.sweeps()
+        self.sweeps = len(known)
         self.gaps = 0
         self.skipped = 0
         self._detector = detector
         self._coverage = coverage
-        self._sweeps: deque[_Sweep] = deque()
-        self._last_number = max((sweep.number for sweep in store.sweeps()), default=0)
+        self._planned: deque[_Sweep] = deque()
+        self._on_change = on_change
+        self._last_number = max((sweep.number for sweep in known), default=0)
         self._detected = 0
-        self._newest_ns = _EVER
+        self._newest_ns = _BEFORE_ALL_NS
         self._batch: list[Pair[Felt]] = []
         self._sweep_gaps = 0
         self._sweep_skipped = 0
@@ -66,7 +77,7 @@ class SweepRecorder:
     @property
     def is_active(self) -> bool:
         """Whether a sweep is open."""
-        return bool(self._sweeps) and self._sweeps[-1].until_ns is None
+        return bool(self._planned) and self._planned[-1].until_ns is None
 
     @property
     def number(self) -> int:
@@ -87,7 +98,9 @@ class SweepRecorder:
         if self.store.active_sweep is None:
             self.store.begin_sweep(sweep.number)
         self._last_number = sweep.number
-        self._sweeps.append(sweep)
+        self.sweeps += 1
+        self._planned.append(sweep)
+        self._on_change(after_ns)
         return sweep.number
 
     def end(self, until_ns: int) -> int:
@@ -100,7 +113,8 @@ class SweepRecorder:
         """
         if not self.is_active:
             raise ScanError("end sweep: expected one under way, found none")
-        self._sweeps[-1].until_ns = until_ns
+        self._planned[-1].until_ns = until_ns
+        self._on_change(until_ns)
         return self._last_number
 
     def take(self, pairs: Sequence[Pair[Felt]]) -> None:
@@ -137,7 +151,7 @@ class SweepRecorder:
             The file cannot be written. The sweep is given up; what was committed of it is kept.
         """
         try:
-            while self._sweeps and (until_ns := self._sweeps[0].until_ns) is not None:
+            while self._planned and (until_ns := self._planned[0].until_ns) is not None:
                 if waiting_ns is not None and waiting_ns <= until_ns:
                     break
                 self._finish()
@@ -155,7 +169,7 @@ class SweepRecorder:
             The file cannot be written.
         """
         if self.is_active:
-            self.end(_NEVER)
+            self.end(self._newest_ns)
         self.settle(None)
 
     def _place(self, pair: Pair[Felt]) -> None:
@@ -165,10 +179,10 @@ class SweepRecorder:
         if self._detector is not None and pair.position is not None:
             self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
         while (
-            self._sweeps and (until_ns := self._sweeps[0].until_ns) is not None and pair.stamp_ns > until_ns
+            self._planned and (until_ns := self._planned[0].until_ns) is not None and pair.stamp_ns > until_ns
         ):
             self._finish()
-        if self._sweeps and pair.stamp_ns > self._sweeps[0].after_ns:
+        if self._planned and pair.stamp_ns > self._planned[0].after_ns:
             if pair.position is None:
                 self.gaps += 1
                 self._sweep_gaps += 1
@@ -192,7 +206,7 @@ class SweepRecorder:
             self._detector.reset()
             self._detected = 0
         elif was_active:
-            self.start(_EVER)
+            self.start(_BEFORE_ALL_NS)
 
     def _flush(self) -> None:
         if not self._batch:
@@ -213,15 +227,15 @@ class SweepRecorder:
     def _finish(self) -> None:
         """End the oldest sweep in the file and begin the next one that is waiting."""
         self._flush()
-        self._sweeps.popleft()
+        self._planned.popleft()
         gaps, skipped = self._sweep_gaps, self._sweep_skipped
         self._sweep_gaps = self._sweep_skipped = 0
         self.store.end_sweep(gaps=gaps, skipped=skipped)
-        if self._sweeps:
-            self.store.begin_sweep(self._sweeps[0].number)
+        if self._planned:
+            self.store.begin_sweep(self._planned[0].number)
 
     def _give_up(self) -> None:
-        self._sweeps.clear()
+        self._planned.clear()
         self._batch = []
         self._detected = 0
         if self.store.active_sweep is not None:

@@ -1,0 +1,242 @@
+"""Records a training scan: by sweeps, strain vectors and the palm positions at their stamps."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from tactile_localizer.core.coverage import SWEEP_DISTANCE_M, Coverage
+from tactile_localizer.core.pairing import DEFAULT_PATIENCE_S, Pair, Pairing
+from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
+from tactile_localizer.errors import MeasurementError, ParameterError, ScanError, TactileLocalizerError
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
+from tactile_localizer.msg import ScanStatus, StrainVectors
+from tactile_localizer.nodes import palm_pose, stamps
+from tactile_localizer.nodes.lifecycle import ManagedNode, run
+from tactile_localizer.nodes.parameters import Parameter
+from tactile_localizer.nodes.strain_vectors import StrainReader
+
+_COMMIT_PERIOD_S = 0.2
+_STATUS_PERIOD_S = 0.5
+
+PARAMETERS = (
+    Parameter("scan_file", "", "Scan file; recording goes on in one that exists"),
+    Parameter("scene_file", "", "Scene (YAML): axes, bounds and phalanges that are recorded"),
+    Parameter("max_gap_s", DEFAULT_MAX_GAP_S, "Poses further apart are not interpolated", "s", 0.0, 10.0),
+    Parameter("patience_s", DEFAULT_PATIENCE_S, "Time, by stamps, to wait for a late pose", "s", 0.0, 60.0),
+    Parameter(
+        "sweep_detection",
+        "off",
+        "Sweeps by the services (off), or from the motion: both_ways, or one_way without the returns",
+        choices=("off", "both_ways", "one_way"),
+    ),
+    Parameter("reversal_m", DEFAULT_REVERSAL_M, "Travel back that ends a sweep", "m", 1e-5, 1.0),
+    Parameter("rest_s", DEFAULT_REST_S, "Time without that travel that ends a sweep", "s", 0.1, 60.0),
+    Parameter("sweep_distance_m", SWEEP_DISTANCE_M, "Distance of sweeps, for the coverage", "m", 1e-5, 1.0),
+    *palm_pose.PARAMETERS,
+)
+
+
+class MappingNode(ManagedNode):
+    """Pairs ``strain`` with ``palm_pose`` by stamps and appends the pairs of each sweep to the scan file."""
+
+    def __init__(self) -> None:
+        super().__init__("mapping", PARAMETERS)
+        self._recorder: SweepRecorder | None = None
+        self._pairing: Pairing[Felt] | None = None
+        self._status: Any = None
+        self._made: list[tuple[Callable[[Any], Any], Any]] = []
+
+    def configure(self) -> None:
+        """Open the scan file and offer the status."""
+        of = self.parameters
+        for name in ("scan_file", "scene_file"):
+            if not of[name]:
+                raise ParameterError(f"{name}: expected a path, got none")
+        self._scene = load_scene(of["scene_file"])
+        self._frame = palm_pose.palm_frame(of, self._scene)
+        self._reader = StrainReader(self._scene)
+        self._coverage = Coverage(self._scene, of["sweep_distance_m"])
+        store = ScanStore.open_or_create(of["scan_file"], self._scene)
+        self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
+        if any(sweep.pairs and not sweep.dropped for sweep in store.sweeps()):
+            self._coverage.add(store.load().states)
+        store.note("record", {"node": self.get_fully_qualified_name()})
+        latched = QoSProfile(
+            depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+        )
+        self._status = self.create_publisher(ScanStatus, "~/status", latched)
+
+    def activate(self) -> None:
+        """Listen to strain and poses, offer the services, and publish the status."""
+        of = self.parameters
+        self._pairing = Pairing(self._scene.axes, max_gap_s=of["max_gap_s"], patience_s=of["patience_s"])
+        self._rate = 0.0
+        self._refusals: dict[str, str] = {}
+        self._counts: deque[tuple[float, int]] = deque(maxlen=3)
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for kind, topic, work, qos in (
+            (StrainVectors, "strain", self._on_strain, best_effort),
+            (PoseStamped, "palm_pose", self._on_pose, 100),
+        ):
+            self._made.append((self.destroy_subscription, self.create_subscription(kind, topic, work, qos)))
+        for name, answer in (("~/start_sweep", self._on_start), ("~/end_sweep", self._on_end)):
+            self._made.append((self.destroy_service, self.create_service(Trigger, name, answer)))
+        # Time that cannot be set back or stand still, whatever the nodes' clock does.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        for period_s, tick in ((_COMMIT_PERIOD_S, self._commit), (_STATUS_PERIOD_S, self._on_status_due)):
+            self._made.append((self.destroy_timer, self.create_timer(period_s, tick, clock=steady)))
+        self._publish_status(self._newest_ns)
+
+    def deactivate(self) -> None:
+        """End the sweep and stop listening."""
+        for destroy, made in self._made:
+            destroy(made)
+        self._made = []
+        if self._recorder is not None and self._pairing is not None:
+            self._record(self._pairing.finish())
+            self._attempt_to(self._recorder.close)
+            self._pairing = None
+
+    def cleanup(self) -> None:
+        """Close the scan file."""
+        if self._recorder is not None:
+            recorder, self._recorder = self._recorder, None
+            self._attempt_to(recorder.store.close)
+        if self._status is not None:
+            self.destroy_publisher(self._status)
+            self._status = None
+
+    def _detector(self) -> SweepDetector | None:
+        of = self.parameters
+        if of["sweep_detection"] == "off":
+            return None
+        return SweepDetector(
+            self._scene.axes,
+            one_way=of["sweep_detection"] == "one_way",
+            reversal_m=of["reversal_m"],
+            rest_s=of["rest_s"],
+        )
+
+    def _on_strain(self, message: StrainVectors) -> None:
+        stamp_ns = stamps.to_ns(message.header.stamp)
+        if self._pairing is None or not stamp_ns:
+            return
+        try:
+            felt = self._reader.read(message)
+        except TactileLocalizerError as error:
+            self._refuse("strain", error)
+            return
+        self._refusals.pop("strain", None)
+        self._record(self._pairing.add_strain(stamp_ns, felt))
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        stamp_ns = stamps.to_ns(message.header.stamp)
+        if self._pairing is None or not stamp_ns:
+            return
+        try:
+            pairs = self._pairing.add_pose(stamp_ns, palm_pose.position(self._frame, message))
+        except MeasurementError as error:
+            self._refuse("palm_pose", error)
+            return
+        self._refusals.pop("palm_pose", None)
+        self._record(pairs)
+
+    def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
+        """A message cannot be used: no sweep begins until the next of its topic can."""
+        self._refusals[topic] = f"{topic}: {error}"
+        self._complain(self._refusals[topic])
+
+    def _record(self, pairs: list[Pair[Felt]]) -> None:
+        if self._recorder is not None:
+            self._attempt_to(self._recorder.take, pairs)
+
+    def _commit(self) -> None:
+        if self._recorder is not None and self._pairing is not None:
+            self._attempt_to(self._recorder.settle, self._pairing.waiting_ns)
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin a sweep after the newest sample that has come."""
+
+        def start(recorder: SweepRecorder) -> str:
+            for reason in self._refusals.values():
+                raise ScanError(f"start sweep: {reason}")
+            return f"sweep {recorder.start(self._newest_ns)} begins"
+
+        return self._answer(response, start)
+
+    def _on_end(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """End the sweep after the newest sample that has come."""
+        return self._answer(response, lambda recorder: f"sweep {recorder.end(self._newest_ns)} ends")
+
+    def _answer(self, response: Trigger.Response, work: Callable[[SweepRecorder], str]) -> Trigger.Response:
+        try:
+            if self.parameters["sweep_detection"] != "off":
+                raise ScanError("sweeps are found from the motion: expected sweep_detection off")
+            if self._recorder is None:
+                raise ScanError("expected an active node")
+            response.message = work(self._recorder)
+            response.success = True
+            self.get_logger().info(response.message)
+        except ScanError as error:
+            response.message = str(error)
+            self.get_logger().error(response.message)
+        return response
+
+    def _on_status_due(self) -> None:
+        if self._recorder is not None:
+            self._counts.append((time.monotonic(), self._recorder.store.pairs))
+            (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
+            self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
+        self._publish_status(self._newest_ns)
+
+    @property
+    def _newest_ns(self) -> int:
+        """Stamp of the newest sample, ns; 0 before the first."""
+        return (self._pairing and self._pairing.newest_ns) or 0
+
+    def _publish_status(self, stamp_ns: int) -> None:
+        """Tell how the scan is going; stamps are samples', so that a bag shows what belongs to a sweep."""
+        recorder = self._recorder
+        if recorder is None or not self.context.ok():
+            return
+        message = ScanStatus()
+        message.header.stamp = stamps.from_ns(max(stamp_ns, 0))
+        message.header.frame_id = self.parameters["material_frame"]
+        message.scan_file = str(recorder.store.path)
+        message.scene = self._scene.name
+        message.sweep_active = recorder.is_active
+        message.sweep = recorder.number
+        message.sweeps = recorder.sweeps
+        message.samples = recorder.store.pairs
+        message.coverage = self._coverage.share
+        message.gaps = recorder.gaps
+        message.skipped = recorder.skipped
+        message.rate = self._rate
+        self._status.publish(message)
+
+    def _attempt_to(self, work: Callable[..., None], *arguments: Any) -> None:
+        """Do what may fail for want of disk space; the node says so and goes on."""
+        try:
+            work(*arguments)
+        except ScanError as error:
+            self._complain(str(error))
+            self._publish_status(self._newest_ns)
+
+    def _complain(self, text: str) -> None:
+        self.get_logger().error(text, throttle_duration_sec=1.0)
+
+
+def main() -> int:
+    """Run the node."""
+    return run(MappingNode)

@@ -1,0 +1,303 @@
+"""The mapping node records what was felt where, by stamps, and says how it goes."""
+
+import signal
+
+import numpy as np
+import pytest
+
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+pytestmark = pytest.mark.ros
+
+SCENE = Scene(
+    "sheet",
+    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)),
+    (Phalanx("index", (0.0, 0.01)), Phalanx("middle", (0.0, -0.01))),
+)
+MS = 1_000_000
+START = 1_700_000_000_000 * MS
+
+
+class Hand:
+    """Publishes poses every 20 ms and strain every 5 ms of a path along x, by stamps alone."""
+
+    def __init__(self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="mapping"):
+        from geometry_msgs.msg import PoseStamped
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from tactile_localizer.msg import ScanStatus, StrainVectors
+
+        self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.Pose, self.Strain = PoseStamped, StrainVectors
+        self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
+        self.poses = probe.publisher(PoseStamped, "palm_pose", 100)
+        self.strain = probe.publisher(StrainVectors, "strain", best_effort)
+        self.now_ms = 0
+
+    @staticmethod
+    def x(stamp_ms):
+        return 0.01 + 0.00001 * stamp_ms
+
+    def stamp(self, message, stamp_ms):
+        total = START + stamp_ms * MS
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(total, 1_000_000_000)
+
+    def pose(self, stamp_ms):
+        message = self.Pose()
+        self.stamp(message, stamp_ms)
+        message.header.frame_id = self.frame
+        message.pose.position.x, message.pose.position.y = self.x(stamp_ms), 0.02
+        message.pose.orientation.w = 1.0
+        self.poses.publish(message)
+
+    def feel(self, stamp_ms, status=(0, 0, 0)):
+        message = self.Strain()
+        self.stamp(message, stamp_ms)
+        message.phalanges = list(self.phalanges)
+        message.strain = [float(stamp_ms + 1000 * gauge) for gauge in range(8 * len(self.phalanges))]
+        message.status = list(status)[: len(self.phalanges)]
+        message.sequence = [stamp_ms] * len(self.phalanges)
+        self.strain.publish(message)
+
+    def slide(self, duration_ms, poses=True):
+        """Publish what happens in the next ``duration_ms``, paced so that best effort loses nothing."""
+        for stamp_ms in range(self.now_ms + 1, self.now_ms + duration_ms + 1):
+            if poses and stamp_ms % 20 == 0:
+                self.pose(stamp_ms)
+            if stamp_ms % 5 == 0:
+                self.feel(stamp_ms)
+                self.probe.executor.spin_once(timeout_sec=0.002)
+        self.now_ms += duration_ms
+
+    def service(self, name):
+        from std_srvs.srv import Trigger
+
+        return self.probe.call(Trigger, f"{self.node}/{name}")
+
+    def wait_for_stamp(self, stamp_ms):
+        """Wait until the node's status shows that it has felt what was published up to ``stamp_ms``."""
+        wanted = START + stamp_ms * MS
+        self.probe.until(
+            lambda: self.statuses and stamp_of(self.statuses[-1]) >= wanted, f"status at {stamp_ms} ms"
+        )
+
+
+def stamp_of(message):
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+
+
+@pytest.fixture
+def files(tmp_path):
+    save_scene(SCENE, tmp_path / "scene.yaml")
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"}
+
+
+def load(files):
+    with ScanStore.open(files["scan_file"]) as store:
+        return store.load(), store.sweeps(), store.recording()
+
+
+def test_the_installed_node_records_a_sweep_with_the_palm_interpolated_at_each_strain_stamp(
+    node_process, probe, files
+):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.slide(100)
+    hand.wait_for_stamp(100)
+    assert hand.service("start_sweep").message == "sweep 1 begins"
+    hand.slide(500)
+    hand.wait_for_stamp(600)
+    assert hand.service("end_sweep").message == "sweep 1 ends"
+    hand.slide(100)
+    hand.wait_for_stamp(700)
+    assert process.stop() == 0
+    scan, sweeps, recording = load(files)
+    felt_ms = np.arange(105, 601, 5)
+    np.testing.assert_array_equal(recording.sweeps[0].stamp_ns, START + felt_ms * MS)
+    np.testing.assert_allclose(scan.states[:, 0], Hand.x(felt_ms), atol=1e-12)
+    np.testing.assert_allclose(scan.states[:, 1], 0.02)
+    np.testing.assert_array_equal(
+        scan.strain[:, 0], felt_ms + 8000, err_msg="index is the second phalanx sent"
+    )
+    np.testing.assert_array_equal(scan.strain[:, 8], felt_ms, err_msg="middle is the first phalanx sent")
+    assert [(s.ended, s.gaps, s.skipped) for s in sweeps] == [(True, 0, 0)]
+
+
+def test_the_status_tells_how_the_scan_goes_twice_a_second(node_process, probe, files):
+    node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    probe.until(lambda: len(hand.statuses) > 2, "the status while nothing happens")
+    idle = hand.statuses[-1]
+    assert (idle.scan_file, idle.scene, idle.sweep_active, idle.samples) == (
+        str(files["scan_file"]),
+        "sheet",
+        False,
+        0,
+    )
+    hand.service("start_sweep")
+    hand.slide(1000)
+    hand.feel(1001, status=(0, 2, 0))
+    hand.pose(1010)
+    probe.until(lambda: hand.statuses[-1].skipped == 1 and hand.statuses[-1].rate > 0, "the skipped sample")
+    status = hand.statuses[-1]
+    assert (status.sweep_active, status.sweep, status.sweeps) == (True, 1, 1)
+    assert 190 <= status.samples <= 200
+    assert 0.0 < status.coverage < 0.3
+    begun = next(message for message in hand.statuses if message.sweep_active)
+    assert stamp_of(begun) == 0, "the sweep began before the first sample"
+
+
+def test_gaps_in_the_poses_are_skipped_and_counted(node_process, probe, files):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.service("start_sweep")
+    hand.slide(200)
+    hand.slide(300, poses=False)
+    hand.slide(200)
+    probe.until(lambda: hand.statuses and hand.statuses[-1].gaps, "gaps in the status")
+    assert process.stop() == 0
+    scan, sweeps, recording = load(files)
+    felt_ms = (recording.sweeps[0].stamp_ns - START) // MS
+    assert not np.any((felt_ms > 200) & (felt_ms < 520))
+    assert sweeps[0].gaps >= 63
+    np.testing.assert_allclose(scan.states[:, 0], Hand.x(felt_ms), atol=1e-12)
+
+
+def test_poses_that_come_late_still_find_their_strain(node_process, probe, files):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.service("start_sweep")
+    hand.slide(400, poses=False)
+    for stamp_ms in range(0, 401, 20):
+        hand.pose(stamp_ms)
+    probe.until(lambda: hand.statuses and hand.statuses[-1].samples >= 80, "pairs")
+    assert process.stop() == 0
+    scan, *_ = load(files)
+    np.testing.assert_allclose(scan.states[:, 0], Hand.x(np.arange(5, 401, 5)), atol=1e-12)
+
+
+def test_a_frame_that_cannot_be_used_refuses_the_sweep_by_name(node_process, probe, files):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe, frame="map")
+    refusal = "palm pose frame 'map': expected 'material' or 'base'"
+    probe.until(lambda: hand.slide(20) or refusal in process.output, refusal)
+    answer = hand.service("start_sweep")
+    assert not answer.success
+    assert answer.message == "start sweep: palm_pose: palm pose frame 'map': expected 'material' or 'base'"
+    hand.frame = "base"
+    probe.until(lambda: hand.slide(20) or hand.service("start_sweep").success, "a sweep in a known frame")
+
+
+def test_strain_without_a_phalanx_of_the_scene_refuses_the_sweep(node_process, probe, files):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe, phalanges=("middle", "thumb"))
+    refusal = "phalanx 'index' of scene 'sheet': expected one of middle, thumb"
+    probe.until(lambda: hand.slide(20) or refusal in process.output, refusal)
+    assert not hand.service("start_sweep").success
+
+
+def test_services_out_of_turn_are_refused_with_the_reason(node_process, probe, files):
+    node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    assert hand.service("end_sweep").message == "end sweep: expected one under way, found none"
+    assert hand.service("start_sweep").success
+    answer = hand.service("start_sweep")
+    assert (answer.success, answer.message) == (False, "start sweep: expected none under way, found sweep 1")
+
+
+def test_sweeps_are_found_from_the_motion_when_that_is_asked_for(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, "sweep_detection": "both_ways"})
+    hand = Hand(probe)
+    hand.x = lambda stamp_ms: 0.01 + 0.00003 * abs(1000 - stamp_ms)
+    hand.slide(2000)
+    hand.wait_for_stamp(2000)
+    assert not hand.service("start_sweep").success
+    assert process.stop() == 0
+    _, sweeps, recording = load(files)
+    assert [sweep.number for sweep in sweeps] == [1, 2]
+    there, back = recording.sweeps
+    assert 990 <= (there.stamp_ns[-1] - START) // MS <= 1100
+    assert back.stamp_ns[0] > there.stamp_ns[-1]
+
+
+def test_a_second_node_on_the_file_is_refused_and_the_first_goes_on(node_process, probe, files):
+    first = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    second = node_process("mapping_node", parameters=files, remaps={"__node": "other"})
+    assert second.wait() == 2
+    assert f"expected to be its one writer, found process {first.pid} writing it" in second.output
+    assert "Traceback" not in second.output
+    assert hand.service("start_sweep").success
+
+
+def test_killed_while_recording_it_goes_on_as_a_new_sweep(node_process, probe, files):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.service("start_sweep")
+    hand.slide(600)
+    hand.wait_for_stamp(600)
+    probe.until(lambda: hand.statuses[-1].samples >= 110, "pairs")
+    with ScanStore.open(files["scan_file"]) as reader:
+        probe.until(lambda: sum(sweep.pairs for sweep in reader.sweeps()) >= 110, "committed pairs", 5.0)
+    process.stop(signal.SIGKILL)
+    kept = len(load(files)[0])
+    assert kept >= 110
+    process = node_process("mapping_node", parameters=files, remaps={"__node": "again"})
+    hand = Hand(probe, node="again")
+    probe.until(lambda: hand.statuses and hand.statuses[-1].samples == kept, "the status of the file so far")
+    assert hand.service("start_sweep").message == "sweep 2 begins"
+    hand.slide(200)
+    probe.until(lambda: hand.statuses[-1].samples > kept, "further pairs")
+    assert process.stop() == 0
+    _, sweeps, _ = load(files)
+    assert [sweep.ended for sweep in sweeps] == [False, True]
+
+
+def missing_scene(files, tmp_path):
+    return {**files, "scene_file": tmp_path / "none.yaml"}, "none.yaml: expected a scene file"
+
+
+def no_scan_file(files, tmp_path):
+    return {"scene_file": files["scene_file"]}, "scan_file: expected a path, got none"
+
+
+def foreign_scan(files, tmp_path):
+    files["scan_file"].write_text("not a scan " * 100)
+    return files, "scan.db: expected a scan file, file is not a database"
+
+
+def scan_of_another_scene(files, tmp_path):
+    other = Scene("other", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
+    ScanStore.create(files["scan_file"], other).close()
+    return files, "scan.db: expected axes x, y, found x"
+
+
+def folder_that_is_not_there(files, tmp_path):
+    return {**files, "scan_file": tmp_path / "none" / "scan.db"}, "expected a folder that can be written"
+
+
+def short_material_pose(files, tmp_path):
+    return {**files, "material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        missing_scene,
+        no_scan_file,
+        foreign_scan,
+        scan_of_another_scene,
+        folder_that_is_not_there,
+        short_material_pose,
+    ],
+    ids=lambda spoil: spoil.__name__,
+)
+def test_a_configuration_that_cannot_work_ends_the_node_with_one_line(node_process, files, tmp_path, spoil):
+    parameters, message = spoil(files, tmp_path)
+    process = node_process("mapping_node", parameters=parameters)
+    assert process.wait() == 2
+    assert message in process.output
+    assert "Traceback" not in process.output
+    assert len(process.lines) == 1
