@@ -9,8 +9,8 @@ A cycle is one sample of every load cell. Its first frame opens it; it closes
 A phalanx of which a frame is missing then is marked so, and its voltages are NaN. Frames are never
 mixed with those of another cycle: a rolling counter tells which sample of its load cell a frame belongs
 to, and, since all load cells make one sample a cycle, which cycle. A frame that comes after its cycle
-has closed is counted and dropped. Load cells whose clocks drift against each other slip by a cycle once
-in a while: after three samples too late in a row a load cell is taken as it comes again.
+has closed is counted and dropped. A load cell that has been in no cycle for a while, because it was
+silent, started anew, or slipped by a cycle since its clock drifts, is taken as it comes.
 
 Where the DBC has no counter only time tells cycles apart: a frame later than half the cycle's period,
 which is learned from complete cycles, is of the next one.
@@ -28,17 +28,15 @@ from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.scene import GAUGES
 
 REACH = 8
-"""Cycles over which a counter is trusted to tell which cycle a frame belongs to."""
+"""Cycles over which a counter tells which cycle a frame belongs to; later frames are taken as they come."""
 BEHIND = 2
 """Samples that a frame may be behind the newest of its load cell to count as out of order."""
-LATE_SAMPLES = 3
-"""Samples too late in a row after which a load cell is taken as it comes."""
 
 
 class _LoadCell:
     """What is known of one load cell between frames."""
 
-    __slots__ = ("counter", "counts", "cycle", "flags", "have", "late", "parts", "sequence", "span")
+    __slots__ = ("counter", "counts", "cycle", "flags", "have", "parts", "sequence", "span")
 
     def __init__(self, parts: int, counter_bits: int, counts: PhalanxCounts) -> None:
         self.parts = parts
@@ -49,7 +47,6 @@ class _LoadCell:
         self.have = 0  # bits of its frames that are there
         self.flags = 0
         self.sequence = 0
-        self.late = 0  # frames too late in a row
 
 
 class CycleAssembler:
@@ -157,7 +154,6 @@ class CycleAssembler:
             self._close()
         ahead = self._ahead(cell, step)
         if ahead < 0:
-            cell.late += 1
             return FrameKind.OUT_OF_ORDER
         if self._open and ahead > 0:
             self._close()
@@ -192,9 +188,7 @@ class CycleAssembler:
         expected = self._cycle + (not self._open) - cell.cycle
         ahead = _nearest(step - expected, cell.span)
         reach = min(REACH, cell.span // 2 + 1)
-        if expected >= reach or abs(ahead) >= reach or (ahead < 0 and cell.late >= LATE_SAMPLES * cell.parts):
-            return 0
-        return ahead
+        return 0 if expected >= reach or abs(ahead) >= reach else ahead
 
     def _begin(self, number: int, stamp_ns: int) -> None:
         self._open = True
@@ -219,7 +213,7 @@ class CycleAssembler:
             cell.counts.drops += advance * cell.parts - cell.have.bit_count()
         cell.counter = counter
         cell.cycle = self._cycle
-        cell.have = cell.flags = cell.late = 0
+        cell.have = cell.flags = 0
 
     def _close(self) -> None:
         self._keep()

@@ -155,11 +155,12 @@ class LoadCellProtocol:
         signed = ((raw ^ sign) - sign).view(np.int64).astype(np.float64)
         value = np.where(sign != 0, signed, raw.astype(np.float64))
         float_bits = layout.float_bits[slot]
-        for bits in (16, 32, 64):
-            chosen = float_bits == bits
-            if chosen.any():
-                value[chosen] = raw[chosen].astype(f"u{bits // 8}").view(f"f{bits // 8}")
-        return raw, value * layout.scale[slot] + layout.offset[slot]
+        with np.errstate(invalid="ignore", over="ignore"):  # a float's bits may be anything
+            for bits in (16, 32, 64):
+                chosen = float_bits == bits
+                if chosen.any():
+                    value[chosen] = raw[chosen].astype(f"u{bits // 8}").view(f"f{bits // 8}")
+            return raw, value * layout.scale[slot] + layout.offset[slot]
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
         """Which gauges of ``strain`` (8F,), V, as decoded, stand at an end of their range: (8F,) bool."""

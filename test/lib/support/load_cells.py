@@ -1,0 +1,47 @@
+"""Frames of load cells whose samples can be told apart by their voltages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import can
+import numpy as np
+
+from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.resources import resource_path
+
+PERIOD_NS = 5_000_000
+"""Period of the cycles, ns."""
+
+START_NS = 1_700_000_000_000_000_000
+"""Stamp of the first cycle, ns."""
+
+
+def protocol(phalanges: Sequence[str] = ("index", "middle"), dbc: str = "loadcells.dbc") -> LoadCellProtocol:
+    """One of the example layouts."""
+    return LoadCellProtocol.from_dbc(resource_path(f"config/{dbc}"), phalanges)
+
+
+def strain_of(phalanx: int, number: int) -> np.ndarray:
+    """Voltages (8,), V, of a sample: multiples of 0.25 mV that are different for 1000 samples in a row."""
+    return np.round((number % 1000 - 500) * 8 + np.arange(8) * 0.5 + phalanx * 4) * 0.00025
+
+
+def number_of(phalanx: int, strain: np.ndarray) -> int:
+    """Which of 1000 samples ``strain`` (8,) is of; fails if its voltages are not all of one sample."""
+    number = round((strain[0] / 0.00025 - phalanx * 4) / 8) + 500
+    np.testing.assert_allclose(strain, strain_of(phalanx, number), atol=1e-9)
+    return number
+
+
+def sample(
+    protocol: LoadCellProtocol, phalanx: int, number: int, stamp_ns: int | None = None
+) -> list[can.Message]:
+    """Frames of one sample; stamped when its cycle is due unless ``stamp_ns`` says otherwise."""
+    stamp_ns = START_NS + number * PERIOD_NS if stamp_ns is None else stamp_ns
+    return protocol.encode(phalanx, strain_of(phalanx, number), number, stamp_s=stamp_ns * 1e-9)
+
+
+def cycle(protocol: LoadCellProtocol, number: int, stamp_ns: int | None = None) -> list[can.Message]:
+    """Frames of one sample of every phalanx."""
+    return [frame for p in range(len(protocol.phalanges)) for frame in sample(protocol, p, number, stamp_ns)]
