@@ -31,3 +31,20 @@ def resource_path(relative: str | Path) -> Path:
         if path.exists():
             return path
     raise FileNotFoundError(f"{relative}: expected in one of {', '.join(map(str, places))}, found in none")
+
+
+def given_or_shipped(path: str | Path, folder: str) -> Path:
+    """``path`` where it exists, else the file of that name that comes with the package, else ``path`` again.
+
+    Parameters
+    ----------
+    path : as given; only a plain name, such as ``linen.yaml``, is looked for in the package
+    folder : where the package keeps such files, such as ``config/scenes``
+    """
+    path = Path(path).expanduser()
+    if path.exists() or path.parent != Path("."):
+        return path
+    try:
+        return resource_path(Path(folder, path))
+    except FileNotFoundError:
+        return path

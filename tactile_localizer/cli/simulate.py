@@ -59,7 +59,7 @@ def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
     strain_names = [f"{phalanx}_{gauge}" for phalanx in PHALANGES for gauge in range(1, GAUGES + 1)]
     header = ",".join(["stamp_s", "sweep", *AXES, *strain_names])
     table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain])
-    formats = ["%.6f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names)]
+    formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names)]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savetxt(path, table, formats, delimiter=",", header=header, comments="")

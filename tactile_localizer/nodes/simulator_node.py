@@ -29,7 +29,7 @@ from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can_protocol import LoadCellProtocol
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.parameters import Parameter
-from tactile_localizer.resources import resource_path
+from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.sim.can_cells import CanLoadCells, Faults
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
@@ -57,10 +57,10 @@ PARAMETERS = (
     Parameter("load_cell_rate_hz", RATE_HZ, "Rate of the load cells, simulated", "Hz", 0.1, 2000.0),
     Parameter("frame_id", "base", "Frame of the palm poses"),
     Parameter("material_frame_id", "material", "Frame of the ground truth"),
-    Parameter("can.interface", "udp_multicast", "python-can interface that the load cells send on"),
-    Parameter("can.channel", "239.74.163.2", "Channel of the CAN interface"),
-    Parameter("can.options", [], "Further options of the CAN interface, each name=value"),
-    Parameter("can.dbc", "", "DBC file of the load cells; empty: the package's own"),
+    Parameter("interface", "udp_multicast", "python-can interface of the bus"),
+    Parameter("channel", "239.74.163.2", "Channel of the interface"),
+    Parameter("bus_options", [], "Further options of the interface, each as name=value"),
+    Parameter("dbc", "loadcells.dbc", "CAN database: a path, or a file in the package's config directory"),
     Parameter("fault.drop", 0.0, "Probability that a frame is lost", "", 0.0, 1.0, live=True),
     Parameter("fault.garbage", 0.0, "Probability of garbage after a frame", "", 0.0, 1.0, live=True),
     Parameter("fault.silent", [], "Phalanges whose load cell sends nothing", live=True),
@@ -85,11 +85,11 @@ class SimulatorNode(ManagedNode):
         of = self.parameters
         self._speed = of["speed"]
         self._rig = Rig(of["feature"], of["seed"], of["sweep_speed_mps"], of["load_cell_rate_hz"])
-        dbc = of["can.dbc"] or resource_path("config/loadcells.dbc")
+        dbc = given_or_shipped(of["dbc"], "config")
         protocol = LoadCellProtocol.from_dbc(dbc, PHALANGES)
         self._faults = self._read_faults()
-        options = parse_options(of["can.options"])
-        self._bus = open_bus(BusSettings(of["can.interface"], of["can.channel"], options), protocol)
+        options = parse_options(of["bus_options"])
+        self._bus = open_bus(BusSettings(of["interface"], of["channel"], options), protocol)
         self._cells = CanLoadCells(protocol, self._bus, child(of["seed"], _BUS_NOISE))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._pose = self.create_publisher(PoseStamped, "palm_pose", 100)

@@ -23,7 +23,7 @@ TEST_SWEEPS = 18
 
 _PLAN = 3 << 30
 _LATEST_START_M = 8.0e-3
-_LATEST_BLANK_END_M = 14.0e-3
+_LATEST_BLANK_END_M = 13.0e-3
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+"""``tactile-localizer simulate``: recordings that the other commands read."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer import cli
+from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+
+
+@pytest.fixture
+def scene():
+    return load_scene(resource_path("config/scenes/snap.yaml"))
+
+
+def test_recordings_read_back_as_what_was_simulated(tmp_path, scene, capsys):
+    assert (
+        cli.main(["simulate", "snap", "-o", str(tmp_path), "--seed", "3", "--train", "2", "--test", "3"]) == 0
+    )
+    assert "train.csv: 2 sweeps" in capsys.readouterr().out
+    train, test = (read_csv(tmp_path / f"{name}.csv", scene) for name in ("train", "test"))
+    assert not train.notes + test.notes
+    expected = simulate_scan("snap", 3, sweeps=2)
+    np.testing.assert_allclose(
+        np.vstack([sweep.position for sweep in train.sweeps]), expected.odometry, atol=1e-7
+    )
+    np.testing.assert_allclose(
+        np.vstack([sweep.strain for sweep in train.sweeps]), expected.strain, atol=1e-6
+    )
+    expected = simulate_scan("snap", 3, "test", sweeps=3)
+    assert len(test.sweeps) == 3
+    np.testing.assert_allclose(
+        np.vstack([sweep.position for sweep in test.sweeps]), expected.truth, atol=1e-7
+    )
+    np.testing.assert_array_equal(
+        np.concatenate([sweep.stamp_ns for sweep in test.sweeps]), expected.stamp_ns
+    )
+
+
+def test_sweeps_that_never_reach_the_feature_end_before_it(tmp_path, scene):
+    command = ["simulate", "snap", "-o", str(tmp_path), "--train", "1", "--test", "4", "--never-reach"]
+    assert cli.main(command) == 0
+    assert all(
+        np.max(sweep.position[:, 0]) < 0.016 for sweep in read_csv(tmp_path / "test.csv", scene).sweeps
+    )
+
+
+def test_mistakes_are_one_line(tmp_path, capsys):
+    assert cli.main(["simulate", "bump", "-o", str(tmp_path), "--test", "0"]) == 2
+    assert capsys.readouterr().err == "error: simulated scan: expected at least one sweep, got 0\n"
+    (tmp_path / "file").touch()
+    assert cli.main(["simulate", "bump", "-o", str(tmp_path / "file"), "--train", "1", "--test", "1"]) == 2
+    assert "expected to write a recording" in capsys.readouterr().err
+
+
+def test_the_shipped_scenes_hold_every_sweep_and_every_touch():
+    for feature in ("bump", "snap", "grommet"):
+        scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+        for kind in ("train", "test"):
+            scan = simulate_scan(feature, 1, kind)
+            assert np.all((scan.odometry >= scene.lower) & (scan.odometry <= scene.upper)) or kind == "test"
+            for contact, end in zip(scan.contact, scan.feature_end, strict=True):
+                if contact >= 0:
+                    felt = np.vstack(
+                        [scan.truth[[contact, end]] + phalanx.offset for phalanx in scene.phalanges]
+                    )
+                    assert np.all(np.any(scene.feature.contains(felt).reshape(-1, 2), axis=0))

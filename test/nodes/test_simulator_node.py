@@ -1,0 +1,204 @@
+"""The simulated hand as an installed process: poses over DDS, frames on the bus, services."""
+
+from __future__ import annotations
+
+import json
+import signal
+
+import can
+import numpy as np
+import pytest
+from support.waiting import wait_until
+
+from tactile_localizer.io.can_bus import BusSettings, open_bus
+from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_sweep
+from tactile_localizer.sim.scan import sweep_plan
+
+pytestmark = pytest.mark.ros
+
+SPEED, CELL_HZ, POSE_HZ = 10.0, 20.0, 20.0
+
+
+@pytest.fixture
+def start(node_process, simulated_can):
+    """Start the node, quick and on a bus of its own."""
+
+    def start(**parameters):
+        return node_process(
+            "simulator_node",
+            {
+                "speed": SPEED,
+                "load_cell_rate_hz": CELL_HZ,
+                "pose_rate_hz": POSE_HZ,
+                "channel": simulated_can["channel"],
+                "bus_options": [f"port={simulated_can['port']}"],
+                **parameters,
+            },
+        )
+
+    return start
+
+
+@pytest.fixture
+def frames(simulated_can):
+    """A buffer of the frames on the bus."""
+    options = {"port": simulated_can["port"]}
+    bus = open_bus(BusSettings(simulated_can["interface"], simulated_can["channel"], options))
+    buffer = can.BufferedReader()
+    notifier = can.Notifier(bus, [buffer], timeout=0.1)
+    yield buffer
+    notifier.stop()
+    bus.shutdown()
+
+
+class Hand:
+    """What a test sees of the simulator."""
+
+    def __init__(self, probe):
+        from geometry_msgs.msg import PoseStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from std_msgs.msg import Bool
+        from std_srvs.srv import Trigger
+
+        self._probe, self._trigger = probe, Trigger
+        self.poses = probe.listen(PoseStamped, "palm_pose", 1000)
+        self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.active = probe.listen(Bool, "simulator/sweep_active", latched)
+
+    def call(self, service):
+        return self._probe.call(self._trigger, f"simulator/{service}")
+
+    def do_sweep(self):
+        """What the service says of a sweep, and its poses and ground truth, (n, 2) each."""
+        first = len(self.poses), len(self.truth)
+        told = json.loads(self.call("sweep").message)
+        self._probe.until(lambda: self.active and self.active[-1].data, "the sweep's start")
+        self._probe.until(lambda: not self.active[-1].data, "the sweep's end")
+        return told, xy(self.poses[first[0] :]), xy(self.truth[first[1] :])
+
+
+@pytest.fixture
+def hand(probe):
+    return Hand(probe)
+
+
+def xy(messages):
+    return np.array([[m.pose.position.x, m.pose.position.y] for m in messages])
+
+
+def drain(buffer):
+    messages = []
+    while (message := buffer.get_message(0)) is not None:
+        messages.append(message)
+    return messages
+
+
+def test_training_sweeps_follow_the_plan_one_after_another(start, hand):
+    start()
+    for number in range(2):
+        hand.call("prepare")
+        told, poses, truth = hand.do_sweep()
+        (_, y), (end, _) = sweep_plan("train", number, 1)
+        assert (told["mode"], told["sweep"]) == ("scan", number)
+        assert told["duration_s"] == pytest.approx(7.8 / SPEED, rel=0.2)
+        np.testing.assert_allclose(poses[[0, -1]], [[0, y], [end, y]], atol=3e-3)
+        np.testing.assert_allclose(truth[[0, -1]], poses[[0, -1]], atol=2e-3)
+        assert np.all(np.diff(poses[:, 0]) > -1e-3)
+
+
+def test_in_localize_mode_the_poses_are_off_by_an_unknown_constant(start, hand):
+    start(mode="localize")
+    hand.call("prepare")
+    told, poses, truth = hand.do_sweep()
+    assert told["mode"] == "localize"
+    n = min(len(poses), len(truth))
+    off = np.median(poses[-n:] - truth[-n:], axis=0)
+    assert np.max(np.abs(off)) > 0.01
+    np.testing.assert_allclose(np.ptp(poses, axis=0)[0], np.ptp(truth, axis=0)[0], atol=4e-3)
+
+
+def test_ground_truth_is_silent_while_the_fingers_are_open(start, hand, probe):
+    start()
+    probe.until(lambda: len(hand.poses) > 20, "palm poses")
+    assert not hand.truth
+    hand.call("prepare")
+    probe.until(lambda: hand.truth, "ground truth once the fingers are closed")
+
+
+def test_frames_carry_the_simulated_strain_of_the_sweep(start, hand, frames):
+    start()
+    hand.call("prepare")
+    drain(frames)
+    hand.do_sweep()
+    protocol = LoadCellProtocol.from_dbc(resource_path("config/loadcells.dbc"), ("index", "middle"))
+    decoded = protocol.decode(protocol.batch(drain(frames)))
+    assert set(decoded.kind) == {FrameKind.DATA}
+    start_at, end = sweep_plan("train", 0, 1)
+    felt = simulate_sweep("bump", 1, 0, "train", start=start_at, end=end, rate=CELL_HZ).strain[:, :4]
+    sent = decoded.voltage[decoded.slot == 0][:, :4]
+    assert len(sent) > 0.7 * len(felt)
+    apart = np.max(np.abs(sent[:, None] - felt), axis=2)
+    assert np.max(np.min(apart, axis=1)) < 0.02
+    assert np.quantile(np.min(apart, axis=0), 0.7) < 1e-3
+
+
+def test_asking_for_a_sweep_prepares_it_and_a_second_one_meanwhile_is_refused(start, hand, probe):
+    start(speed=2.0)
+    assert hand.call("sweep").success
+    probe.until(lambda: hand.active and hand.active[-1].data, "the sweep's start")
+    for service in ("prepare", "sweep"):
+        answer = hand.call(service)
+        assert not answer.success
+        assert "sweeping" in answer.message
+
+
+def test_faults_are_switched_on_while_it_runs(start, hand, frames, probe):
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    start(**{"fault.silent": ["index"]})
+    protocol = LoadCellProtocol.from_dbc(resource_path("config/loadcells.dbc"), ("index", "middle"))
+    probe.until(lambda: len(hand.poses) > 10, "palm poses")
+
+    def kinds_and_slots():
+        wait_until(lambda: frames.buffer.qsize() > 80, "frames")
+        decoded = protocol.decode(protocol.batch(drain(frames)[-60:]))
+        return set(decoded.kind), set(decoded.slot[decoded.kind == FrameKind.DATA])
+
+    kinds, slots = kinds_and_slots()
+    assert kinds == {FrameKind.DATA}
+    assert {protocol.message_names[slot].split("_")[0] for slot in slots} == {"middle"}
+
+    some = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.5)
+    request = SetParameters.Request(parameters=[Parameter(name="fault.garbage", value=some)])
+    assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
+    drain(frames)
+    kinds, _ = kinds_and_slots()
+    assert {FrameKind.DATA, FrameKind.UNKNOWN_ID} <= kinds
+
+
+@pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_cleanly_in_the_middle_of_a_sweep(start, hand, sig):
+    node = start(speed=1.0)
+    assert hand.call("sweep").success
+    assert node.stop(sig) == 0
+    assert "Traceback" not in node.output
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"feature": "button"}, "expected one of bump, snap, grommet, seam, none, got 'button'"),
+        ({"interface": "nonsense"}, "expected an interface that opens"),
+        ({"dbc": "missing.dbc"}, "missing.dbc: expected a DBC file"),
+        ({"fault.silent": ["thumb"]}, "fault.silent: expected some of index, middle, got 'thumb'"),
+    ],
+)
+def test_a_parameter_that_cannot_work_is_refused_in_one_line(start, parameters, message):
+    node = start(**parameters)
+    assert node.wait() == 2
+    assert message in node.output
+    assert "Traceback" not in node.output

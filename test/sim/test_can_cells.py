@@ -1,0 +1,104 @@
+"""The load cells' side of the bus, on a real python-can bus within the process."""
+
+from collections import Counter
+
+import can
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.can_cells import CanLoadCells, Faults
+
+STRAIN = np.linspace(-1.9, 1.9, 16)
+
+
+@pytest.fixture(params=["loadcells.dbc", "loadcells_fd.dbc"])
+def protocol(request):
+    return LoadCellProtocol.from_dbc(resource_path(f"config/{request.param}"), ("index", "middle"))
+
+
+@pytest.fixture
+def buses():
+    """A virtual bus's two ends."""
+    ends = [can.Bus(interface="virtual", channel="test_can_cells") for _ in range(2)]
+    yield ends
+    for end in ends:
+        end.shutdown()
+
+
+def cells(protocol, bus):
+    return CanLoadCells(protocol, bus, np.random.default_rng(1))
+
+
+def received(bus):
+    messages = []
+    while (message := bus.recv(0)) is not None:
+        messages.append(message)
+    return messages
+
+
+def test_what_is_sent_decodes_to_the_same_voltages(protocol, buses):
+    sender = cells(protocol, buses[0])
+    sender.send(STRAIN)
+    messages = received(buses[1])
+    decoded = protocol.decode(protocol.batch(messages))
+    assert set(decoded.kind) == {FrameKind.DATA}
+    assert sender.frames_sent == len(messages)
+    voltages = np.concatenate(
+        [volts[: 16 // len(messages)] for volts in decoded.voltage[np.argsort(decoded.slot)]]
+    )
+    np.testing.assert_allclose(np.sort(voltages), STRAIN, atol=0.2e-3)
+
+
+def test_the_counter_goes_up_by_one_a_sample(protocol, buses):
+    sender = cells(protocol, buses[0])
+    for _ in range(5):
+        sender.send(STRAIN)
+    decoded = protocol.decode(protocol.batch(received(buses[1])))
+    assert list(decoded.counter[decoded.slot == 0]) == [0, 1, 2, 3, 4]
+
+
+def test_dropped_frames_are_missing_in_about_that_share(protocol, buses):
+    sender = cells(protocol, buses[0])
+    for _ in range(300):
+        sender.send(STRAIN, Faults(drop=0.25))
+    frames = len(received(buses[1]))
+    all_frames = 300 * len(protocol.message_names)
+    assert frames == sender.frames_sent
+    assert 0.68 < frames / all_frames < 0.82
+
+
+def test_garbage_is_of_every_kind_and_spoils_no_voltage(protocol, buses):
+    sender = cells(protocol, buses[0])
+    for _ in range(100):
+        sender.send(STRAIN, Faults(garbage=0.5))
+    decoded = protocol.decode(protocol.batch(received(buses[1])))
+    kinds = Counter(decoded.kind)
+    assert kinds[FrameKind.DATA] == sender.frames_sent == 100 * len(protocol.message_names)
+    for kind in (FrameKind.UNKNOWN_ID, FrameKind.WRONG_LENGTH, FrameKind.REMOTE, FrameKind.ERROR):
+        assert kinds[kind] > 0
+    assert np.ptp(decoded.voltage[(decoded.kind == FrameKind.DATA) & (decoded.slot == 0), 0]) == 0
+
+
+def test_a_silent_cell_sends_nothing_and_a_faulty_one_says_so(protocol, buses):
+    sender = cells(protocol, buses[0])
+    sender.send(STRAIN, Faults(silent=["index"], faulty=["middle"]))
+    decoded = protocol.decode(protocol.batch(received(buses[1])))
+    names = [protocol.message_names[slot] for slot in decoded.slot]
+    assert names
+    assert all(name.startswith("middle") for name in names)
+    assert np.all(decoded.fault)
+
+
+def test_a_bus_that_takes_no_frames_is_told(protocol, buses):
+    sender = cells(protocol, buses[0])
+    buses[0].shutdown()
+    with pytest.raises(CanError, match="expected to send a frame"):
+        sender.send(STRAIN)
+
+
+def test_a_probability_beyond_one_is_refused():
+    with pytest.raises(ParameterError, match=r"drop: expected a probability, got 1\.5"):
+        Faults(drop=1.5)

@@ -1,0 +1,61 @@
+"""A fingertip pad on the material."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_localizer.sim.contact import PAD_HALF_M, contact
+from tactile_localizer.sim.material import MODES
+
+WHOLE = ("bump", "snap", "grommet")
+
+
+def at(feature, x, y=0.0, mode="taut"):
+    return contact(feature, mode, np.atleast_1d(x), np.broadcast_to(y, np.shape(np.atleast_1d(x)))).as_array()
+
+
+@pytest.mark.parametrize("feature", WHOLE)
+def test_a_pad_beside_the_feature_feels_the_bare_sheet(feature):
+    bare = at("none", 0.0)
+    for x, y in ((-18e-3, 0), (18e-3, 0), (0, 18e-3), (0, -18e-3), (0.3, 0), (0, -0.3)):
+        np.testing.assert_allclose(at(feature, x, y), bare, atol=1e-4)
+
+
+def test_the_bare_sheet_presses_in_the_middle_of_the_pad():
+    lift, x, y, slope_x, slope_y, friction = at("none", 0.0)[:, 0]
+    np.testing.assert_allclose([lift, x, y, slope_x, slope_y], 0, atol=1e-9)
+    assert friction == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("feature", WHOLE)
+def test_pressure_moves_to_the_side_where_the_feature_is(feature):
+    before, after = at(feature, [-8e-3, 8e-3])[1]
+    assert before > 0.5e-3
+    assert after < -0.5e-3
+    below, above = (at(feature, 0.0, y)[2, 0] for y in (-8e-3, 8e-3))
+    assert below > 0.5e-3
+    assert above < -0.5e-3
+
+
+@given(x=st.floats(-18e-3, 18e-3), y=st.floats(-18e-3, 18e-3), feature=st.sampled_from(WHOLE))
+def test_a_round_feature_feels_mirrored_from_the_other_side(x, y, feature):
+    here, mirrored = at(feature, x, y)[:, 0], at(feature, x, -y)[:, 0]
+    np.testing.assert_allclose(here * [1, 1, -1, 1, -1, 1], mirrored, atol=1e-6)
+
+
+@given(
+    x=st.floats(-18e-3, 18e-3),
+    y=st.floats(-18e-3, 18e-3),
+    feature=st.sampled_from(WHOLE),
+    mode=st.sampled_from(MODES),
+)
+def test_the_centre_of_pressure_stays_on_the_pad(x, y, feature, mode):
+    _, u, v, *_ = at(feature, x, y, mode)[:, 0]
+    assert (u / PAD_HALF_M[0]) ** 2 + (v / PAD_HALF_M[1]) ** 2 <= 1
+
+
+def test_a_finger_is_lifted_most_over_the_feature_and_sinks_back_after_it():
+    lift = at("snap", [-18e-3, -5e-3, 0.0, 5e-3, 18e-3])[0]
+    assert lift[2] == max(lift) > 0.3e-3
+    assert abs(lift[0]) < 1e-5 > abs(lift[4])

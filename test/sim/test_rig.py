@@ -1,0 +1,93 @@
+"""The simulated hand in time."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.sim import simulate_sweep
+from tactile_localizer.sim.rig import Phase, Rig
+from tactile_localizer.sim.scan import sweep_plan
+from tactile_localizer.sim.sweep import CELLS
+
+UNLOADED = np.concatenate([cell.bias for cell in CELLS])
+SPEED, RATE = 6.8e-3, 50.0
+
+
+@pytest.fixture
+def rig():
+    return Rig("bump", 1, SPEED, RATE)
+
+
+def test_before_the_first_sweep_the_fingers_are_open_and_feel_nothing(rig):
+    moment = rig.read(12.0)
+    assert moment.phase is Phase.OPEN
+    assert moment.truth is None
+    np.testing.assert_allclose(moment.strain, UNLOADED, atol=0.02)
+
+
+def test_preparing_goes_to_the_start_with_open_fingers_and_then_closes_them(rig):
+    sweep = rig.prepare("train", 10.0)
+    assert rig.read(10.2).phase is Phase.OPEN
+    np.testing.assert_allclose(rig.read(10.2).strain, UNLOADED, atol=0.02)
+    closed = rig.read(rig.ready_s)
+    assert closed.phase is Phase.READY
+    np.testing.assert_allclose(closed.strain, sweep.strain[0], atol=0.02)
+    np.testing.assert_array_equal(closed.truth, sweep.truth[0])
+    assert rig.read(rig.ready_s + 100).phase is Phase.READY
+
+
+def test_a_sweep_plays_what_is_simulated_and_ends_with_closed_fingers(rig):
+    sweep = rig.prepare("train", 0.0)
+    start, end = sweep_plan("train", 0, 1)
+    again = simulate_sweep("bump", 1, 0, "train", start=start, end=end, speed=SPEED, rate=RATE)
+    np.testing.assert_array_equal(sweep.strain, again.strain)
+    rig.start(5.0)
+    for index in (1, 100, len(sweep.strain) - 2):
+        moment = rig.read(5.0 + index / RATE)
+        assert moment.phase is Phase.SWEEPING
+        np.testing.assert_array_equal(moment.strain, sweep.strain[index])
+        np.testing.assert_allclose(moment.odometry, sweep.odometry[index], atol=1e-9)
+        np.testing.assert_allclose(moment.truth, sweep.truth[index], atol=1e-9)
+    after = rig.read(5.0 + rig.duration_s + 3)
+    assert after.phase is Phase.DONE
+    np.testing.assert_array_equal(after.odometry, sweep.odometry[-1])
+    np.testing.assert_allclose(after.strain, sweep.strain[-1], atol=0.02)
+
+
+def test_between_two_samples_the_pose_is_between_their_poses(rig):
+    sweep = rig.prepare("train", 0.0)
+    rig.start(5.0)
+    moment = rig.read(5.0 + 100.25 / RATE)
+    np.testing.assert_allclose(moment.odometry, 0.75 * sweep.odometry[100] + 0.25 * sweep.odometry[101])
+
+
+def test_the_palm_moves_without_a_jump_from_one_sweeps_end_to_the_nexts_start(rig):
+    rig.prepare("train", 0.0)
+    rig.start(1.0)
+    end_s = 1.0 + rig.duration_s + 1
+    rig.read(end_s)
+    rig.prepare("test", end_s)
+    path = np.array([rig.read(t).odometry for t in np.arange(end_s - 0.1, rig.ready_s + 0.1, 1e-3)])
+    way = np.linalg.norm(path[-1] - path[0])
+    assert np.max(np.linalg.norm(np.diff(path, axis=0), axis=1)) < 0.01 * way
+
+
+def test_a_sweep_told_to_start_early_waits_until_the_fingers_are_closed(rig):
+    rig.prepare("train", 0.0)
+    rig.start(0.0)
+    assert rig.read(rig.ready_s - 1e-6).phase is not Phase.SWEEPING
+    assert rig.read(rig.ready_s + 0.1).phase is Phase.SWEEPING
+
+
+def test_training_and_test_sweeps_are_counted_apart(rig):
+    numbers = [
+        rig.prepare(kind, 100.0 * i).number for i, kind in enumerate(("train", "test", "train", "test"))
+    ]
+    assert numbers == [0, 0, 1, 1]
+
+
+def test_what_the_rig_cannot_do_is_refused(rig):
+    with pytest.raises(ParameterError, match="sweep kind 'exam'"):
+        rig.prepare("exam", 0.0)
+    with pytest.raises(ParameterError, match="sweep speed"):
+        Rig("bump", 1, -1.0, RATE)

@@ -1,0 +1,184 @@
+"""Whole sessions: what the paper reports of its scans must show in ours."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.sim import simulate_scan, simulate_sweep
+from tactile_localizer.sim.deformation import mode_of_sweep
+from tactile_localizer.sim.noise import child
+from tactile_localizer.sim.scan import sweep_plan
+
+WHOLE = ("bump", "snap", "grommet")
+INCH = 0.0254
+
+
+@cache
+def scan_of(feature, kind="train", seed=1):
+    return simulate_scan(feature, seed, kind)
+
+
+def by_sweep(scan, values):
+    return [values[part] for part in scan.slices()]
+
+
+def test_a_training_scan_is_as_large_as_the_papers():
+    sizes = [len(simulate_scan("bump", seed)) for seed in range(6)]
+    assert np.mean(sizes) == pytest.approx(16_321, rel=0.01)
+
+
+def test_training_sweeps_lie_a_tenth_of_an_inch_apart_over_two_inches():
+    lines = [np.median(y) for y in by_sweep(scan_of("bump"), scan_of("bump").truth[:, 1])]
+    assert len(lines) == 21
+    np.testing.assert_allclose(np.diff(lines), 0.1 * INCH, atol=0.8e-3)
+    assert lines[-1] - lines[0] == pytest.approx(2 * INCH, abs=1e-3)
+
+
+def test_test_sweeps_start_anywhere_before_the_feature_and_between_the_lines():
+    starts = np.array([sweep_plan("test", number, 1)[0] for number in range(200)])
+    off_line = np.abs(starts[:, 1] / (0.1 * INCH) - np.round(starts[:, 1] / (0.1 * INCH)))
+    assert np.min(off_line) > 0.19
+    assert np.ptp(starts[:, 0]) > 7e-3
+    assert np.ptp(starts[:, 1]) > 1.9 * INCH
+
+
+def test_a_sweep_of_a_scan_is_the_same_however_many_sweeps_there_are():
+    few, many = simulate_scan("snap", 5, sweeps=3), simulate_scan("snap", 5, sweeps=6)
+    np.testing.assert_array_equal(few.strain, many.strain[: len(few)])
+
+
+def test_nearly_every_sweep_feels_the_feature_on_one_or_both_fingers():
+    for feature in WHOLE:
+        scan = scan_of(feature)
+        assert np.sum(scan.contact >= 0) >= 20
+        contact, end = scan.truth[scan.contact, 0], scan.truth[scan.feature_end, 0]
+        assert 0.35 < np.median(contact) / (2 * INCH) < 0.45
+        assert 0.80 < np.median(end) / (2 * INCH) < 0.90
+
+
+def test_sweeps_that_are_not_to_reach_the_feature_do_not():
+    scan = simulate_scan("grommet", 1, "test", sweeps=40, reach_feature=False)
+    assert np.all(scan.contact == -1)
+    assert np.all(scan.feature_end == -1)
+    assert np.max(scan.truth[:, 0]) < 0.016
+
+
+@pytest.mark.parametrize("feature", WHOLE)
+def test_the_feature_stands_far_out_of_what_featureless_stretches_differ_by(feature):
+    scan = scan_of(feature)
+    featureless = [
+        z[(x > 2e-3) & (x < 12e-3)]
+        for z, x in zip(by_sweep(scan, scan.strain), by_sweep(scan, scan.truth[:, 0]), strict=True)
+    ]
+    between = np.std([np.mean(z, axis=0) for z in featureless], axis=0)
+    within = np.mean([np.std(z, axis=0) for z in featureless], axis=0)
+    assert 4e-3 < np.min(between) < np.max(between) < 25e-3
+    assert 4e-3 < np.min(within) < np.max(within) < 25e-3
+    assert 0.1 < np.min(np.ptp(scan.strain, axis=0)) < np.max(np.ptp(scan.strain, axis=0)) < 2.0
+
+
+def test_successive_samples_of_a_featureless_stretch_are_correlated():
+    sweep = simulate_sweep("none", 1, 0)
+    z = sweep.strain - np.mean(sweep.strain, axis=0)
+    lagged = np.mean(z[5:] * z[:-5], axis=0) / np.var(z, axis=0)
+    assert np.mean(lagged) > 0.3
+
+
+def test_signals_are_prominent_at_the_features_edges_and_weaker_between():
+    """A gauge that tells where along the sweep the edge is: it turns over in the feature's middle."""
+    sweep = simulate_sweep("bump", 1, 0, "train", start=(0.0, 0.0134))
+    signal = np.abs(sweep.strain[:, 0] - np.median(sweep.strain[: sweep.contact, 0]))
+    x = sweep.truth[:, 0]
+    near_edge, far_edge = np.max(signal[x < 28e-3]), np.max(signal[x > 36e-3])
+    middle = np.min(signal[(x > 29e-3) & (x < 36e-3)])
+    assert middle < 0.2 * min(near_edge, far_edge)
+
+
+def test_gauges_differ_in_whether_they_tell_of_the_edge_or_of_the_height():
+    """Paper, Fig. 3 (c) and (d): one element changes sign along the sweep, another across the sweeps."""
+    scan = scan_of("bump")
+    level = np.median(scan.strain, axis=0)
+    before = np.abs(scan.truth[:, 0] - 25e-3) < 2e-3
+    after = np.abs(scan.truth[:, 0] - 39e-3) < 2e-3
+    below = np.abs(scan.truth[:, 1] - 7e-3) < 2e-3
+    above = np.abs(scan.truth[:, 1] - 20e-3) < 2e-3
+    mean = {
+        (i, j): np.mean(scan.strain[a & b] - level, axis=0)
+        for i, a in (("before", before), ("after", after))
+        for j, b in (("below", below), ("above", above))
+    }
+    along = [mean["before", "below"], mean["before", "above"], mean["after", "below"], mean["after", "above"]]
+    edge, height = 0, 2
+    assert along[0][edge] > 0.05 < along[1][edge]
+    assert along[2][edge] < -0.05 > along[3][edge]
+    assert along[0][height] * along[1][height] < 0 > along[2][height] * along[3][height]
+    assert along[0][height] * along[2][height] > 0
+
+
+@pytest.mark.parametrize("feature", WHOLE)
+def test_sweeps_over_one_line_fall_into_three_groups_on_the_features_first_part(feature):
+    """Paper, Fig. 6: modes differ more from each other than sweeps of one mode, and later less so."""
+    seed, edge, x = 3, 0, np.arange(18e-3, 42e-3, 1e-3)
+    modes = [mode_of_sweep(child(seed, WHOLE.index(feature), 0, 1 << 30), number) for number in range(30)]
+    sweeps = [simulate_sweep(feature, seed, number, "train", start=(0.0, 0.009)) for number in range(30)]
+    courses = np.array([np.interp(x, sweep.truth[:, 0], sweep.strain[:, edge]) for sweep in sweeps])
+    apart = np.array([_separation(values, modes) for values in courses.T])
+    first, last = apart[x < 30e-3], apart[x > 36e-3]
+    assert np.max(first) > 2
+    assert np.mean(last) < np.mean(first) / 1.5
+
+
+def _separation(values, modes):
+    """Standard deviation of the modes' medians over that within the modes."""
+    groups = [values[np.equal(modes, mode)] for mode in sorted(set(modes))]
+    assert len(groups) == 3
+    within = np.median(np.concatenate([np.abs(group - np.median(group)) for group in groups])) / 0.6745
+    return np.std([np.median(group) for group in groups]) / within
+
+
+def test_a_feature_is_known_by_its_course_from_the_other_features():
+    """The nearest course of another session along the same line is one of the same feature."""
+    grid = np.linspace(16e-3, 46e-3, 60)
+
+    def courses(seed):
+        for feature in WHOLE:
+            for number in range(12):
+                sweep = simulate_sweep(feature, seed, number, "train", start=(0.0, 0.010))
+                z = sweep.strain - np.median(sweep.strain[:200], axis=0)
+                yield feature, np.array([np.interp(grid, sweep.truth[:, 0], gauge) for gauge in z.T])
+
+    known = list(courses(1))
+    for feature, course in courses(2):
+        nearest, _ = min(known, key=lambda other: np.linalg.norm(other[1] - course))
+        assert nearest == feature
+
+
+def test_a_scan_of_training_pairs_has_the_arms_positions_not_the_true_ones():
+    scan = scan_of("bump")
+    pairs = scan.to_scan()
+    assert (pairs.axes, pairs.phalanges) == (("x", "y"), ("index", "middle"))
+    np.testing.assert_array_equal(pairs.states, scan.odometry)
+    assert 0.05e-3 < np.std(pairs.states - scan.truth) < 0.5e-3
+
+
+def test_every_slice_is_one_sweep_and_indices_count_from_the_scans_start():
+    scan = scan_of("snap", "test")
+    for number, part in enumerate(scan.slices()):
+        assert set(scan.sweep[part]) == {number}
+        if scan.contact[number] >= 0:
+            assert part.start <= scan.contact[number] <= scan.feature_end[number] < part.stop
+    assert scan.slices()[-1].stop == len(scan)
+
+
+def test_strain_stays_within_what_the_load_cells_can_send():
+    for feature in WHOLE:
+        assert max(np.max(np.abs(scan_of(feature, kind).strain)) for kind in ("train", "test")) < 2.0
+
+
+def test_a_scan_without_sweeps_or_of_an_unknown_kind_is_refused():
+    with pytest.raises(ParameterError, match="expected at least one sweep, got 0"):
+        simulate_scan("bump", 1, sweeps=0)
+    with pytest.raises(ParameterError, match="sweep kind 'exam'"):
+        simulate_scan("bump", 1, "exam")
