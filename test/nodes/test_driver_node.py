@@ -1,0 +1,273 @@
+"""The driver node's parameters, services and diagnostics, seen from outside."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+from support.load_cells import cycle, protocol, strain_of
+
+pytestmark = pytest.mark.ros
+
+HAND = protocol()
+BAD_PARAMETERS = {
+    "no such DBC": ({"dbc": "/nowhere/hand.dbc"}, "/nowhere/hand.dbc: expected a DBC file, No such file"),
+    "a DBC without the phalanx": ({"phalanges": ["pinky"]}, "phalanx 'pinky': expected a message pinky"),
+    "no such interface": ({"interface": "socketcan", "channel": "can7"}, "CAN bus socketcan can7: expected"),
+    "an unknown interface": ({"interface": "canopener"}, "CAN bus canopener 239.74.163.2: expected"),
+    "a wait out of range": ({"cycle_timeout_s": 5.0}, "cycle_timeout_s"),
+    "a wait that is text": ({"cycle_timeout_s": "long"}, "cycle_timeout_s: expected a value such as 0.01"),
+    "an option without a value": ({"bus_options": ["port"]}, "bus option 'port': expected name=value"),
+    "a file that is no tare": ({"tare_file": str(Path(__file__))}, "tare file"),
+}
+
+
+@pytest.fixture
+def parameters(simulated_can: dict[str, Any], tmp_path: Path) -> dict[str, Any]:
+    return {
+        "interface": simulated_can["interface"],
+        "channel": simulated_can["channel"],
+        "bus_options": [f"port={simulated_can['port']}"],
+        "tare_file": str(tmp_path / "tare.yaml"),
+        "tare_duration_s": 0.2,
+    }
+
+
+class Hand:
+    """Load cells that send a cycle whenever the test looks."""
+
+    def __init__(self, simulated_can: dict[str, Any]) -> None:
+        self.bus = can.Bus(**simulated_can, hop_limit=0)
+        self.number = 0
+        self.silent: set[int] = set()
+        self.still = False
+
+    def send(self, frames: list[can.Message] | None = None) -> None:
+        if frames is None and self.still:
+            frames = [f for p in range(2) for f in HAND.encode(p, np.full(8, 0.5 + p), self.number)]
+        for frame in frames or cycle(HAND, self.number):
+            if (frame.arbitration_id - 0x102) // 2 not in self.silent:
+                self.bus.send(frame)
+        self.number += 1
+
+
+@pytest.fixture
+def hand(simulated_can: dict[str, Any]) -> Iterator[Hand]:
+    one = Hand(simulated_can)
+    yield one
+    one.bus.shutdown()
+
+
+@pytest.mark.parametrize("name", BAD_PARAMETERS)
+def test_bad_input_is_one_line_that_says_why_and_an_exit_status(
+    node_process: Callable[..., Any], parameters: dict[str, Any], name: str
+) -> None:
+    bad, reason = BAD_PARAMETERS[name]
+    node = node_process("driver_node", parameters={**parameters, **bad})
+    assert node.wait() == 2
+    assert reason in node.output
+    assert "Traceback" not in node.output
+    assert len([line for line in node.lines if "ERROR" in line or "error" in line]) == 1
+
+
+def test_every_parameter_has_a_description_and_every_number_a_range(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
+) -> None:
+    from rcl_interfaces.srv import DescribeParameters, ListParameters
+
+    node_process("driver_node", parameters=parameters)
+    names = probe.call(ListParameters, "driver_node/list_parameters").result.names
+    own = [name for name in names if name != "use_sim_time" and "type_description" not in name]
+    assert {"phalanges", "interface", "receive_buffer", "messages.index", "autostart"} <= set(own)
+    request = DescribeParameters.Request(names=own)
+    for descriptor in probe.call(DescribeParameters, "driver_node/describe_parameters", request).descriptors:
+        assert len(descriptor.description) > 10, descriptor.name
+        if descriptor.type == 2:
+            assert descriptor.integer_range, descriptor.name
+        if descriptor.type == 3:
+            assert descriptor.floating_point_range, descriptor.name
+            assert descriptor.description.endswith(("[s]", "[V]")), descriptor.name
+
+
+def test_without_autostart_a_manager_leads_and_a_bad_database_refuses_the_transition(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
+) -> None:
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState, GetState
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    node = node_process("driver_node", parameters={**parameters, "dbc": "/nowhere.dbc", "autostart": False})
+
+    def change(transition: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(probe.call(ChangeState, "driver_node/change_state", request).success)
+
+    def state() -> str:
+        return str(probe.call(GetState, "driver_node/get_state").current_state.label)
+
+    def set_dbc(path: str) -> Any:
+        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=path)
+        request = SetParameters.Request(parameters=[Parameter(name="dbc", value=value)])
+        return probe.call(SetParameters, "driver_node/set_parameters", request).results[0]
+
+    assert not change(Transition.TRANSITION_CONFIGURE)
+    assert state() == "unconfigured"
+    node.wait_for_line("/nowhere.dbc: expected a DBC file")
+    assert set_dbc("loadcells.dbc").successful
+    for _ in range(2):  # up and down again
+        assert change(Transition.TRANSITION_CONFIGURE)
+        refused = set_dbc("loadcells_fd.dbc")
+        assert "before the node is configured" in refused.reason
+        assert change(Transition.TRANSITION_ACTIVATE)
+        assert state() == "active"
+        before = time.monotonic()
+        assert change(Transition.TRANSITION_DEACTIVATE)
+        assert time.monotonic() - before < 2.0  # the thread within 1 s
+        assert change(Transition.TRANSITION_CLEANUP)
+    assert change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert state() == "finalized"
+    assert "Traceback" not in node.output
+
+
+def values(array: Any, what: str) -> tuple[bytes, str, dict[str, str]]:
+    (status,) = [status for status in array.status if status.name == f"driver_node: {what}"]
+    return status.level, status.message, {pair.key: pair.value for pair in status.values}
+
+
+def test_diagnostics_tell_idle_from_well_from_stale_and_count_faults(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    node_process("driver_node", parameters=parameters)
+
+    def told(what: str, message: str) -> bool:
+        return bool(arrays) and message in values(arrays[-1], what)[1]
+
+    probe.until(lambda: told("CAN bus", "open, idle"), "an idle bus")
+    assert all(status.level == DiagnosticStatus.OK for status in arrays[-1].status)
+    assert "idle" in values(arrays[-1], "index")[1]
+
+    sent = hand.number
+
+    def sending(what: str, message: str, high: bool = False) -> Callable[[], bool]:
+        def condition() -> bool:
+            strain = [9.0] + 7 * [0.0]
+            hand.send([f for p in range(2) for f in HAND.encode(p, strain, hand.number)] if high else None)
+            return told(what, message)
+
+        return condition
+
+    probe.until(sending("middle", "well"), "a phalanx that is well")
+    level, _, told_values = values(arrays[-1], "index")
+    assert level == DiagnosticStatus.OK
+    assert float(told_values["rate_hz"]) > 5
+    assert float(told_values["age_s"]) < 0.5
+
+    hand.silent = {1}
+    probe.until(sending("middle", "stale"), "a stale phalanx")
+    assert values(arrays[-1], "middle")[0] == DiagnosticStatus.ERROR
+    assert values(arrays[-1], "index")[0] == DiagnosticStatus.OK
+
+    hand.silent = set()
+    error = can.Message(arbitration_id=0x04, is_error_frame=True, data=bytes(8))
+    short = can.Message(arbitration_id=0x102, is_extended_id=False, data=bytes(3))
+    for frame in (error, error, short):
+        hand.bus.send(frame)
+    probe.until(sending("CAN bus", "2 error, 1 wrong length"), "the count of bad frames")
+    probe.until(sending("index", "saturated", high=True), "a saturated gauge")
+    assert values(arrays[-1], "index")[2]["saturated_gauges"] == "1"
+    probe.until(lambda: told("index", "stale") and told("middle", "stale"), "both stale, as nothing is sent")
+    _, _, counted = values(arrays[-1], "CAN bus")
+    assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
+    complete = int(values(arrays[-1], "index")[2]["samples"])
+    assert complete == hand.number - sent
+    middle = values(arrays[-1], "middle")[2]
+    assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
+
+
+def test_a_tare_is_asked_for_published_kept_and_undone(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
+) -> None:
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from rclpy.qos import qos_profile_sensor_data as sensor_data
+    from std_srvs.srv import Trigger
+    from tactile_localizer.msg import StrainVectors
+
+    strains = probe.listen(StrainVectors, "strain", sensor_data)
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    offsets = probe.listen(StrainVectors, "driver_node/tare_offset", kept)
+
+    def call(service: str) -> Any:
+        client = probe.node.create_client(Trigger, f"driver_node/{service}")
+        probe.until(client.service_is_ready, service)
+        future = client.call_async(Trigger.Request())
+
+        def answered() -> bool:
+            hand.send()
+            return bool(future.done())
+
+        probe.until(answered, f"an answer of {service}")
+        return future.result()
+
+    def latest(expected: list[float]) -> Callable[[], bool]:
+        def condition() -> bool:
+            hand.send()
+            return bool(strains) and np.allclose(strains[-1].strain, expected, atol=0.001)
+
+        return condition
+
+    node = node_process("driver_node", parameters=parameters)
+    probe.until(lambda: offsets, "the offset at the start")
+    assert not np.any(offsets[-1].strain)  # never without being asked
+    refused = call("tare")
+    assert not refused.success
+    assert "at rest" in refused.message or "samples" in refused.message
+
+    hand.still = True
+    raw = [0.5] * 8 + [1.5] * 8
+    probe.until(latest(raw), "strain of the hand at rest")
+    before = len(strains)
+    assert (answer := call("tare")).success, answer.message
+    assert len(strains) > before + 3  # the stream went on
+    probe.until(latest([0.0] * 16), "strain with the offset taken off")
+    probe.until(lambda: np.allclose(offsets[-1].strain, raw, atol=0.001), "the new offset")
+
+    assert node.stop() == 0
+    node = node_process("driver_node", parameters=parameters)
+    count = len(offsets)
+    probe.until(lambda: len(offsets) > count and np.allclose(offsets[-1].strain, raw, atol=0.001), "it kept")
+    probe.until(latest([0.0] * 16), "strain with the kept offset taken off")
+    assert call("clear_tare").success
+    probe.until(latest(raw), "strain as it is")
+    assert not Path(parameters["tare_file"]).read_text().count("index")
+
+
+@pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_within_a_second_when_told_to(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand, sig: signal.Signals
+) -> None:
+    from rclpy.qos import qos_profile_sensor_data as sensor_data
+    from tactile_localizer.msg import StrainVectors
+
+    strains = probe.listen(StrainVectors, "strain", sensor_data)
+    node = node_process("driver_node", parameters=parameters)
+
+    def flowing() -> bool:
+        hand.send()
+        return len(strains) > 20
+
+    probe.until(flowing, "strain")
+    np.testing.assert_allclose(strains[-1].strain[:8], strain_of(0, strains[-1].sequence[0]), atol=1e-9)
+    before = time.monotonic()
+    assert node.stop(sig) == 0
+    assert time.monotonic() - before < 3.0  # of which the thread takes at most 1
+    assert "Traceback" not in node.output
