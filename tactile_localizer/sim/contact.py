@@ -18,7 +18,7 @@ from tactile_localizer.sim.material import PAD_STIFFNESS, surface
 SQUEEZE_N = 4.0
 """Force with which each finger presses the material against the thumb, N."""
 
-PAD_HALF_M = (7.5e-3, 9.0e-3)
+PAD_HALF_M = (7.5e-3, 9.5e-3)
 """Half axes of a pad along x and y, m: the size of a human fingertip."""
 
 _CAP_RADII_M = (30e-3, 45e-3)

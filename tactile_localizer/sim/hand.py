@@ -20,7 +20,7 @@ from tactile_localizer.sim.noise import rough, smooth
 PHALANGES = ("index", "middle")
 """The fingertips with a load cell, in the order of the strain vector."""
 
-OFFSETS_M = np.array([[0.0, 12.0e-3], [0.0, -12.0e-3]])
+OFFSETS_M = np.array([[0.0, 12.7e-3], [0.0, -12.7e-3]])
 """Where the fingertips sit, from the palm, as a scene would have it, (2, 2) m."""
 
 _MOUNTING_ERROR_M = np.array([[0.5e-3, -0.3e-3], [-0.4e-3, 0.4e-3]])
@@ -30,7 +30,7 @@ _LOOP_TIME_S = 0.25
 _TENDON_FRICTION_N = 0.06
 _THROUGH_THUMB = 0.3
 
-_GRIP_BETWEEN = np.array([0.012, 0.012, 0.03e-3, 0.03e-3])
+_GRIP_BETWEEN = np.array([0.010, 0.010, 0.025e-3, 0.025e-3])
 _GRIP_WITHIN = np.array([0.005, 0.005, 0.03e-3, 0.03e-3])
 _WANDER_LENGTH_M = 12e-3
 """One sigma of squeeze, friction (shares) and tilt (m): between sweeps, and within one over this length."""
