@@ -23,7 +23,8 @@ TACTILE_SUFFIX=-$TACTILE_FLAVOR
 TACTILE_VENV=$TACTILE_ROOT/.venv$TACTILE_SUFFIX
 export TACTILE_ROOT TACTILE_FLAVOR TACTILE_SUFFIX TACTILE_VENV
 
-if [[ $TACTILE_FLAVOR != system ]]; then # the venv is the ROS prefix
+if [[ $TACTILE_FLAVOR != system ]]; then # the venv is the ROS prefix; a sourced ROS 2 that python3 cannot use is left
+    [[ -z ${AMENT_PREFIX_PATH-} || $AMENT_PREFIX_PATH == *"$TACTILE_VENV"* ]] || unset LD_LIBRARY_PATH
     export ROS_DISTRO=$TACTILE_FLAVOR ROS_VERSION=2 ROS_PYTHON_VERSION=3
     export AMENT_PREFIX_PATH=$TACTILE_VENV CMAKE_PREFIX_PATH=$TACTILE_VENV
     unset PYTHONPATH PYTHONHOME
@@ -33,10 +34,11 @@ export VIRTUAL_ENV=$TACTILE_VENV
 [[ $PATH == "$TACTILE_VENV/bin:"* ]] || export PATH=$TACTILE_VENV/bin:$PATH
 
 if [[ -f $TACTILE_ROOT/install$TACTILE_SUFFIX/local_setup.bash ]]; then
-    _tactile_options=$(set +o)
+    _tactile_options=$-
     set +eu # colcon's scripts read unset variables
     . "$TACTILE_ROOT/install$TACTILE_SUFFIX/local_setup.bash"
-    eval "$_tactile_options"
+    [[ $_tactile_options != *e* ]] || set -e
+    [[ $_tactile_options != *u* ]] || set -u
     unset _tactile_options
 fi
 unset -f _tactile_system_ros
