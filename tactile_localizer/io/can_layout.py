@@ -138,6 +138,17 @@ def phalanx_messages(
     return tuple(answer)
 
 
+def phalanges_of(database: Database, names: SignalNames) -> list[str]:
+    """Phalanges that the messages of ``database`` are called after: those with the first gauge pair."""
+    found: dict[str, None] = {}
+    for message in database.messages:
+        phalanx = re.sub("_[A-Za-z0-9]$", "", message.name)
+        gauge = names.gauges[0].replace("{phalanx}", phalanx)
+        if any(signal.name == gauge for signal in message.signals):
+            found[phalanx] = None
+    return list(found)
+
+
 def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> Layout:
     """Bit layout of the ``messages`` of each of the ``phalanges``, whose signals are called ``names``.
 

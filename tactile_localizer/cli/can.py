@@ -1,0 +1,210 @@
+"""``tactile-localizer can``: what is on a CAN bus or in a log, decoded, and whether the hand may be used."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+from tactile_localizer.cli.files import given_or_shipped
+from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
+from tactile_localizer.io.can_check import CanCheck, identifier
+from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+
+NAME = "can"
+HELP = "look at the load cells on a CAN bus, or in a log of one"
+
+DEFAULTS: dict[str, Any] = {
+    "dbc": "loadcells.dbc",
+    "gauge_signals": GAUGE_SIGNALS,
+    "counter_signal": "counter",
+    "status_signal": "status",
+    "interface": "socketcan",
+    "channel": "can0",
+    "bus_options": [],
+    "cycle_timeout_s": 0.01,
+    "phalanges": [],
+}
+"""The driver's parameters of the same names, where nothing else is said; no phalanges: those of the DBC."""
+
+_BATCH = 256
+_WAIT_S = 0.1
+_RECEIVE_BUFFER = 1 << 22
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    parser.add_argument(
+        "action",
+        choices=("dump", "check"),
+        help="print each frame decoded, or tell what is there and what is wrong",
+    )
+    parser.add_argument("--log", type=Path, help="read this log (candump, ASC, BLF, ...), not a bus")
+    parser.add_argument(
+        "--config", type=Path, help="driver's parameters (YAML); what is given here goes first"
+    )
+    parser.add_argument("--interface", help="python-can interface (socketcan)")
+    parser.add_argument("--channel", help="channel of the interface (can0)")
+    parser.add_argument(
+        "--option", dest="bus_options", action="append", metavar="NAME=VALUE", help="of the interface"
+    )
+    parser.add_argument(
+        "--dbc", help="CAN database: a path, or one that comes with the package (loadcells.dbc)"
+    )
+    parser.add_argument(
+        "--phalanges", nargs="+", metavar="NAME", help="load cells (those of the DBC that send)"
+    )
+    parser.add_argument("--seconds", type=float, help="how long to look (check: 5; dump: until Ctrl-C)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Look at the bus or the log; 1 where ``check`` found something wrong."""
+    parameters = DEFAULTS | _read_config(args.config)
+    parameters |= {
+        name: value for name, value in vars(args).items() if name in DEFAULTS and value is not None
+    }
+    protocol = _protocol(parameters)
+    console = Console(highlight=False, soft_wrap=True)
+    if args.action == "dump":
+        return _dump(console, protocol, _batches(args, parameters, protocol, args.seconds))
+    check = CanCheck(protocol, parameters["cycle_timeout_s"], all_there=bool(parameters["phalanges"]))
+    for messages in _batches(args, parameters, protocol, args.seconds or 5.0):
+        check.feed(messages)
+    return _report(console, check)
+
+
+def _read_config(path: Path | None) -> dict[str, Any]:
+    if path is None:
+        return {}
+    try:
+        (node,) = yaml.safe_load(path.read_text()).values()
+        return dict(node["ros__parameters"])
+    except OSError as error:
+        raise ParameterError(f"{path}: expected driver parameters, {error.strerror}") from error
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ParameterError(f"{path}: expected ros__parameters of one node, found none") from error
+
+
+def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:
+    path = given_or_shipped(parameters["dbc"], "config")
+    names = SignalNames(
+        tuple(parameters["gauge_signals"]), parameters["counter_signal"], parameters["status_signal"]
+    )
+    phalanges = parameters["phalanges"] or phalanges_of(load_dbc(path), names)
+    if not phalanges:
+        raise CanError(f"{path}: expected messages with the signal {names.gauges[0]!r}, found none")
+    own = {name: parameters.get(f"messages.{name}", ()) for name in phalanges}
+    return LoadCellProtocol.from_dbc(path, phalanges, own, names)
+
+
+def _batches(
+    args: argparse.Namespace, parameters: dict[str, Any], protocol: LoadCellProtocol, seconds: float | None
+) -> Iterator[list[can.Message]]:
+    """Frames of the log, or of the bus for ``seconds``, s; ``None``: for ever."""
+    if args.log is not None:
+        yield from _from_log(args.log)
+        return
+    settings = BusSettings(
+        parameters["interface"],
+        parameters["channel"],
+        parse_options(parameters["bus_options"]) | ({"fd": True} if protocol.is_fd else {}),
+        _RECEIVE_BUFFER,
+    )
+    end_s = None if seconds is None else time.monotonic() + seconds
+    with open_bus(settings) as bus:  # without filters: what else is there is told too
+        while end_s is None or time.monotonic() < end_s:
+            try:
+                yield _waiting(bus)
+            except (can.CanError, OSError) as error:
+                raise CanError(f"CAN bus {settings}: expected frames, got: {error}") from error
+
+
+def _waiting(bus: can.BusABC) -> list[can.Message]:
+    messages: list[can.Message] = []
+    message = bus.recv(_WAIT_S)
+    while message is not None:
+        messages.append(message)
+        message = bus.recv(0) if len(messages) < _BATCH else None
+    return messages
+
+
+def _from_log(path: Path) -> Iterator[list[can.Message]]:
+    try:
+        with can.LogReader(path) as reader:
+            messages: list[can.Message] = []
+            for message in reader:
+                messages.append(message)
+                if len(messages) == _BATCH:
+                    yield messages
+                    messages = []
+            yield messages
+    except OSError as error:
+        raise CanError(f"{path}: expected a CAN log, {error.strerror}") from error
+    except Exception as error:  # each format's reader raises what it likes
+        raise CanError(f"{path}: expected a CAN log, {' '.join(str(error).split())}") from error
+
+
+def _dump(console: Console, protocol: LoadCellProtocol, batches: Iterator[list[can.Message]]) -> int:
+    names, layout = protocol.message_names, protocol.layout
+    for messages in batches:
+        batch = protocol.batch(messages)
+        decoded = protocol.decode(batch)
+        for row, message in enumerate(messages):
+            head = f"{message.timestamp:.6f}  {identifier(int(batch.key[row])):>8}"
+            if decoded.kind[row] != FrameKind.DATA:
+                kind = FrameKind(decoded.kind[row]).name.lower().replace("_", " ")
+                console.print(f"{head}  {kind}  {message.data.hex(' ')}", style="yellow")
+                continue
+            slot = decoded.slot[row]
+            used = layout.channel[slot] >= 0
+            volts = " ".join(f"{value:+9.5f}" for value in decoded.voltage[row][used])
+            marks = " saturated" * bool(decoded.saturated[row]) + " fault" * bool(decoded.fault[row])
+            console.print(f"{head}  {names[slot]:16} {int(decoded.counter[row]):5}  {volts} V{marks}")
+    return 0
+
+
+def _report(console: Console, check: CanCheck) -> int:
+    console.print(f"{check.frames} frames in {check.duration_s:.2f} s")
+    if check.messages():
+        table = Table("message", "identifier", "frames", "rate", "bytes")
+        for message in check.messages():
+            found = ", ".join(map(str, message.found_bytes)) or "-"
+            table.add_row(
+                message.name, message.identifier, str(message.frames), f"{message.rate_hz:.1f} Hz", found
+            )
+        console.print(table)
+        table = Table("phalanx", "samples", "rate", "lost", "saturated", "faults", "lowest", "highest")
+        for phalanx in check.phalanges():
+            counts = phalanx.counts
+            gauges = " ".join(map(str, phalanx.saturated_gauges))
+            seen = counts.samples > 0
+            table.add_row(
+                phalanx.name,
+                str(counts.samples),
+                f"{phalanx.rate_hz:.1f} Hz",
+                f"{counts.drops} frames",
+                f"{counts.saturated} (gauges {gauges})" if gauges else str(counts.saturated),
+                str(counts.faults),
+                f"{phalanx.lowest.min():+.4f} V" if seen else "-",
+                f"{phalanx.highest.max():+.4f} V" if seen else "-",
+            )
+        console.print(table)
+    for name, frames, rate_hz in check.unknown()[:10]:
+        console.print(f"not in the DBC: {name}, {frames} frames, {rate_hz:.1f} Hz")
+    if check.absent():
+        console.print(f"not there: {', '.join(check.absent())}")
+    problems = check.problems()
+    for problem in problems:
+        console.print(f"wrong: {problem}", style="red")
+    if not problems:
+        console.print("all is well", style="green")
+    return 1 if problems else 0
