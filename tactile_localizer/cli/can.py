@@ -10,6 +10,7 @@ from typing import Any
 
 import can
 import yaml
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -79,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
     check = CanCheck(protocol, parameters["cycle_timeout_s"], all_there=bool(parameters["phalanges"]))
     for messages in _batches(args, parameters, protocol, args.seconds or 5.0):
         check.feed(messages)
+    check.finish()
     return _report(console, check)
 
 
@@ -175,27 +177,26 @@ def _dump(console: Console, protocol: LoadCellProtocol, batches: Iterator[list[c
 def _report(console: Console, check: CanCheck) -> int:
     console.print(f"{check.frames} frames in {check.duration_s:.2f} s")
     if check.messages():
-        table = Table("message", "identifier", "frames", "rate", "bytes")
+        table = Table("message", "identifier", "frames", "rate, Hz", "bytes", box=SIMPLE)
         for message in check.messages():
             found = ", ".join(map(str, message.found_bytes)) or "-"
             table.add_row(
-                message.name, message.identifier, str(message.frames), f"{message.rate_hz:.1f} Hz", found
+                message.name, message.identifier, str(message.frames), f"{message.rate_hz:.1f}", found
             )
         console.print(table)
-        table = Table("phalanx", "samples", "rate", "lost", "saturated", "faults", "lowest", "highest")
+        table = Table(
+            "phalanx", "samples", "rate, Hz", "frames lost", "saturated", "faults", "volts", box=SIMPLE
+        )
         for phalanx in check.phalanges():
             counts = phalanx.counts
-            gauges = " ".join(map(str, phalanx.saturated_gauges))
-            seen = counts.samples > 0
             table.add_row(
                 phalanx.name,
                 str(counts.samples),
-                f"{phalanx.rate_hz:.1f} Hz",
-                f"{counts.drops} frames",
-                f"{counts.saturated} (gauges {gauges})" if gauges else str(counts.saturated),
+                f"{phalanx.rate_hz:.1f}",
+                str(counts.drops),
+                str(counts.saturated),
                 str(counts.faults),
-                f"{phalanx.lowest.min():+.4f} V" if seen else "-",
-                f"{phalanx.highest.max():+.4f} V" if seen else "-",
+                f"{phalanx.lowest.min():+.4f} to {phalanx.highest.max():+.4f}" if counts.samples else "-",
             )
         console.print(table)
     for name, frames, rate_hz in check.unknown()[:10]:

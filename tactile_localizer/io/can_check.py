@@ -10,10 +10,12 @@ import can
 import numpy as np
 
 from tactile_localizer.io.can_assembler import CycleAssembler
-from tactile_localizer.io.can_cycle import MISSING, PhalanxCounts
+from tactile_localizer.io.can_cycle import SATURATED, Cycle, PhalanxCounts
 from tactile_localizer.io.can_frames import ERROR, EXTENDED, REMOTE
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.scene import GAUGES
+
+_FOR_EVER_NS = 10**18
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,17 @@ class CanCheck:
         if self._first_ns is None:
             self._first_ns = int(batch.stamp_ns[0])
         self._last_ns = int(batch.stamp_ns[-1])
-        for cycle in self._assembler.feed(batch):
+        self._look_at(self._assembler.feed(batch))
+
+    def finish(self) -> None:
+        """No more frames come: the last cycle waits for none."""
+        self._look_at(self._assembler.flush(self._last_ns + _FOR_EVER_NS))
+
+    def _look_at(self, cycles: list[Cycle]) -> None:
+        for cycle in cycles:
             self._lowest = np.fmin(self._lowest, cycle.strain)
             self._highest = np.fmax(self._highest, cycle.strain)
-            if any(status & ~MISSING for status in cycle.status):
+            if any(status & SATURATED for status in cycle.status):
                 self._saturated |= self._protocol.saturated(cycle.strain)
 
     def absent(self) -> list[str]:
@@ -158,16 +167,17 @@ class CanCheck:
                 found.append(f"{message.name}: expected {message.expected_bytes} bytes, found {lengths}")
         for phalanx in self.phalanges():
             counts = phalanx.counts
+            gauges = f"samples saturated, gauges {' '.join(map(str, phalanx.saturated_gauges))}"
             told = {
                 "frames lost": counts.drops,
-                "samples saturated": counts.saturated,
+                gauges: counts.saturated,
                 "samples with a fault": counts.faults,
             }
-            found += [f"{phalanx.name}: {count} {what}" for what, count in told.items() if count]
+            found += [f"{phalanx.name}: {what}: {count}" for what, count in told.items() if count]
         totals = self._assembler.counts.frames
         for kind in (FrameKind.ERROR, FrameKind.REMOTE, FrameKind.DUPLICATE, FrameKind.OUT_OF_ORDER):
             if totals[kind]:
-                found.append(f"{totals[kind]} {kind.name.lower().replace('_', ' ')} frames")
+                found.append(f"{kind.name.lower().replace('_', ' ')} frames: {totals[kind]}")
         return found
 
     def _seen(self) -> set[str]:

@@ -1,0 +1,151 @@
+"""``tactile-localizer can`` tells what is on a bus or in a log, and what is wrong with it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+from support.load_cells import cycle, protocol
+
+from tactile_localizer.cli import main
+
+HAND = protocol()
+
+
+def write_log(path: Path, frames: Iterable[can.Message]) -> Path:
+    with can.Logger(path) as log:
+        for frame in frames:
+            log.on_message_received(frame)
+    return path
+
+
+def cycles(numbers: range) -> list[can.Message]:
+    return [frame for n in numbers for frame in cycle(HAND, n)]
+
+
+@pytest.mark.parametrize("ending", ["log", "asc"])
+def test_a_log_of_a_hand_that_is_well_passes_with_its_rates(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
+) -> None:
+    log = write_log(tmp_path / f"hand.{ending}", cycles(range(400)))
+    assert main(["can", "check", "--log", str(log), "--phalanges", "index", "middle"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("1600 frames in ")
+    (index,) = [line.split() for line in lines if line.split()[:1] == ["index"]]
+    assert index[1:6] == ["400", "200.0", "0", "0", "0"]
+    assert lines[-1] == "all is well"
+
+
+def test_only_the_phalanges_that_send_are_looked_at_unless_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_log(tmp_path / "hand.log", cycles(range(50)))
+    assert main(["can", "check", "--log", str(log)]) == 0
+    assert "not there: thumb, ring" in capsys.readouterr().out
+    assert main(["can", "check", "--log", str(log), "--phalanges", "index", "thumb"]) == 1
+    told = capsys.readouterr().out
+    assert "wrong: thumb_a (100): no frame" in told
+    assert "not in the DBC: 104, 50 frames" in told
+
+
+def test_everything_wrong_is_told_with_its_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    frames = cycles(range(100))
+    del frames[41], frames[80]
+    stamp = frames[-1].timestamp
+    frames.append(can.Message(arbitration_id=0x102, is_extended_id=False, data=bytes(3), timestamp=stamp))
+    frames.append(can.Message(arbitration_id=0x80, is_error_frame=True, timestamp=stamp))
+    frames += HAND.encode(0, np.array([0, 0, 0, 0, 0, 9.0, 0, 0]), 100, stamp_s=stamp)
+    frames += HAND.encode(1, np.zeros(8), 100, status=1, stamp_s=stamp)
+    log = write_log(tmp_path / "hand.log", frames)
+    assert main(["can", "check", "--log", str(log)]) == 1
+    told = capsys.readouterr().out
+    for line in (
+        "index_a: expected 8 bytes, found 3, 8",
+        "index: frames lost: 2",
+        "index: samples saturated, gauges 6: 1",
+        "middle: samples with a fault: 1",
+        "error frames: 1",
+    ):
+        assert f"wrong: {line}" in told
+
+
+def test_a_dump_is_a_line_a_frame_decoded_or_raw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stranger = can.Message(arbitration_id=0x7FF, is_extended_id=False, data=b"hi", timestamp=1.7e9)
+    log = write_log(tmp_path / "hand.log", [stranger, *cycle(HAND, 3)])
+    assert main(["can", "dump", "--log", str(log)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 5
+    assert lines[0].split() == ["1700000000.000000", "7FF", "unknown", "id", "68", "69"]
+    assert lines[1].split()[1:5] == ["102", "index_a", "3", "-0.99400"]
+
+
+def test_a_bus_is_looked_at_for_the_time_asked_for(
+    simulated_can: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    end = threading.Event()
+
+    def send() -> None:
+        with can.Bus(**simulated_can, hop_limit=0) as bus:
+            number = 0
+            while not end.wait(0.005):
+                for frame in cycle(HAND, number):
+                    bus.send(frame)
+                number += 1
+
+    hand = threading.Thread(target=send)
+    hand.start()
+    try:
+        options = ["--interface", "udp_multicast", "--channel", simulated_can["channel"]]
+        options += ["--option", f"port={simulated_can['port']}", "--seconds", "0.5"]
+        status = main(["can", "check", *options])
+    finally:
+        end.set()
+        hand.join()
+    told = capsys.readouterr().out
+    assert "index_a" in told
+    assert status == 0, told
+
+
+def test_a_silent_bus_is_told_with_what_to_look_at(
+    simulated_can: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--interface", "udp_multicast", "--channel", simulated_can["channel"], "--seconds", "0.1"]
+    assert main(["can", "check", *options, "--option", f"port={simulated_can['port']}"]) == 1
+    assert "nothing received: is the interface up" in capsys.readouterr().out
+
+
+def test_the_drivers_own_parameters_say_what_to_look_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = write_log(tmp_path / "hand.log", cycles(range(20)))
+    config = tmp_path / "driver.yaml"
+    config.write_text(
+        "driver_node:\n  ros__parameters:\n    phalanges: [finger]\n"
+        "    messages.finger: [index_a, index_b]\n    dbc: loadcells.dbc\n"
+    )
+    assert main(["can", "check", "--log", str(log), "--config", str(config)]) == 0
+    assert "finger" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--log", "/nowhere.log"], "/nowhere.log: expected a CAN log, No such file"),
+        (["--log", __file__], "expected a CAN log"),
+        (["--channel", "can7"], "CAN bus socketcan can7: expected an interface that opens"),
+        (["--dbc", "/nowhere.dbc"], "/nowhere.dbc: expected a DBC file"),
+        (["--config", "/nowhere.yaml"], "/nowhere.yaml: expected driver parameters"),
+        (["--config", "LICENSE"], "expected ros__parameters of one node"),
+        (["--option", "port"], "bus option 'port': expected name=value"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["can", "check", *arguments]) == 2
+    told = capsys.readouterr().err
+    assert reason in told
+    assert told.count("\n") == 1
