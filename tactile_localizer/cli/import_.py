@@ -5,12 +5,18 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from tactile_localizer.cli.files import given_or_shipped
+from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.sweep_detector import SweepDetector
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.io.bag_recording import BagTopics, read_bag
 from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
 from tactile_localizer.io.csv_recording import read_csv
-from tactile_localizer.io.scan_import import ImportReport, import_recording
+from tactile_localizer.io.recording import Recording, join
+from tactile_localizer.io.scan_import import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.scene import Scene
 
@@ -22,15 +28,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``import csv`` and ``import bag``."""
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     from_csv = kinds.add_parser("csv", help="one or more CSV files")
+    from_csv.add_argument(
+        "files", nargs="+", metavar="FILE", help="one sweep each, unless a column says which"
+    )
     add_csv_arguments(from_csv)
-    for kind in (from_csv,):
+    from_bag = kinds.add_parser(
+        "bag", help="one or more bags: SQLite or MCAP, directory or file, compressed too"
+    )
+    from_bag.add_argument("files", nargs="+", metavar="BAG", help="directory, *.mcap or *.db3")
+    add_bag_arguments(from_bag)
+    from_bag.add_argument(
+        "--detect-sweeps",
+        choices=("both_ways", "one_way"),
+        help="find the sweeps in the motion; one_way: without the returns (default: the mapping node's)",
+    )
+    for kind in (from_csv, from_bag):
         kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
         kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
 
 
 def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what any command that reads CSV recordings needs: files, column names, speed."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="one sweep each, unless a column says which")
+    """Declare what any command that reads CSV recordings needs: column names, speed."""
     parser.add_argument(
         "--columns", metavar="YAML", help="names of the columns, where they are not the standard ones"
     )
@@ -48,6 +66,40 @@ def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[AXIS=]M_PER_S",
         help="position from constant speed, m/s",
     )
+
+
+def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what any command that reads bags needs: topics, frames, gaps."""
+    for name, topic in vars(BagTopics()).items():
+        parser.add_argument(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"(default: {topic})")
+    parser.add_argument(
+        "--material-frame", default="material", metavar="FRAME", help="frame of poses taken as they are"
+    )
+    parser.add_argument(
+        "--reference-frame", default="base", metavar="FRAME", help="frame of poses moved by --material-pose"
+    )
+    parser.add_argument(
+        "--material-pose",
+        type=float,
+        nargs=6,
+        default=[0.0] * 6,
+        metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
+        help="where the material is in the reference frame, m and rad",
+    )
+    parser.add_argument(
+        "--max-gap",
+        type=float,
+        default=DEFAULT_MAX_GAP_S,
+        metavar="S",
+        help="poses further apart are not interpolated",
+    )
+
+
+def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
+    """The options of :func:`read_bag` that ``add_bag_arguments`` has declared."""
+    topics = {name: getattr(args, f"{name}_topic") for name in vars(BagTopics())}
+    frame = PalmFrame(scene.axes, args.material_frame, args.reference_frame, args.material_pose)
+    return {"topics": BagTopics(**topics), "frame": frame, "max_gap_s": args.max_gap}
 
 
 def naming_from_arguments(args: argparse.Namespace) -> ColumnNaming:
@@ -82,24 +134,32 @@ def speed_from_arguments(texts: Sequence[str], scene: Scene) -> dict[str, float]
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import and say what was kept and what was left out."""
+    """Import, and say what was kept and what was left out."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
-    naming = naming_from_arguments(args)
-    speeds = speed_from_arguments(args.speed, scene)
-    recording = read_csv(args.files, scene, naming, speeds)
+    read = _read_csv if args.kind == "csv" else _read_bags
+    recording, detail, unit = read(args, scene)
+    detail = {"files": args.files, **detail}
     report = import_recording(
-        recording,
-        scene,
-        args.output,
-        what="import csv",
-        detail={"files": args.files, "speed": speeds},
-        strain_unit=naming.strain_unit,
+        recording, scene, args.output, what=f"import {args.kind}", detail=detail, strain_unit=unit
     )
-    _say(args.output, report)
+    print(f"{args.output}: {report.sweeps} sweeps, {report.pairs} pairs")
+    for note in report.notes:
+        print(f"  {note}")
     return 0
 
 
-def _say(path: str, report: ImportReport) -> None:
-    print(f"{path}: {report.sweeps} sweeps, {report.pairs} pairs")
-    for note in report.notes:
-        print(f"  {note}")
+def _read_csv(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:
+    naming = naming_from_arguments(args)
+    speeds = speed_from_arguments(args.speed, scene)
+    return read_csv(args.files, scene, naming, speeds), {"speed": speeds}, naming.strain_unit
+
+
+def _read_bags(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:
+    options = bag_options(args, scene)
+    recordings = []
+    for file in args.files:
+        detector = None
+        if args.detect_sweeps:
+            detector = SweepDetector(scene.axes, one_way=args.detect_sweeps == "one_way")
+        recordings.append(read_bag(file, scene, detector=detector, **options))
+    return join(recordings), {"detect_sweeps": args.detect_sweeps}, "V"

@@ -20,7 +20,7 @@ import numpy as np
 from tactile_localizer.core.pose_buffer import near_bounds
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import ColumnNaming
-from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
 from tactile_localizer.scene import Scene
 
 _NOT_NUMBERS = "not numbers"
@@ -61,26 +61,21 @@ def read_csv(
     for axis in speed:
         if axis not in scene.axis_names:
             raise ScanError(f"speed of axis {axis!r}: expected one of {', '.join(scene.axis_names)}")
-    files = [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
-    sweeps: list[RecordedSweep] = []
-    notes: list[str] = []
-    for path in files:
-        rows = _read_rows(path, scene, naming, speed)
-        notes.extend(rows.notes(path))
-        taken = {sweep.number for sweep in sweeps}
-        for number, samples in rows.by_sweep.items():
-            free = number if number is not None and number not in taken else max(taken, default=0) + 1
-            taken.add(free)
-            sweeps.append(_sweep(free, samples, scene, speed))
-    source = ", ".join(str(path) for path in files)
-    return Recording(source, scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes))
+    files = [paths] if isinstance(paths, str | Path) else paths
+    return join([_read_file(Path(path), scene, naming, speed) for path in files])
+
+
+def _read_file(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> Recording:
+    rows = _read_rows(path, scene, naming, speed)
+    sweeps = tuple(_sweep(number, samples, scene, speed) for number, samples in rows.by_sweep.items())
+    return Recording(str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(rows.notes(path)))
 
 
 @dataclass
 class _Rows:
-    """The rows of one file that could be read, by sweep number (``None``: the file is one sweep)."""
+    """The rows of one file that could be read, by sweep number."""
 
-    by_sweep: dict[int | None, list[tuple[int, list[float]]]] = field(default_factory=dict)
+    by_sweep: dict[int, list[tuple[int, list[float]]]] = field(default_factory=dict)
     total: int = 0
     bad: Counter[str] = field(default_factory=Counter)
     first_bad_line: dict[str, int] = field(default_factory=dict)
@@ -106,7 +101,7 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
             reader = csv.reader(file, skipinitialspace=True)
             header = [name.strip() for name in next(reader, [])]
             picker = _Picker.of(path, header, scene, naming, speed)
-            latest: dict[int | None, int] = {}
+            latest: dict[int, int] = {}
             for row in reader:
                 if not row:
                     continue
@@ -168,13 +163,13 @@ class _Picker:
             positions=len(axes),
         )
 
-    def pick(self, row: list[str]) -> tuple[int | None, int, list[float]]:
+    def pick(self, row: list[str]) -> tuple[int, int, list[float]]:
         """Sweep number, stamp in ns, values; raises what ``float`` and ``Decimal`` raise."""
         # A binary float would lose up to 0.2 us of a stamp that counts from 1970.
         stamp_ns = int((Decimal(row[self.stamp_index]) * self.nanoseconds).to_integral_value())
         if abs(stamp_ns) > _MAX_NS:
             raise InvalidOperation
-        number = None if self.sweep_index is None else int(float(row[self.sweep_index]))
+        number = 1 if self.sweep_index is None else int(float(row[self.sweep_index]))
         values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=True)]
         return number, stamp_ns, values
 

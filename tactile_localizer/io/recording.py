@@ -6,7 +6,8 @@ evaluating need not know where the samples came from.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -82,6 +83,27 @@ class Recording:
 
     def __len__(self) -> int:
         return sum(map(len, self.sweeps))
+
+
+def join(recordings: Sequence[Recording]) -> Recording:
+    """One recording of the sweeps of several; a number that is taken gets the next that is free.
+
+    Parameters
+    ----------
+    recordings : at least one, all of the same axes and phalanges
+    """
+    sweeps: list[RecordedSweep] = []
+    for sweep in (sweep for recording in recordings for sweep in recording.sweeps):
+        taken = {other.number for other in sweeps}
+        number = sweep.number if sweep.number not in taken else max(taken) + 1
+        sweeps.append(replace(sweep, number=number))
+    return Recording(
+        source=", ".join(recording.source for recording in recordings),
+        axes=recordings[0].axes,
+        phalanges=recordings[0].phalanges,
+        sweeps=tuple(sweeps),
+        notes=tuple(note for recording in recordings for note in recording.notes),
+    )
 
 
 def missing_status(strain: np.ndarray) -> np.ndarray:

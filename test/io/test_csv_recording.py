@@ -1,7 +1,6 @@
 """CSV recordings are read as they are; what cannot be used is counted and said."""
 
 import csv
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("TACTILE_LOCALIZER_DATA", "/nonexistent")) / "fabric_slide"
 
 SCENE = Scene(
     "bump", (Axis("x", 0, 1), Axis("y", 0, 1)), (Phalanx("index", (0, 0)), Phalanx("middle", (0, 0)))
@@ -184,14 +182,11 @@ def test_a_speed_of_an_axis_that_the_scene_lacks_is_refused(tmp_path):
         read_csv(tmp_path / "a.csv", LINE, speed={"y": 0.1})
 
 
-@pytest.mark.skipif(
-    not DATA.is_dir(), reason="the fabric recordings are not here: set TACTILE_LOCALIZER_DATA"
-)
-def test_the_fabric_recordings_are_read_with_the_shipped_naming_and_scenes():
+def test_the_fabric_recordings_are_read_with_the_shipped_naming_and_scenes(data_dir):
     for material in ("Linen", "Canvas"):
         scene = load_scene(ROOT / "config" / "scenes" / f"{material.lower()}.yaml")
         naming = load_naming(ROOT / "config" / "import" / "fabric_slide.yaml")
-        files = sorted(DATA.glob(f"{material}_*.csv"))
+        files = sorted((data_dir / "fabric_slide").glob(f"{material}_*.csv"))
         recording = read_csv(files, scene, naming, speed={"x": 0.01})
         assert recording.notes == ()
         for sweep in recording.sweeps:

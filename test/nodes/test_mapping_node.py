@@ -4,88 +4,14 @@ import signal
 
 import numpy as np
 import pytest
+from support.bags import MS, SCENE, START
+from support.hand import Hand, stamp_of
 
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 pytestmark = pytest.mark.ros
-
-SCENE = Scene(
-    "sheet",
-    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)),
-    (Phalanx("index", (0.0, 0.01)), Phalanx("middle", (0.0, -0.01))),
-)
-MS = 1_000_000
-START = 1_700_000_000_000 * MS
-
-
-class Hand:
-    """Publishes poses every 20 ms and strain every 5 ms of a path along x, by stamps alone."""
-
-    def __init__(self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="mapping"):
-        from geometry_msgs.msg import PoseStamped
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
-        from tactile_localizer.msg import ScanStatus, StrainVectors
-
-        self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.Pose, self.Strain = PoseStamped, StrainVectors
-        self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
-        self.poses = probe.publisher(PoseStamped, "palm_pose", 100)
-        self.strain = probe.publisher(StrainVectors, "strain", best_effort)
-        self.now_ms = 0
-
-    @staticmethod
-    def x(stamp_ms):
-        return 0.01 + 0.00001 * stamp_ms
-
-    def stamp(self, message, stamp_ms):
-        total = START + stamp_ms * MS
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(total, 1_000_000_000)
-
-    def pose(self, stamp_ms):
-        message = self.Pose()
-        self.stamp(message, stamp_ms)
-        message.header.frame_id = self.frame
-        message.pose.position.x, message.pose.position.y = self.x(stamp_ms), 0.02
-        message.pose.orientation.w = 1.0
-        self.poses.publish(message)
-
-    def feel(self, stamp_ms, status=(0, 0, 0)):
-        message = self.Strain()
-        self.stamp(message, stamp_ms)
-        message.phalanges = list(self.phalanges)
-        message.strain = [float(stamp_ms + 1000 * gauge) for gauge in range(8 * len(self.phalanges))]
-        message.status = list(status)[: len(self.phalanges)]
-        message.sequence = [stamp_ms] * len(self.phalanges)
-        self.strain.publish(message)
-
-    def slide(self, duration_ms, poses=True):
-        """Publish what happens in the next ``duration_ms``, paced so that best effort loses nothing."""
-        for stamp_ms in range(self.now_ms + 1, self.now_ms + duration_ms + 1):
-            if poses and stamp_ms % 20 == 0:
-                self.pose(stamp_ms)
-            if stamp_ms % 5 == 0:
-                self.feel(stamp_ms)
-                self.probe.executor.spin_once(timeout_sec=0.002)
-        self.now_ms += duration_ms
-
-    def service(self, name):
-        from std_srvs.srv import Trigger
-
-        return self.probe.call(Trigger, f"{self.node}/{name}")
-
-    def wait_for_stamp(self, stamp_ms):
-        """Wait until the node's status shows that it has felt what was published up to ``stamp_ms``."""
-        wanted = START + stamp_ms * MS
-        self.probe.until(
-            lambda: self.statuses and stamp_of(self.statuses[-1]) >= wanted, f"status at {stamp_ms} ms"
-        )
-
-
-def stamp_of(message):
-    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
 
 
 @pytest.fixture

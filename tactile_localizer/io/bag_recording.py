@@ -1,0 +1,233 @@
+"""Recordings in bags: strain and palm poses, paired by their stamps as they would have been live."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS, interpolate_poses
+from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.errors import MeasurementError, ScanError
+from tactile_localizer.io.bag_reader import BagMessages, read_messages
+from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.scene import GAUGES, Scene
+
+
+@dataclass(frozen=True)
+class BagTopics:
+    """Where a bag has what is wanted.
+
+    Parameters
+    ----------
+    strain : ``StrainVectors``
+    pose : ``PoseStamped`` of the palm
+    truth : ``PoseStamped`` of the palm as it really is; may be missing
+    status : ``ScanStatus`` of the mapping node, which shows the sweeps; may be missing
+    """
+
+    strain: str = "/strain"
+    pose: str = "/palm_pose"
+    truth: str = "/simulator/ground_truth"
+    status: str = "/mapping/status"
+
+
+class _Strain(NamedTuple):
+    stamp_ns: int
+    phalanges: tuple[str, ...]
+    values: np.ndarray
+    status: np.ndarray
+
+
+class _Pose(NamedTuple):
+    stamp_ns: int
+    position: np.ndarray | None
+    refusal: str = ""
+
+
+class _Span(NamedTuple):
+    """A sweep: samples with stamps after ``after_ns`` up to ``until_ns``."""
+
+    number: int
+    after_ns: int
+    until_ns: int
+
+
+_ALL = _Span(1, -1, 2**63 - 1)
+
+
+def read_bag(
+    path: str | Path,
+    scene: Scene,
+    *,
+    topics: BagTopics | None = None,
+    frame: PalmFrame | None = None,
+    max_gap_s: float = DEFAULT_MAX_GAP_S,
+    by_status: bool = True,
+    detector: SweepDetector | None = None,
+) -> Recording:
+    """Read a bag as a recording.
+
+    Parameters
+    ----------
+    path : a directory or a file, SQLite or MCAP, compressed or not; damaged ones as far as they go
+    scene : names the axes and phalanges that are read
+    topics : by default those of this package's own nodes
+    frame : the frames in which palm poses can be used; by default ``material``, and ``base`` as it is
+    max_gap_s : poses further apart are not interpolated, s
+    by_status : take the sweeps that the mapping node's status shows, if the bag has it; otherwise, or
+        without it, the whole bag is one sweep
+    detector : finds the sweeps in the motion instead
+
+    Returns
+    -------
+    Recording
+        Strain samples in sweeps that have a position; ``gaps`` counts those that have none. ``truth``
+        is there when the bag has it, NaN where it has a gap.
+
+    Raises
+    ------
+    ScanError
+        The bag cannot be read, or lacks strain or poses.
+    """
+    topics = topics or BagTopics()
+    frame = frame or PalmFrame(scene.axes, reference_frame="base")
+    names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
+    strain_topic, pose_topic, truth_topic, status_topic = names
+    keep_pose = partial(_keep_pose, frame)
+    wanted = dict(zip(names, (_keep_strain, keep_pose, keep_pose, _keep_status), strict=True))
+    messages = read_messages(path, wanted)
+    notes = list(messages.notes)
+    for topic in (strain_topic, pose_topic):
+        if not messages.by_topic.get(topic):
+            raise ScanError(f"{path}: expected messages of {topic}, found {_found(messages)}")
+    stamp_ns, strain, status = _strain_arrays(messages.by_topic[strain_topic], scene, notes)
+    pose_ns, poses = _pose_arrays(pose_topic, messages.by_topic[pose_topic], notes)
+    position, found = interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
+    truth = None
+    if truths := messages.by_topic.get(truth_topic):
+        truth_ns, true_poses = _pose_arrays(truth_topic, truths, notes)
+        truth, _ = interpolate_poses(scene.axes, truth_ns, true_poses, stamp_ns, max_gap_s)
+    if detector is not None:
+        spans = _moving_spans(detector, stamp_ns[found], position[found])
+    elif by_status and messages.by_topic.get(status_topic):
+        spans = _status_spans(messages.by_topic[status_topic])
+    else:
+        spans = [_ALL]
+    sweeps = []
+    for span in spans:
+        inside = (stamp_ns > span.after_ns) & (stamp_ns <= span.until_ns)
+        kept = inside & found
+        sweeps.append(
+            RecordedSweep(
+                number=span.number,
+                stamp_ns=stamp_ns[kept],
+                position=position[kept],
+                strain=strain[kept],
+                status=status[kept],
+                truth=None if truth is None else truth[kept],
+                gaps=int(np.sum(inside & ~found)),
+            )
+        )
+    return Recording(str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes))
+
+
+def _keep_strain(message: Any) -> _Strain:
+    return _Strain(_stamp_ns(message), tuple(message.phalanges), message.strain, message.status)
+
+
+def _keep_pose(frame: PalmFrame, message: Any) -> _Pose:
+    place, turn = message.pose.position, message.pose.orientation
+    try:
+        position = frame.position(
+            message.header.frame_id, (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+        )
+    except MeasurementError as error:
+        return _Pose(_stamp_ns(message), None, str(error))
+    return _Pose(_stamp_ns(message), position)
+
+
+def _keep_status(message: Any) -> tuple[int, bool, int]:
+    return _stamp_ns(message), bool(message.sweep_active), int(message.sweep)
+
+
+def _stamp_ns(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def _strain_arrays(
+    samples: Sequence[_Strain], scene: Scene, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stamps (n,), strain (n, 8F) and status (n, F) of the scene's phalanges, as nodes take them."""
+    channels = {names: scene.channels(names) for names in {sample.phalanges for sample in samples}}
+    usable = [s for s in samples if len(s.values) == GAUGES * len(s.phalanges) == GAUGES * len(s.status)]
+    _note(notes, len(samples) - len(usable), len(samples), "strain vectors whose lengths do not fit")
+    stamp_ns, usable = _in_time(usable, "strain vectors", notes)
+    strain = np.array([sample.values[channels[sample.phalanges]] for sample in usable], dtype=np.float64)
+    rows = {names: columns[::GAUGES] // GAUGES for names, columns in channels.items()}
+    status = np.array([sample.status[rows[sample.phalanges]] for sample in usable], dtype=np.uint8)
+    shape = (len(usable), len(scene.phalanges))
+    return stamp_ns, strain.reshape(shape[0], GAUGES * shape[1]), status.reshape(shape)
+
+
+def _pose_arrays(topic: str, samples: Sequence[_Pose], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (m,) and positions (m, d) of the poses that can be used."""
+    usable = [sample for sample in samples if sample.position is not None]
+    reason = next((sample.refusal for sample in samples if sample.refusal), "")
+    _note(notes, len(samples) - len(usable), len(samples), f"poses of {topic}: {reason}")
+    stamp_ns, usable = _in_time(usable, f"poses of {topic}", notes)
+    positions = [sample.position for sample in usable]
+    return stamp_ns, np.array(positions, dtype=np.float64).reshape(len(positions), -1)
+
+
+def _in_time(samples: list[Any], what: str, notes: list[str]) -> tuple[np.ndarray, list[Any]]:
+    """The samples that came before any later one; zero stamps are those of a clock that does not run yet."""
+    stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
+    newest = np.maximum.accumulate(np.concatenate([[0], stamp_ns]))
+    in_time = stamp_ns > newest[:-1]
+    _note(notes, int(np.sum(~in_time)), len(samples), f"{what} whose stamps go back")
+    return stamp_ns[in_time], [sample for sample, kept in zip(samples, in_time, strict=True) if kept]
+
+
+def _note(notes: list[str], count: int, total: int, what: str) -> None:
+    if count:
+        notes.append(f"left out {count} of {total} {what}")
+
+
+def _found(messages: BagMessages) -> str:
+    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items())) or "no topics"
+
+
+def _moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[_Span]:
+    numbers = np.array(
+        [detector.update(int(t), p) for t, p in zip(stamp_ns, position, strict=True)], dtype=int
+    )
+    starts = np.flatnonzero(np.diff(numbers, prepend=0))
+    ends = [*stamp_ns[starts[1:]], 2**63 - 1]
+    return [
+        _Span(int(numbers[start]), int(stamp_ns[start]) - 1, int(end) - 1)
+        for start, end in zip(starts, ends, strict=True)
+        if numbers[start]
+    ]
+
+
+def _status_spans(changes: Sequence[tuple[int, bool, int]]) -> list[_Span]:
+    """The sweeps between the stamps at which the mapping node's status changed."""
+    spans = []
+    begun: tuple[int, int] | None = None
+    for stamp_ns, active, number in changes:
+        if begun is not None and (not active or number != begun[0]):
+            spans.append(_Span(*begun, stamp_ns))
+            begun = None
+        if active and begun is None:
+            # A stamp of 0 is before the first sample, whose own stamp is later than that.
+            begun = (number, stamp_ns)
+    if begun is not None:
+        spans.append(_Span(*begun, _ALL.until_ns))
+    return spans

@@ -1,0 +1,97 @@
+"""Writing bags for tests: a hand that slides along x, felt every 5 ms, its pose told every 20 ms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from tactile_localizer.io.bag_reader import typestore
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene(
+    "sheet",
+    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)),
+    (Phalanx("index", (0.0, 0.01)), Phalanx("middle", (0.0, -0.01))),
+)
+MS = 1_000_000
+START = 1_700_000_000_000 * MS
+TYPES = {
+    "strain": "tactile_localizer/msg/StrainVectors",
+    "palm_pose": "geometry_msgs/msg/PoseStamped",
+    "simulator/ground_truth": "geometry_msgs/msg/PoseStamped",
+    "mapping/status": "tactile_localizer/msg/ScanStatus",
+}
+STORE = typestore()
+_T = STORE.types
+
+
+def x_at(stamp_ms: np.ndarray | float) -> Any:
+    """Where the hand is on x, m."""
+    return 0.01 + 0.00001 * np.asarray(stamp_ms)
+
+
+def _header(stamp_ms: int, frame: str) -> Any:
+    total = START + stamp_ms * MS if stamp_ms else 0
+    stamp = _T["builtin_interfaces/msg/Time"](sec=total // 10**9, nanosec=total % 10**9)
+    return _T["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+
+def strain(stamp_ms: int, phalanges: tuple[str, ...] = ("middle", "index"), **changes: Any) -> Any:
+    n = len(phalanges)
+    values = {
+        "header": _header(stamp_ms, ""),
+        "phalanges": list(phalanges),
+        "strain": np.arange(8.0 * n) * 1000 + stamp_ms,
+        "status": np.zeros(n, dtype=np.uint8),
+        "sequence": np.full(n, stamp_ms, dtype=np.uint32),
+    }
+    return _T[TYPES["strain"]](**{**values, **changes})
+
+
+def pose(stamp_ms: int, frame: str = "material", x: float | None = None) -> Any:
+    place = _T["geometry_msgs/msg/Point"](x=float(x_at(stamp_ms) if x is None else x), y=0.02, z=0.0)
+    turn = _T["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+    pose = _T["geometry_msgs/msg/Pose"](position=place, orientation=turn)
+    return _T[TYPES["palm_pose"]](header=_header(stamp_ms, frame), pose=pose)
+
+
+def status(stamp_ms: int, active: bool, number: int) -> Any:
+    zero: dict[str, Any] = dict.fromkeys(("sweeps", "samples", "gaps", "skipped"), 0)
+    zero |= {"scan_file": "", "scene": "sheet", "coverage": 0.0, "rate": 0.0}
+    header = _header(stamp_ms, "material")
+    return _T[TYPES["mapping/status"]](header=header, sweep_active=active, sweep=number, **zero)
+
+
+def slide(first_ms: int, last_ms: int) -> list[tuple[str, int, Any]]:
+    """Topic, time of receipt in ms and message of all that happens after ``first_ms`` up to ``last_ms``."""
+    happened: list[tuple[str, int, Any]] = []
+    for stamp_ms in range(first_ms + 1, last_ms + 1):
+        if stamp_ms % 5 == 0:
+            happened.append(("strain", stamp_ms, strain(stamp_ms)))
+        if stamp_ms % 20 == 0:
+            happened.append(("palm_pose", stamp_ms, pose(stamp_ms)))
+    return happened
+
+
+def write_bag(
+    path: Path,
+    happened: list[tuple[str, int, Any]],
+    storage: str = "mcap",
+    compression: str = "none",
+) -> Path:
+    """Write a bag directory; messages given as bytes are written as they are."""
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
+    if compression != "none":
+        writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    with writer:
+        connections = {
+            topic: writer.add_connection(f"/{topic}", TYPES[topic], typestore=STORE)
+            for topic in dict.fromkeys(topic for topic, _, _ in happened)
+        }
+        for topic, received_ms, message in happened:
+            raw = message if isinstance(message, bytes) else STORE.serialize_cdr(message, TYPES[topic])
+            writer.write(connections[topic], START + received_ms * MS, raw)
+    return path

@@ -1,0 +1,93 @@
+"""A bag of the topics that the mapping node heard makes the same scan file as the node itself."""
+
+import numpy as np
+import pytest
+from support.bags import SCENE, write_bag
+from support.hand import Hand
+
+from tactile_localizer.cli import main
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
+
+pytestmark = pytest.mark.ros
+
+
+def there_and_back(stamp_ms):
+    """Strokes of 30 mm that reach out of the scene's bounds, with a wobble."""
+    return 0.035 + 0.02 * np.cos(2 * np.pi * stamp_ms / 1600.0) + 1e-5 * np.sin(stamp_ms)
+
+
+def contents(path):
+    with ScanStore.open(path) as store:
+        sweeps = [(s.number, s.pairs, s.first_ns, s.last_ns, s.gaps, s.skipped) for s in store.sweeps()]
+        return store.scene, sweeps, store.load(), store.recording()
+
+
+def assert_same_scan(live, imported):
+    assert live[0] == imported[0]
+    assert live[1] == imported[1]
+    for name in ("states", "strain", "sweep"):
+        np.testing.assert_array_equal(getattr(live[2], name), getattr(imported[2], name))
+    for one, other in zip(live[3].sweeps, imported[3].sweeps, strict=True):
+        np.testing.assert_array_equal(one.stamp_ns, other.stamp_ns)
+
+
+@pytest.fixture
+def files(tmp_path):
+    save_scene(SCENE, tmp_path / "scene.yaml")
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "live.db"}
+
+
+def slide_badly(hand):
+    """Gaps in the poses, samples missing, saturated and out of bounds."""
+    hand.slide(600)
+    hand.slide(200, poses=False)
+    hand.feel(hand.now_ms + 1, status=(1, 0, 0))
+    hand.feel(hand.now_ms + 2, status=(0, 2, 0))
+    hand.feel(hand.now_ms + 3, status=(0, 0, 1))
+    hand.slide(500)
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_sweeps_asked_for_by_service_are_the_same_sample_for_sample(
+    node_process, probe, files, tmp_path, storage
+):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.x = there_and_back
+    hand.slide(200)
+    hand.wait_for_stamp(200)
+    for _ in range(2):
+        assert hand.service("start_sweep").success
+        slide_badly(hand)
+        hand.wait_for_stamp(hand.now_ms)
+        assert hand.service("end_sweep").success
+        hand.slide(100)
+        hand.wait_for_stamp(hand.now_ms)
+    assert process.stop() == 0
+    bag = write_bag(tmp_path / "bag", hand.happened_with_status(), storage)
+    arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported.db"]
+    assert main([str(argument) for argument in arguments]) == 0
+    live = contents(files["scan_file"])
+    assert [sweep[0] for sweep in live[1]] == [1, 2]
+    assert all(gaps and skipped for *_, gaps, skipped in live[1])
+    assert_same_scan(live, contents(tmp_path / "imported.db"))
+
+
+def test_sweeps_found_in_the_motion_are_the_same_sample_for_sample(node_process, probe, files, tmp_path):
+    process = node_process("mapping_node", parameters={**files, "sweep_detection": "both_ways"})
+    hand = Hand(probe)
+    hand.x = there_and_back
+    hand.service("start_sweep")
+    slide_badly(hand)
+    slide_badly(hand)
+    hand.wait_for_stamp(hand.now_ms)
+    assert process.stop() == 0
+    live = contents(files["scan_file"])
+    assert len(live[1]) >= 3
+    bag = write_bag(tmp_path / "bag", hand.happened_with_status())
+    for number, options in enumerate(([], ["--detect-sweeps", "both_ways"])):
+        output = tmp_path / f"imported_{number}.db"
+        arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", output, *options]
+        assert main([str(argument) for argument in arguments]) == 0
+        assert_same_scan(live, contents(output))
