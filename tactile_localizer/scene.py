@@ -51,6 +51,12 @@ class Axis:
             raise SceneError(
                 f"axis {self.name}: expected finite bounds with lower < upper, got [{self.lower}, {self.upper}]"
             )
+        if self.name == "yaw" and (
+            self.extent > 2 * math.pi + 1e-9 or (self.wraps and abs(self.lower + math.pi) > 1e-9)
+        ):
+            raise SceneError(
+                f"axis yaw: expected at most a full turn, [-pi, pi], got [{self.lower}, {self.upper}]"
+            )
         if not (math.isfinite(self.motion_std) and self.motion_std >= 0):
             raise SceneError(f"axis {self.name}: expected motion_std >= 0, got {self.motion_std}")
 
@@ -157,6 +163,28 @@ class Scene:
         """Which axes are full turns, (d,) bool."""
         return np.array([axis.wraps for axis in self.axes])
 
+    def on_feature(self, states: np.ndarray) -> np.ndarray:
+        """At which palm ``states`` (P, d) some phalanx is in the feature's region: (P,) bool; all, where none is known."""
+        if self.feature is None:
+            return np.ones(len(states), dtype=bool)
+        on = np.zeros(len(states), dtype=bool)
+        for phalanx in self.phalanges:
+            on |= self.feature.contains(states + np.asarray(phalanx.offset))
+        return on
+
+    def columns(self, names: tuple[str, ...]) -> np.ndarray:
+        """Columns of this scene's axes in states on the axes ``names``, (d,) int.
+
+        Raises
+        ------
+        SceneError
+            The scene names an axis that the states do not have.
+        """
+        for axis in self.axis_names:
+            if axis not in names:
+                raise SceneError(f"axis {axis!r} of scene {self.name!r}: expected one of {', '.join(names)}")
+        return np.array([names.index(axis) for axis in self.axis_names], dtype=np.intp)
+
     def channels(self, names: tuple[str, ...]) -> np.ndarray:
         """Columns of this scene's phalanges in a strain vector of the phalanges ``names``, (8F,) int.
 
@@ -168,7 +196,9 @@ class Scene:
         columns = []
         for phalanx in self.phalanx_names:
             if phalanx not in names:
-                raise SceneError(f"phalanx {phalanx!r} of scene {self.name!r}: expected one of {', '.join(names)}")
+                raise SceneError(
+                    f"phalanx {phalanx!r} of scene {self.name!r}: expected one of {', '.join(names)}"
+                )
             start = GAUGES * names.index(phalanx)
             columns.extend(range(start, start + GAUGES))
         return np.array(columns, dtype=np.intp)

@@ -21,12 +21,18 @@ class BayesFilter(Protocol):
     def predict(self, displacement: np.ndarray, travel: float) -> None:
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres."""
 
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float) -> float:
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
         """Weigh the belief by the likelihood of ``strain`` (8F,) raised to ``exponent``.
+
+        Parameters
+        ----------
+        present : (F,) bool, the phalanges that count
+        featureless : log-density of the strain on featureless material, nats
 
         Returns
         -------
-        The logarithm of the marginal likelihood P(z_t | z_1:t-1), with the likelihood untempered, nats.
+        The logarithm of the marginal likelihood P(z_t | z_1:t-1), nats, with the likelihood untempered, and
+        off the feature not less than that of featureless material.
         """
 
     def belief(self) -> Belief:

@@ -10,7 +10,7 @@ from scipy import ndimage
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import MeasurementModel, flatten_axes
 from tactile_localizer.core.motion import MotionModel
-from tactile_localizer.core.weights import moments
+from tactile_localizer.core.weights import moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
@@ -45,7 +45,9 @@ class GridFilter:
         extent = scene.upper - scene.lower
         counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
         if float(np.prod(counts)) > self.MOST_CELLS:
-            raise ParameterError(f"cells: expected at most {self.MOST_CELLS}, got {counts.prod():.3g}; use larger cells")
+            raise ParameterError(
+                f"cells: expected at most {self.MOST_CELLS}, got {counts.prod():.3g}; use larger cells"
+            )
         self._shape = tuple(int(count) for count in counts)
         self._cell = extent / counts
         self._centres = [
@@ -55,6 +57,7 @@ class GridFilter:
         self._model = model
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
+        self._on_feature = scene.on_feature(flatten_axes(self._centres)).reshape(self._shape)
         self.reset()
 
     def reset(self) -> None:
@@ -81,14 +84,13 @@ class GridFilter:
         for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
             self._diffuse(int(axis))
 
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float) -> float:
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
         """See :meth:`BayesFilter.update`."""
         log_likelihood = self._model.log_likelihood_on(self._axes(), strain, present)
         with np.errstate(divide="ignore"):
             log_belief = np.log(self._belief)
-        joint = log_belief + log_likelihood
-        peak = joint.max()
-        log_marginal = float(peak + np.log(np.sum(np.exp(joint - peak))))
+        expected = np.where(self._on_feature, -math.inf, featureless)
+        _, log_marginal = normalize((log_belief + np.maximum(log_likelihood, expected)).ravel())
         log_belief += exponent * log_likelihood
         log_belief -= log_belief.max()
         self._belief = np.exp(log_belief, out=log_belief)

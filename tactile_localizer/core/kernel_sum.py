@@ -59,7 +59,7 @@ class KernelSum:
         self._dtype = np.dtype(dtype)
         self._strain = strain
         self._centre = strain.mean(axis=0)
-        index, unrolled = _unroll(positions, wraps, REACH * self.position_std)
+        index, unrolled = unroll(positions, wraps, REACH * self.position_std)
         order = np.argsort(unrolled[:, 0], kind="stable")
         self._index = index[order]
         self._positions = unrolled[order] / self.position_std
@@ -143,7 +143,7 @@ class KernelSum:
         return PairBlock(near[keep], strain, lower, upper)
 
 
-def _unroll(positions: np.ndarray, wraps: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def unroll(positions: np.ndarray, wraps: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices and positions with the pairs near the ends of full-turn axes repeated a turn away."""
     index = np.arange(len(positions))
     for axis in np.flatnonzero(wraps):

@@ -32,7 +32,9 @@ class PairBlock:
     lower, upper : (d,) the box of states that this block serves
     """
 
-    def __init__(self, positions: np.ndarray, strain: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    def __init__(
+        self, positions: np.ndarray, strain: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    ) -> None:
         self.lower, self.upper = lower, upper
         self.positions = positions
         self._strain = strain
@@ -126,9 +128,14 @@ class Density:
     def __init__(self, block: PairBlock) -> None:
         self._start = block.lower - 1.0 / self._NODES_PER_STD
         counts = np.ceil((block.upper - block.lower) * self._NODES_PER_STD).astype(np.int64) + 3
-        axes = [start + np.arange(count) / self._NODES_PER_STD for start, count in zip(self._start, counts, strict=True)]
+        axes = [
+            start + np.arange(count) / self._NODES_PER_STD
+            for start, count in zip(self._start, counts, strict=True)
+        ]
         ones = np.ones(len(block), dtype=np.float64)
-        self._coefficients = ndimage.spline_filter(block.grid.on_axes(axes, block.grid.spread(ones)), mode="mirror")
+        self._coefficients = ndimage.spline_filter(
+            block.grid.on_axes(axes, block.grid.spread(ones)), mode="mirror"
+        )
 
     def __call__(self, states: np.ndarray) -> np.ndarray:
         """At states (P, d): (P,)."""
@@ -213,7 +220,9 @@ class KernelGrid:
         columns = np.clip(first, 0, len(nodes) - width)[:, None] + np.arange(width)
         values = self._gaussian(coordinates[:, None] - nodes[columns])
         pointers = np.arange(len(coordinates) + 1) * width
-        return sparse.csr_array((values.ravel(), columns.ravel(), pointers), shape=(len(coordinates), len(nodes)))
+        return sparse.csr_array(
+            (values.ravel(), columns.ravel(), pointers), shape=(len(coordinates), len(nodes))
+        )
 
     def _dense(self, coordinates: np.ndarray, axis: int) -> np.ndarray:
         return self._gaussian(np.subtract.outer(coordinates, self._nodes[axis]))

@@ -80,7 +80,7 @@ class ParticleFilter:
         if self._wraps.any():
             self._states[:, self._wraps] = wrap_angle(self._states[:, self._wraps])
 
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float) -> float:
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
         """See :meth:`BayesFilter.update`."""
         self._resample_if_needed()
         inside = np.all((self._states >= self._lower) & (self._states <= self._upper), axis=1)
@@ -89,10 +89,10 @@ class ParticleFilter:
             inside = np.ones(len(self._states), dtype=bool)
         log_likelihood = self._model.log_likelihood(self._states, strain, present)
         prior = np.where(inside, self._log_weights, -math.inf)
-        _, log_marginal = normalize(prior + log_likelihood)
-        _, log_prior = normalize(prior)
+        prior, _ = normalize(prior)
         self._log_weights, _ = normalize(prior + exponent * log_likelihood)
-        return log_marginal - log_prior
+        expected = np.where(self._scene.on_feature(self._states), -math.inf, featureless)
+        return normalize(prior + np.maximum(log_likelihood, expected))[1]
 
     def belief(self) -> Belief:
         """See :meth:`BayesFilter.belief`."""
@@ -126,7 +126,10 @@ class ParticleFilter:
 
     def _resample_if_needed(self) -> None:
         count = len(self._states)
-        if self._resample_below == 1.0 or effective_sample_size(self._log_weights) < self._resample_below * count:
+        if (
+            self._resample_below == 1.0
+            or effective_sample_size(self._log_weights) < self._resample_below * count
+        ):
             if self._adaptive:
                 count = kld_sample_size(self._states, np.exp(self._log_weights), self._scene, self._most)
             weights = np.exp(self._log_weights)

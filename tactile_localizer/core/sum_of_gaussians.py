@@ -153,7 +153,9 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     if scene.wraps.any():
         positions[:, scene.wraps] = wrap_angle(positions[:, scene.wraps])
     channels = scene.channels(scan.phalanges)
-    strain = scan.strain if np.array_equal(channels, np.arange(scan.strain.shape[1])) else scan.strain[:, channels]
+    strain = (
+        scan.strain if np.array_equal(channels, np.arange(scan.strain.shape[1])) else scan.strain[:, channels]
+    )
     return positions, strain
 
 

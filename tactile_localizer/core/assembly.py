@@ -1,0 +1,132 @@
+"""From a scan, a scene and a configuration to a localizer that is ready to be fed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.background import Background
+from tactile_localizer.core.bayes_filter import BayesFilter
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
+from tactile_localizer.core.featureless import Featureless
+from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.grid_filter import GridFilter
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.null_model import NullModel
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.particle_filter import ParticleFilter
+from tactile_localizer.core.recovery import Recovery
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.selection import choose_parameters
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
+from tactile_localizer.scene import Scene
+
+Progress = Callable[[str, float], None]
+
+
+def build_localizer(
+    scan: Scan,
+    scene: Scene,
+    configuration: Configuration,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> Localizer:
+    """A localizer over ``scene``, with what the scene leaves open chosen from the scan.
+
+    Parameters
+    ----------
+    scan : the training pairs
+    scene : what is modelled
+    configuration : model, filter and how much work
+    rng : the only source of randomness
+    progress : told what is being done, and which share of it is done, where parameters have to be chosen
+
+    Raises
+    ------
+    SceneError
+        The scene and the scan do not fit together.
+    ParameterError
+        A parameter out of its range.
+    """
+    parameters = complete_parameters(scan, scene, progress)
+    model = build_model(scan, scene, configuration, parameters)
+    null = build_null(scan, scene, parameters)
+    return Localizer(
+        scene,
+        _build_filter(scene, model, configuration, parameters, rng),
+        null,
+        Convergence(
+            ConvergenceCriteria(
+                std=np.array(
+                    [
+                        configuration.convergence_yaw_std if axis.name == "yaw" else configuration.convergence_std
+                        for axis in scene.axes
+                    ]
+                ),
+                evidence=configuration.convergence_evidence,
+                sustain=configuration.convergence_travel,
+            )
+        ),
+        Recovery() if configuration.recovery == "evidence" else None,
+        configuration.update_distance,
+        parameters.correlation_length,
+    )
+
+
+def complete_parameters(scan: Scan, scene: Scene, progress: Progress | None = None) -> ModelParameters:
+    """The scene's measurement parameters, those that it leaves out chosen from the scan."""
+    given = ModelParameters.from_mapping(scene.measurement)
+    if given.complete:
+        return given
+    return given.filled_from(choose_parameters(scan, scene, progress))
+
+
+def build_model(
+    scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
+) -> MeasurementModel:
+    """The measurement model that ``configuration`` names."""
+    common: dict[str, Any] = {"evaluation": configuration.evaluation, "precision": configuration.precision}
+    widths = (parameters.position_std, parameters.strain_std)
+    if configuration.model == "sum_of_gaussians":
+        return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional, **common)
+    if configuration.model == "featureless":
+        return Featureless(scan, scene, *widths, **common)
+    return Gaussian(scan, scene, parameters.neighbours, independent=configuration.model == "gaussian_independent")
+
+
+def build_null(scan: Scan, scene: Scene, parameters: ModelParameters) -> NullModel:
+    """The position-blind explanation: featureless where the scene's region says so, and the broad background."""
+    positions, strain = training_pairs(scan, scene)
+    off = ~scene.on_feature(positions)
+    return NullModel(strain, scan.sweep, off, Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:])))
+
+
+def _build_filter(
+    scene: Scene,
+    model: MeasurementModel,
+    configuration: Configuration,
+    parameters: ModelParameters,
+    rng: np.random.Generator,
+) -> BayesFilter:
+    if configuration.filter == "grid":
+        return GridFilter(scene, model, configuration.cell * np.broadcast_to(parameters.position_std, scene.dimension))
+    return ParticleFilter(
+        scene,
+        model,
+        rng,
+        particles=configuration.particles,
+        resampling=configuration.resampling,
+        resample_below=configuration.resample_below,
+        random_particles=configuration.random_particles if configuration.recovery == "constant" else 0,
+        adaptive=configuration.adaptive,
+    )
+
+
+def with_parameters(scene: Scene, parameters: ModelParameters) -> Scene:
+    """The scene with ``parameters`` written into it, so that nothing is left to choose."""
+    return dataclasses.replace(scene, measurement=parameters.to_mapping())

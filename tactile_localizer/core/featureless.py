@@ -1,0 +1,152 @@
+"""The measurement model with featureless regions apart (paper, III-D, Eq. 5 to 7)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.interpolation import interpolated
+from tactile_localizer.core.measurement import checked, positive
+from tactile_localizer.core.normal import Normal
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import FLOOR, PhalanxKernels, dtype_of, training_pairs
+from tactile_localizer.errors import SceneError
+from tactile_localizer.scene import GAUGES, Region, Scene
+
+
+class Featureless:
+    """A product over phalanges: a sum of Gaussians where the phalanx is on the feature, one Gaussian where it is not.
+
+    The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is, and
+    its training pairs are placed by where it was. Both branches are densities over the phalanx's strain on the same
+    scale: the sum of Gaussians in its conditional form, both with the broad background as their floor.
+
+    Parameters
+    ----------
+    scan, scene : the training pairs and what is modelled; the scene gives the feature's region
+    position_std, strain_std : kernel widths, one number or one an axis (m, yaw: rad) and one a channel (V)
+    evaluation, precision : as for :class:`~.sum_of_gaussians.SumOfGaussians`
+
+    Raises
+    ------
+    SceneError
+        The scene gives no region, or all pairs of a phalanx are on one side of it.
+    """
+
+    def __init__(
+        self,
+        scan: Scan,
+        scene: Scene,
+        position_std: Any,
+        strain_std: Any,
+        evaluation: str = "field",
+        precision: str = "float64",
+    ) -> None:
+        if scene.feature is None:
+            raise SceneError(f"scene {scene.name}: expected a feature region for the model featureless, found none")
+        positions, strain = training_pairs(scan, scene)
+        position_std = positive("position_std", position_std, scene.dimension)
+        strain_std = positive("strain_std", strain_std, strain.shape[1])
+        self._position_std = position_std
+        self._evaluation = evaluation
+        self._phalanges = []
+        for index, phalanx in enumerate(scene.phalanges):
+            columns = slice(GAUGES * index, GAUGES * (index + 1))
+            self._phalanges.append(
+                _PhalanxModel(
+                    np.asarray(phalanx.offset),
+                    scene.feature,
+                    PhalanxKernels(
+                        positions + np.asarray(phalanx.offset),
+                        strain[:, columns],
+                        position_std,
+                        strain_std[columns],
+                        scene.wraps,
+                        evaluation=evaluation,
+                        dtype=dtype_of(precision),
+                    ),
+                    _off_feature(positions + np.asarray(phalanx.offset), strain[:, columns], scene, phalanx.name),
+                )
+            )
+
+    def log_likelihood(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See :meth:`MeasurementModel.log_likelihood`."""
+        strain, present = checked(strain, len(self._phalanges), present)
+        total = np.zeros(len(states))
+        for phalanx, own in self._present(strain, present):
+            total += phalanx.at_states(states, own, self._evaluation == "field")
+        return total
+
+    def log_likelihood_on(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See :meth:`MeasurementModel.log_likelihood_on`."""
+        strain, present = checked(strain, len(self._phalanges), present)
+        total = np.zeros(tuple(len(coordinates) for coordinates in axes))
+        for phalanx, own in self._present(strain, present):
+            total += phalanx.on_axes(axes, own)
+        return total
+
+    def _present(self, strain: np.ndarray, present: np.ndarray) -> list[tuple[_PhalanxModel, np.ndarray]]:
+        return [
+            (phalanx, own)
+            for phalanx, own, here in zip(self._phalanges, strain.reshape(-1, GAUGES), present, strict=True)
+            if here
+        ]
+
+
+class _PhalanxModel:
+    """P(z^f | a_f) of one phalanx: Eq. 7 off the feature, the conditional form of Eq. 4 on it."""
+
+    _PRESENT = np.ones(1, dtype=bool)
+
+    def __init__(self, offset: np.ndarray, region: Region, kernels: PhalanxKernels, off: Normal) -> None:
+        self._offset, self._region, self._kernels, self._off = offset, region, kernels, off
+
+    def at_states(self, states: np.ndarray, strain: np.ndarray, field: bool) -> np.ndarray:
+        positions = states + self._offset
+        total = np.full(len(states), self._log_off(strain))
+        on = self._region.contains(positions)
+        if on.any():
+            at_states: Callable[[np.ndarray], np.ndarray] = lambda p: self._kernels.at_states(p, strain, self._PRESENT)  # noqa: E731
+            if field:
+                width = self._kernels.kernels.position_std
+                total[on] = interpolated(
+                    positions[on], width, at_states, lambda axes: self._kernels.on_axes(axes, strain, self._PRESENT)
+                )
+            else:
+                total[on] = at_states(positions[on])
+        return total
+
+    def on_axes(self, axes: list[np.ndarray], strain: np.ndarray) -> np.ndarray:
+        moved = [coordinates + offset for coordinates, offset in zip(axes, self._offset, strict=True)]
+        total = np.full(tuple(len(coordinates) for coordinates in axes), self._log_off(strain))
+        inside = [
+            np.flatnonzero((coordinates >= low) & (coordinates <= high))
+            for coordinates, low, high in zip(moved, self._region.lower, self._region.upper, strict=True)
+        ]
+        if all(len(index) for index in inside):
+            window = [coordinates[index] for coordinates, index in zip(moved, inside, strict=True)]
+            total[np.ix_(*inside)] = self._kernels.on_axes(window, strain, self._PRESENT)
+        return total
+
+    def _log_off(self, strain: np.ndarray) -> float:
+        background = self._kernels.background.log_density(strain, self._PRESENT)
+        return float(np.logaddexp(self._off.log_density(strain), math.log(FLOOR) + background) - math.log1p(FLOOR))
+
+
+def _off_feature(positions: np.ndarray, strain: np.ndarray, scene: Scene, name: str) -> Normal:
+    """The Gaussian over all strains that a phalanx felt off the feature (Eq. 7)."""
+    assert scene.feature is not None
+    off = ~scene.feature.contains(positions)
+    if off.all() or np.count_nonzero(off) <= GAUGES:
+        side = "inside" if not off.all() else "outside"
+        raise SceneError(
+            f"scene {scene.name}: expected pairs of phalanx {name} on both sides of the feature region, all are {side}"
+        )
+    return Normal.fitted(strain[off])

@@ -1,0 +1,190 @@
+"""The single-Gaussian measurement models (paper, III-B, Eq. 3): moments of the k nearest training pairs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, solve_triangular
+from scipy.spatial import cKDTree
+from scipy.stats import chi2
+
+from tactile_localizer.core.background import Background
+from tactile_localizer.core.kernel_sum import unroll
+from tactile_localizer.core.measurement import checked, flatten_axes
+from tactile_localizer.core.normal import ridge
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import FLOOR, training_pairs
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import GAUGES, Scene
+
+_SHARES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
+_HELD_OUT = 600
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    """How the covariance of k neighbours is regularised, and what that does on held-out sweeps.
+
+    .. math:: \\Sigma = c\\,((1 - \\lambda)\\,S + \\lambda\\,T)
+
+    with S the neighbours' sample covariance and T that of all held-out residuals.
+
+    Parameters
+    ----------
+    share : lambda, chosen by the log-likelihood of held-out sweeps
+    scale : c, chosen so that the median squared Mahalanobis distance of held-out strains is that of a normal
+        distribution
+    before, after : that median without and with the regularisation, over its expected value; infinite where the
+        sample covariance is singular
+    """
+
+    share: float
+    scale: float
+    before: float
+    after: float
+
+
+class Gaussian:
+    """N(z; mean, covariance) over the k training pairs nearest to the state.
+
+    Distances between states are Euclidean in the scene's axes divided by their extents. With k at or below the
+    number of channels the sample covariance is singular, and just above it far too small; it is shrunk towards the
+    covariance of held-out residuals, by as much as held-out sweeps ask for (:class:`Shrinkage`).
+
+    Parameters
+    ----------
+    scan, scene : the training pairs and what is modelled
+    neighbours : k; the paper has 8. More than there are pairs is all of them
+    independent : covariance between phalanges set to zero (paper's dashed line in Fig. 5)
+
+    Raises
+    ------
+    ParameterError
+        Fewer than one neighbour.
+    """
+
+    def __init__(self, scan: Scan, scene: Scene, neighbours: int = 8, independent: bool = False) -> None:
+        if neighbours < 1:
+            raise ParameterError(f"neighbours: expected at least 1, got {neighbours}")
+        positions, strain = training_pairs(scan, scene)
+        self._phalanges = len(scene.phalanges)
+        self._neighbours = min(neighbours, len(positions))
+        self._independent = independent
+        self._extent = scene.upper - scene.lower
+        index, unrolled = unroll(positions, scene.wraps, 0.5 * self._extent)
+        self._strain, self._index = strain, index
+        self._tree = cKDTree(unrolled / self._extent)
+        residual, rows, held_out = self._held_out(positions, strain, scan.sweep)
+        target = residual.T @ residual / len(residual)
+        target += ridge(target, strain)
+        self._target = _blocks(target) if independent else target
+        self._background = Background(strain, np.sqrt(np.diag(target)))
+        self.shrinkage = self._choose_shrinkage(rows, held_out)
+
+    def log_likelihood(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See :meth:`MeasurementModel.log_likelihood`."""
+        strain, present = checked(strain, self._phalanges, present)
+        _, nearest = self._tree.query(states / self._extent, k=self._neighbours)
+        rows = self._index[nearest.reshape(len(states), self._neighbours)]
+        total = np.zeros(len(states))
+        for columns in self._factors(present):
+            squared, log_determinant = self._distance(rows, strain, columns, self.shrinkage.share)
+            size = len(columns)
+            total -= 0.5 * (squared / self.shrinkage.scale + log_determinant)
+            total -= 0.5 * size * math.log(2.0 * math.pi * self.shrinkage.scale)
+        log_floor = math.log(FLOOR) + self._background.log_density(strain, present)
+        return np.logaddexp(total, log_floor) - math.log1p(FLOOR)
+
+    def log_likelihood_on(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See :meth:`MeasurementModel.log_likelihood_on`."""
+        shape = tuple(len(coordinates) for coordinates in axes)
+        return self.log_likelihood(flatten_axes(axes), strain, present).reshape(shape)
+
+    def _factors(self, present: np.ndarray) -> list[np.ndarray]:
+        """Channels of each factor of the density: one a phalanx, or all that are present together."""
+        columns = np.flatnonzero(np.repeat(present, GAUGES))
+        return list(columns.reshape(-1, GAUGES)) if self._independent else [columns]
+
+    def _distance(
+        self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray, share: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k): (P,) each.
+
+        ``strain`` is one vector (8F,), or one a row (P, 8F). In channels whitened by the target T the covariance is
+        lambda I plus a matrix of rank k, so k x k systems serve (Woodbury).
+        """
+        factor = np.linalg.cholesky(self._target[np.ix_(columns, columns)])
+        inverse = solve_triangular(factor, np.eye(len(columns)), lower=True)
+        samples = self._strain[rows[..., None], columns] @ inverse.T
+        mean = samples.mean(axis=1)
+        deviation = np.atleast_2d(strain)[:, columns] @ inverse.T - mean
+        k = rows.shape[1]
+        spread = (samples - mean[:, None, :]) * math.sqrt((1.0 - share) / k)
+        if k > len(columns):
+            covariance = np.swapaxes(spread, 1, 2) @ spread + share * np.eye(len(columns))
+            lower = np.linalg.cholesky(covariance)
+            white = np.linalg.solve(lower, deviation[..., None])[..., 0]
+            squared = np.einsum("pc,pc->p", white, white)
+            log_determinant = 2.0 * np.log(np.einsum("pcc->pc", lower)).sum(axis=1)
+        else:
+            lower = np.linalg.cholesky(spread @ np.swapaxes(spread, 1, 2) + share * np.eye(k))
+            projected = np.linalg.solve(lower, (spread @ deviation[..., None]))[..., 0]
+            inner = np.einsum("pc,pc->p", deviation, deviation) - np.einsum("pk,pk->p", projected, projected)
+            squared = np.maximum(inner, 0.0) / share
+            log_determinant = 2.0 * np.log(np.einsum("pkk->pk", lower)).sum(axis=1)
+            log_determinant += (len(columns) - k) * math.log(share)
+        return squared, log_determinant + 2.0 * float(np.log(np.diag(factor)).sum())
+
+    def _held_out(
+        self, positions: np.ndarray, strain: np.ndarray, sweep: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residuals of samples predicted from the other sweeps, with the neighbours' rows and the samples' strains."""
+        if len(np.unique(sweep)) == 1:
+            sweep = np.arange(len(sweep)) * 8 // len(sweep)
+        chosen = np.unique(np.linspace(0, len(positions) - 1, _HELD_OUT).astype(int))
+        rows, samples = [], []
+        for number in np.unique(sweep[chosen]):
+            own = chosen[sweep[chosen] == number]
+            others = np.flatnonzero(sweep != number)
+            if len(others) < self._neighbours:
+                others = np.arange(len(positions))
+            _, nearest = cKDTree(positions[others] / self._extent).query(
+                positions[own] / self._extent, k=self._neighbours
+            )
+            rows.append(others[nearest.reshape(len(own), self._neighbours)])
+            samples.append(strain[own])
+        neighbours, held_out = np.concatenate(rows), np.concatenate(samples)
+        return held_out - strain[neighbours].mean(axis=1), neighbours, held_out
+
+    def _choose_shrinkage(self, rows: np.ndarray, held_out: np.ndarray) -> Shrinkage:
+        factors = self._factors(np.ones(self._phalanges, dtype=bool))
+        dimension = sum(len(columns) for columns in factors)
+        expected = float(chi2.median(dimension))
+
+        def evaluate(share: float) -> tuple[float, float, float]:
+            parts = [self._distance(rows, held_out, columns, share) for columns in factors]
+            squared = np.sum([part[0] for part in parts], axis=0)
+            log_determinant = np.sum([part[1] for part in parts], axis=0)
+            median = float(np.median(squared)) / expected
+            scale = max(median, 1e-12)
+            # The mean would follow a few samples that nothing explains, which the background is for.
+            score = np.median(-0.5 * (squared / scale + log_determinant + dimension * math.log(scale)))
+            return float(score), scale, median
+
+        best = max(_SHARES, key=lambda share: evaluate(share)[0])
+        _, scale, _ = evaluate(best)
+        raw = evaluate(1e-9)[2] if self._neighbours > dimension else math.inf
+        parts = [self._distance(rows, held_out, columns, best)[0] for columns in factors]
+        after = float(np.median(np.sum(parts, axis=0))) / scale / expected
+        return Shrinkage(best, scale, raw, after)
+
+
+def _blocks(covariance: np.ndarray) -> np.ndarray:
+    """Only the blocks of 8 x 8 on the diagonal: no covariance between phalanges."""
+    return block_diag(*(covariance[i : i + GAUGES, i : i + GAUGES] for i in range(0, len(covariance), GAUGES)))

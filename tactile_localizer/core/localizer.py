@@ -1,0 +1,189 @@
+"""The localizer: strains and palm positions in, a believed position out. Live nodes, replay and benchmarks share it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_localizer.core.bayes_filter import BayesFilter
+from tactile_localizer.core.convergence import Convergence
+from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.measurement import checked
+from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.null_model import NullModel
+from tactile_localizer.core.recovery import Recovery
+from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.scene import Scene
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What is believed after a strain vector.
+
+    Parameters
+    ----------
+    stamp_ns : of the strain vector
+    mean, covariance : (d,) and (d, d), m (yaw: rad)
+    trace : sum of the variances
+    converged, reason : whether the position may be believed, and why or why not
+    evidence : nats gathered for the believed place
+    log_marginal : log P(z_t | z_1:t-1) at the last update, nats; NaN before the first
+    effective_sample_size, hypotheses : of the particles or cells
+    travel : m since the belief was last spread over the whole scene
+    updated : whether this strain was weighed; otherwise the last belief was only moved along
+    """
+
+    stamp_ns: int
+    mean: np.ndarray
+    covariance: np.ndarray
+    trace: float
+    converged: bool
+    reason: str
+    evidence: float
+    log_marginal: float
+    effective_sample_size: float
+    hypotheses: int
+    travel: float
+    updated: bool
+
+
+class Localizer:
+    """Feeds a Bayes filter by travelled distance and decides when it may be believed.
+
+    The filter is given only displacements of the palm. Consecutive strains are correlated: one is weighed
+    each ``update_distance`` of travel, with its likelihood raised to the share of ``correlation_length`` that was
+    travelled. A hand at rest learns nothing new. The first strain counts as one update distance.
+
+    Parameters
+    ----------
+    scene : what is modelled
+    bayes_filter : a particle or grid filter over that scene
+    null : the position-blind explanation that evidence is measured against
+    convergence : decides when the position may be believed
+    recovery : spreads a contradicted belief; ``None``: never
+    update_distance : m of travel between two weighed strains
+    correlation_length : m of travel that make one independent measurement
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        bayes_filter: BayesFilter,
+        null: NullModel,
+        convergence: Convergence,
+        recovery: Recovery | None,
+        update_distance: float,
+        correlation_length: float,
+    ) -> None:
+        self.scene = scene
+        self.filter = bayes_filter
+        self._null = null
+        self._convergence = convergence
+        self._recovery = recovery
+        self._update_distance = update_distance
+        self._correlation_length = correlation_length
+        self._motion = MotionModel(scene)
+        self._restart()
+
+    def reset(self) -> None:
+        """Believe in every state of the scene alike, and forget all evidence."""
+        self.filter.reset()
+        self._restart()
+
+    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
+        """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
+        self.filter.seed(mean, std)
+        self._restart()
+
+    def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
+        """States (P, d) and weights (P,) behind the last estimate, for display."""
+        return self.filter.hypotheses()
+
+    def update(
+        self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> Estimate:
+        """Take in one strain vector and where the arm says the palm was.
+
+        Parameters
+        ----------
+        stamp_ns : of the strain; one before the last (a bag that loops) starts anew
+        position : (d,) palm in any frame that is fixed while the sweep lasts; only its differences count
+        strain : (8F,) V
+        present : (F,) bool, phalanges to use; ``None``: all
+
+        Raises
+        ------
+        MeasurementError
+            A position or strain that is not finite or not of the expected shape; the belief is untouched.
+        """
+        position = np.asarray(position, dtype=np.float64)
+        if position.shape != (self.scene.dimension,) or not np.isfinite(position).all():
+            raise MeasurementError(f"position: expected {self.scene.dimension} finite numbers, got {position}")
+        strain, here = checked(strain, len(self.scene.phalanges), present)
+        if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
+            self.reset()
+        self._stamp_ns = stamp_ns
+        if self._last_position is not None:
+            step = self._motion.displacement(self._last_position, position)
+            self._pending = self._pending + step
+            self._pending_travel += self._motion.travel(step)
+        self._last_position = position
+        updated = self._belief is None or self._pending_travel >= self._update_distance
+        if updated:
+            self._weigh(strain, here)
+        return self._estimate(stamp_ns, updated)
+
+    def _restart(self) -> None:
+        if self._recovery is not None:
+            self._recovery.reset()
+        self._convergence.reset()
+        self._stamp_ns: int | None = None
+        self._last_position: np.ndarray | None = None
+        self._pending = np.zeros(self.scene.dimension)
+        self._pending_travel = 0.0
+        self._travel = 0.0
+        self._belief: Belief | None = None
+        self._log_marginal = float("nan")
+
+    def _weigh(self, strain: np.ndarray, present: np.ndarray) -> None:
+        travel = self._pending_travel
+        if travel > 0.0:
+            self.filter.predict(self._pending, travel)
+        counted = max(travel, self._update_distance)
+        weight = min(1.0, counted / self._correlation_length)
+        self._log_marginal = self.filter.update(strain, present, weight, self._null.featureless(strain, present))
+        self._belief = self.filter.belief()
+        log_ratio = self._log_marginal - self._null.log_density(strain, present)
+        self._convergence.update(self._belief, log_ratio, weight, travel)
+        if self._recovery is not None:
+            fraction = self._recovery.fraction(log_ratio, counted)
+            if fraction > 0.0:
+                self.filter.recover(fraction)
+        self._travel += travel
+        self._pending = np.zeros(self.scene.dimension)
+        self._pending_travel = 0.0
+
+    def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
+        belief = self._belief
+        assert belief is not None
+        mean = belief.mean + self._pending
+        if self.scene.wraps.any():
+            mean[self.scene.wraps] = wrap_angle(mean[self.scene.wraps])
+        covariance = belief.covariance + np.diag(self._motion.variance(self._pending_travel))
+        convergence = self._convergence
+        return Estimate(
+            stamp_ns=stamp_ns,
+            mean=mean,
+            covariance=covariance,
+            trace=float(np.trace(covariance)),
+            converged=convergence.converged,
+            reason=convergence.reason,
+            evidence=convergence.evidence,
+            log_marginal=self._log_marginal,
+            effective_sample_size=belief.effective_sample_size,
+            hypotheses=belief.hypotheses,
+            travel=self._travel + self._pending_travel,
+            updated=updated,
+        )

@@ -1,0 +1,49 @@
+"""The multivariate normal density, fitted to samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+RIDGE = 1e-3
+"""Share of a channel's variance that is added to the diagonal, so that no direction is taken as certain."""
+
+
+class Normal:
+    """N(mean, covariance) over D channels.
+
+    Parameters
+    ----------
+    mean : (D,)
+    covariance : (D, D), positive definite
+    """
+
+    def __init__(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        self.mean = mean
+        self.covariance = covariance
+        self._factor = np.linalg.cholesky(covariance)
+        self._log_constant = -0.5 * len(mean) * math.log(2 * math.pi) - float(np.log(np.diag(self._factor)).sum())
+
+    @classmethod
+    def fitted(cls, samples: np.ndarray) -> Normal:
+        """From the sample moments of (N, D), with :data:`RIDGE` of each channel's variance on the diagonal."""
+        covariance = np.atleast_2d(np.cov(samples.T, bias=True))
+        return cls(samples.mean(axis=0), covariance + ridge(covariance, samples))
+
+    def marginal(self, columns: np.ndarray) -> Normal:
+        """The marginal over some of the channels (boolean mask or indices)."""
+        return Normal(self.mean[columns], self.covariance[columns][:, columns])
+
+    def log_density(self, value: np.ndarray) -> np.ndarray:
+        """Log-density of values (..., D): (...)."""
+        deviation = (value - self.mean).reshape(-1, len(self.mean))
+        white = solve_triangular(self._factor, deviation.T, lower=True)
+        return (self._log_constant - 0.5 * np.einsum("dk,dk->k", white, white)).reshape(np.shape(value)[:-1])
+
+
+def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """A diagonal (D, D) that keeps ``covariance`` positive definite, even where a channel never varied."""
+    size = np.abs(samples).max(axis=0)
+    return np.diag(RIDGE * np.diag(covariance) + (1e-6 * size) ** 2 + 1e-24)

@@ -1,0 +1,74 @@
+"""The position-blind explanation of a strain: featureless material, or material that was never scanned."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import logsumexp
+
+from tactile_localizer.core.background import Background
+from tactile_localizer.core.normal import Normal
+from tactile_localizer.scene import GAUGES
+
+_LOG_2 = math.log(2.0)
+_FEWEST = 20
+"""Featureless pairs below which the whole scan stands in for featureless material."""
+_RIDGE = 0.05
+"""Share of a channel's own variance that is added to the diagonal of every covariance."""
+
+
+class NullModel:
+    """How well a strain is explained without knowing the position.
+
+    Two explanations, of which the better counts. *Featureless*: a training sweep's own Gaussian over the
+    featureless material, or that of a new sweep, whose mean differs from sweep to sweep. *Unknown*: the broad
+    background. Whatever the belief explains better than both speaks for its position; small idiosyncrasies of
+    one sweep over featureless material do not, because the null may have them too.
+
+    Parameters
+    ----------
+    strain : (N, 8F) the scan, V
+    sweep : (N,) int, sweep of each pair
+    featureless : (N,) bool, pairs that are known not to touch the feature (the paper's Lambda)
+    background : the broad background of the measurement model
+    """
+
+    def __init__(
+        self, strain: np.ndarray, sweep: np.ndarray, featureless: np.ndarray, background: Background
+    ) -> None:
+        if np.count_nonzero(featureless) < _FEWEST:
+            featureless = np.ones(len(strain), dtype=bool)
+        strain, sweep = strain[featureless], sweep[featureless]
+        self._background = background
+        numbers, index = np.unique(sweep, return_inverse=True)
+        counts = np.bincount(index).astype(np.float64)
+        means = (
+            np.stack([np.bincount(index, weights=channel) for channel in strain.T], axis=1) / counts[:, None]
+        )
+        self._means = means
+        self._centre = strain.mean(axis=0)
+        deviation = strain - means[index]
+        within = deviation.T @ deviation / len(strain)
+        shift = means - self._centre
+        between = (shift * counts[:, None]).T @ shift / len(strain)
+        ridge = np.diag(_RIDGE * (np.diag(within) + np.diag(between)) + (1e-6 * np.abs(strain).max(axis=0)) ** 2 + 1e-24)
+        self._known = Normal(np.zeros(strain.shape[1]), within + ridge)
+        # The mean of a new sweep is as uncertain as those of the known ones differ, and a little more.
+        self._new = Normal(self._centre, within + between * (1.0 + 1.0 / len(numbers)) + ridge)
+
+    def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
+        """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material."""
+        columns = np.repeat(present, GAUGES)
+        if not present.all():
+            known, new = self._known.marginal(columns), self._new.marginal(columns)
+            strain = strain[columns]
+        else:
+            known, new = self._known, self._new
+        # The known sweeps share one covariance: their densities are that of the deviation from each mean.
+        of_known = known.log_density(strain - self._means[:, columns])
+        return float(np.logaddexp(logsumexp(of_known) - math.log(len(of_known)), new.log_density(strain)) - _LOG_2)
+
+    def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
+        """Log-density of a strain by the better of the two explanations."""
+        return max(self.featureless(strain, present), self._background.log_density(strain, present))
