@@ -31,6 +31,7 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes.driver_diagnostics import DriverDiagnostics
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.parameters import Parameter
+from tactile_localizer.nodes.stamps import from_ns
 from tactile_localizer.resources import resource_path
 
 STRAIN_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -178,7 +179,9 @@ class DriverNode(ManagedNode):
 
     def _publish(self, cycle: Cycle) -> None:
         message = self._message
-        _set_stamp(message, self.get_clock().now().nanoseconds if self._use_sim_time else cycle.stamp_ns)
+        # Under simulated time there is no mapping from the time of receipt: the node's clock has to do.
+        stamp_ns = self.get_clock().now().nanoseconds if self._use_sim_time else cycle.stamp_ns
+        message.header.stamp = from_ns(stamp_ns)
         message.strain = array("d", cycle.strain.tobytes())
         message.status = cycle.status
         message.sequence = cycle.sequence
@@ -197,7 +200,7 @@ class DriverNode(ManagedNode):
             status=bytes(len(phalanges)),
             sequence=[0] * len(phalanges),
         )
-        _set_stamp(message, self.get_clock().now().nanoseconds)
+        message.header.stamp = self.get_clock().now().to_msg()
         self._offset.publish(message)
 
     def _publish_diagnostics(self) -> None:
@@ -248,10 +251,6 @@ class DriverNode(ManagedNode):
         if self._driver is None or self._timer is None:
             raise CanError("driver: expected the node to be active, it is not")
         return self._driver
-
-
-def _set_stamp(message: StrainVectors, stamp_ns: int) -> None:
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
 
 
 def _dbc_path(name: str) -> Path:

@@ -44,7 +44,6 @@ class Listener:
     def __init__(self, probe: Any) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.qos import QoSProfile, ReliabilityPolicy
-
         from tactile_localizer.msg import StrainVectors
 
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -99,64 +98,89 @@ def test_every_cycle_sent_is_one_message_with_the_time_of_its_receipt(
     assert list(listener.strains[0].phalanges) == ["index", "middle"]
 
 
-def test_loss_garbage_bus_off_reconnects_and_a_silent_phalanx_leave_it_up_with_counts_right_to_the_frame(
+class Sender:
+    """Sends cycles and keeps count of what it sent, left out and added."""
+
+    def __init__(self, bus: can.BusABC, probe: Any) -> None:
+        self.bus, self.probe = bus, probe
+        self.rng = np.random.default_rng(0)
+        self.sent = self.lost = self.garbage = 0
+
+    def send(self, numbers: range, loss: float = 0.0, silent: bool = False) -> None:
+        for n in numbers:
+            for i, frame in enumerate(cycle(HAND, n)):
+                at_an_end = n in (numbers[0], numbers[-1])
+                if (silent and i >= 2) or (self.rng.random() < loss and not at_an_end):
+                    self.lost += 1
+                    continue
+                self.bus.send(frame)
+                self.sent += 1
+                if loss and self.rng.random() < 0.1:
+                    data = self.rng.bytes(8)
+                    self.bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False, data=data))
+                    self.garbage += 1
+            self.probe.executor.spin_once(timeout_sec=0.002)
+
+    def wait(self, listener: Listener) -> None:
+        """Wait until the driver has told of every frame sent."""
+        expected = (str(self.sent), str(self.garbage))
+
+        def counted() -> bool:
+            told = listener.counted("CAN bus")
+            return (told.get("frames_data"), told.get("frames_unknown_id")) == expected
+
+        self.probe.until(counted, "all frames counted")
+
+
+def drops(listener: Listener) -> int:
+    return sum(int(listener.counted(phalanx)["drops"]) for phalanx in ("index", "middle"))
+
+
+def test_loss_garbage_and_a_silent_phalanx_are_counted_to_the_frame_and_mix_nothing(
+    driver: Callable[..., Any], bus: can.BusABC, probe: Any
+) -> None:
+    driver()
+    listener, hand = Listener(probe), Sender(bus, probe)
+    listener.matched()
+    hand.send(range(400), loss=0.05)
+    hand.wait(listener)
+    assert drops(listener) == hand.lost > 40
+
+    hand.send(range(400, 440), silent=True)
+    hand.send(range(440, 480))
+    hand.wait(listener)
+    assert drops(listener) == hand.lost
+    assert int(listener.counted("middle")["gaps"]) >= 40
+    probe.until(lambda: listener.strains[-1].sequence[0] == 479, "the last strain vector")
+    assert list(listener.strains[-1].status) == [0, 0]
+    assert all(len(numbers) <= 1 for numbers in listener.numbers())
+
+
+def test_a_reconnect_and_bus_off_are_survived_and_told(
     driver: Callable[..., Any], bus: can.BusABC, probe: Any
 ) -> None:
     from std_srvs.srv import Trigger
 
     node = driver()
-    listener = Listener(probe)
+    listener, hand = Listener(probe), Sender(bus, probe)
     listener.matched()
-    rng = np.random.default_rng(0)
-    sent = lost = garbage = 0
 
-    def send(numbers: range, loss: float = 0.0, silent: bool = False) -> None:
-        nonlocal sent, lost, garbage
-        for n in numbers:
-            for i, frame in enumerate(cycle(HAND, n)):
-                if (silent and i >= 2) or (rng.random() < loss and n not in (numbers[0], numbers[-1])):
-                    lost += 1
-                    continue
-                bus.send(frame)
-                sent += 1
-                if loss and rng.random() < 0.1:
-                    bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False, data=rng.bytes(8)))
-                    garbage += 1
-            probe.executor.spin_once(timeout_sec=0.002)
+    def reconnects(count: int) -> Callable[[], bool]:
+        return lambda: listener.counted("CAN bus")["reconnects"] == str(count)
 
-    def arrived() -> bool:
-        counted = listener.counted("CAN bus")
-        return (counted.get("frames_data"), counted.get("frames_unknown_id")) == (str(sent), str(garbage))
-
-    def drops() -> int:
-        return sum(int(listener.counted(phalanx)["drops"]) for phalanx in ("index", "middle"))
-
-    send(range(400), loss=0.05)
-    probe.until(arrived, "all frames counted")
-    assert drops() == lost > 40
-
-    send(range(400, 440), silent=True)
-    send(range(440, 480))
-    probe.until(arrived, "all frames counted")
-    assert drops() == lost
-    assert listener.counted("middle")["gaps"] >= "40"
-    assert list(listener.strains[-1].status) == [0, 0]
-
+    hand.send(range(10))
+    hand.wait(listener)
     assert probe.call(Trigger, "driver_node/reconnect").success
-    probe.until(lambda: listener.counted("CAN bus")["reconnects"] == "1", "the bus opened again")
-    send(range(485, 500))
+    probe.until(reconnects(1), "the bus opened again")
+    hand.send(range(15, 30))
     bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
-    probe.until(
-        lambda: listener.counted("CAN bus")["reconnects"] == "2", "the bus opened again after bus-off"
-    )
+    probe.until(reconnects(2), "the bus opened again after bus-off")
     assert listener.counted("CAN bus")["state"] == "bus off"
-    send(range(510, 520))
-    probe.until(arrived, "all frames counted")
+    hand.send(range(40, 50))
+    hand.wait(listener)
     probe.until(lambda: listener.counted("CAN bus")["state"] == "open", "the bus to be well again")
-    assert drops() == lost  # what happens while a bus is closed nobody can know
+    assert drops(listener) == 0  # what happens while a bus is closed nobody can know
     assert listener.counted("CAN bus")["frames_error"] == "1"
-
-    assert all(len(numbers) <= 1 for numbers in listener.numbers())
-    assert listener.numbers()[-1] == {519}
+    assert listener.numbers() == [{n} for n in (*range(10), *range(15, 30), *range(40, 50))]
     assert node.running
     assert "Traceback" not in node.output
