@@ -14,12 +14,12 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.cli.files import given_or_shipped
 from tactile_localizer.errors import CanError, ParameterError
 from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can_check import CanCheck, identifier
 from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames, load_dbc, phalanges_of
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.resources import given_or_shipped
 
 NAME = "can"
 HELP = "look at the load cells on a CAN bus, or in a log of one"

@@ -32,7 +32,7 @@ from tactile_localizer.nodes.driver_diagnostics import DriverDiagnostics
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.parameters import Parameter
 from tactile_localizer.nodes.stamps import from_ns
-from tactile_localizer.resources import resource_path
+from tactile_localizer.resources import given_or_shipped
 
 STRAIN_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 _KEPT_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -113,7 +113,7 @@ class DriverNode(ManagedNode):
             for name in phalanges
         )
         protocol = LoadCellProtocol.from_dbc(
-            _dbc_path(parameters["dbc"]),
+            given_or_shipped(parameters["dbc"], "config"),
             phalanges,
             {name: parameters[f"messages.{name}"] for name in phalanges},
             SignalNames(
@@ -251,16 +251,6 @@ class DriverNode(ManagedNode):
         if self._driver is None or self._timer is None:
             raise CanError("driver: expected the node to be active, it is not")
         return self._driver
-
-
-def _dbc_path(name: str) -> Path:
-    path = Path(name).expanduser()
-    if path.exists() or path.is_absolute():
-        return path
-    try:
-        return resource_path(Path("config", name))
-    except FileNotFoundError:
-        return path  # reading it says that it is not there
 
 
 def _tare_path(name: str) -> Path:
