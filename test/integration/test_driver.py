@@ -44,6 +44,7 @@ class Listener:
     def __init__(self, probe: Any) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.qos import QoSProfile, ReliabilityPolicy
+
         from tactile_localizer.msg import StrainVectors
 
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

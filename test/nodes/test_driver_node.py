@@ -200,6 +200,7 @@ def test_a_tare_is_asked_for_published_kept_and_undone(
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from rclpy.qos import qos_profile_sensor_data as sensor_data
     from std_srvs.srv import Trigger
+
     from tactile_localizer.msg import StrainVectors
 
     strains = probe.listen(StrainVectors, "strain", sensor_data)
@@ -256,6 +257,7 @@ def test_it_ends_within_a_second_when_told_to(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand, sig: signal.Signals
 ) -> None:
     from rclpy.qos import qos_profile_sensor_data as sensor_data
+
     from tactile_localizer.msg import StrainVectors
 
     strains = probe.listen(StrainVectors, "strain", sensor_data)

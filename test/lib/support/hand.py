@@ -14,6 +14,7 @@ class Hand:
     def __init__(self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="mapping"):
         from geometry_msgs.msg import PoseStamped
         from rclpy.qos import QoSProfile, ReliabilityPolicy
+
         from tactile_localizer.msg import ScanStatus, StrainVectors
 
         self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
