@@ -1,0 +1,189 @@
+"""How fast the driver is: decoding a recorded stream, and reading a bus between processes.
+
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/driver.py [--seconds 60]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+from record import record, row
+
+from tactile_localizer.io.can_assembler import CycleAssembler
+from tactile_localizer.io.can_layout import SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.resources import resource_path
+
+ROOT = Path(__file__).parent.parent
+DBC = resource_path("config/loadcells.dbc")
+BATCH = 1024
+CHANNEL, PORT = "239.74.163.2", 43190
+
+
+def recorded_stream(protocol: LoadCellProtocol, cycles: int, rate_hz: float) -> list[can.Message]:
+    """Frames of ``cycles`` samples of every phalanx at ``rate_hz``."""
+    rng = np.random.default_rng(0)
+    frames = []
+    for n in range(cycles):
+        for p in range(len(protocol.phalanges)):
+            frames += protocol.encode(p, rng.normal(0, 0.5, 8), n, stamp_s=1.7e9 + n / rate_hz)
+    return frames
+
+
+def decode(cycles: int = 5000, rate_hz: float = 500.0) -> list[dict[str, Any]]:
+    """14 phalanges, 2 classic frames each, at 500 Hz, from frames in memory and from a candump log."""
+    protocol = LoadCellProtocol.from_dbc(DBC, phalanges_of(load_dbc(DBC), SignalNames()))
+    frames = recorded_stream(protocol, cycles, rate_hz)
+    recorded_s = cycles / rate_hz
+
+    def run(batches: Any) -> float:
+        assembler = CycleAssembler(protocol, wait_s=0.01)
+        begin_s = time.process_time()
+        made = sum(len(assembler.feed(protocol.batch(batch))) for batch in batches)
+        taken_s = time.process_time() - begin_s
+        assert made == cycles and assembler.counts.incomplete == 0  # noqa: PT018
+        return recorded_s / taken_s
+
+    in_memory = max(run(frames[i : i + BATCH] for i in range(0, len(frames), BATCH)) for _ in range(3))
+    with tempfile.TemporaryDirectory() as directory:
+        log = Path(directory, "hand.log")
+        with can.Logger(log) as logger:
+            for frame in frames:
+                logger.on_message_received(frame)
+        from_log = run([list(can.LogReader(log))])
+    what = {"phalanges": 14, "frames_per_s": 28 * rate_hz, "frames": len(frames), "cores": 1}
+    return [
+        row("driver: decode and assemble a recorded stream", in_memory, "x real time", ">= 20", **what),
+        row("driver: the same with python-can's reading of a candump log", from_log, "x real time", **what),
+    ]
+
+
+def cpu_s(pid: int) -> float:
+    """CPU time that a process has taken, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def send(rate_hz: float, seconds: float) -> int:
+    """Send 2 phalanges' frames at ``rate_hz``, paced by the cycle; returns how many were sent."""
+    protocol = LoadCellProtocol.from_dbc(DBC, ("index", "middle"))
+    frames = recorded_stream(protocol, 160, rate_hz)  # ten rounds of the counter
+    cycles = [frames[i : i + 4] for i in range(0, len(frames), 4)]
+    sent = 0
+    with can.Bus(interface="udp_multicast", channel=CHANNEL, port=PORT, hop_limit=0) as bus:
+        begin_s = time.monotonic()
+        for n in range(round(rate_hz * seconds)):
+            pause_s = begin_s + n / rate_hz - time.monotonic()
+            if pause_s > 0:
+                time.sleep(pause_s)
+            for frame in cycles[n % len(cycles)]:
+                bus.send(frame)
+                sent += 1
+    return sent
+
+
+class Health:
+    """Counts of strain vectors, and what the driver's last diagnostics said."""
+
+    def __init__(self) -> None:
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        from tactile_localizer.msg import StrainVectors
+
+        rclpy.init()
+        self.node = rclpy.create_node("bench")
+        self.strains = 0
+        self.told: dict[str, str] = {}
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.node.create_subscription(StrainVectors, "strain", self._count, best_effort, raw=True)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._keep, 10)
+
+    def _count(self, message: bytes) -> None:
+        self.strains += 1
+
+    def _keep(self, array: Any) -> None:
+        for status in array.status:
+            if status.name == "driver_node: CAN bus":
+                self.told = {pair.key: pair.value for pair in status.values}
+
+    def spin_until(self, condition: Any, timeout_s: float) -> None:
+        """Spin until ``condition`` holds."""
+        import rclpy
+
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > end_s:
+                raise SystemExit(f"waited {timeout_s:g} s for the driver; it told {self.told}")
+            rclpy.spin_once(self.node, timeout_sec=0.1)
+
+
+def bus(rate_hz: float = 1000.0, seconds: float = 60.0) -> list[dict[str, Any]]:
+    """2 phalanges at 1 kHz over the simulated bus, from one process to the driver to this one."""
+    options = {"interface": "udp_multicast", "channel": CHANNEL, "bus_options": f"['port={PORT}']"}
+    arguments = [part for name, value in options.items() for part in ("-p", f"{name}:={value}")]
+    with tempfile.TemporaryDirectory() as directory:
+        tare = ["-p", f"tare_file:={directory}/tare.yaml"]
+        driver = subprocess.Popen(
+            [sys.executable, ROOT / "scripts" / "driver_node", "--ros-args", *arguments, *tare]
+        )
+        sender = None
+        try:
+            health = Health()
+            health.spin_until(lambda: health.told, 20)
+            before_s = cpu_s(driver.pid)
+            sender = subprocess.Popen(
+                [sys.executable, __file__, "--send", str(rate_hz), "--seconds", str(seconds)],
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            health.spin_until(lambda: sender.poll() is not None, seconds + 30)
+            taken_s = cpu_s(driver.pid) - before_s
+            sent = int(json.loads(sender.stdout.read())["sent"])  # type: ignore[union-attr]
+            settled = time.monotonic() + 2.5  # two more rounds of diagnostics
+            health.spin_until(lambda: time.monotonic() > settled, 10)
+        finally:
+            for process in (sender, driver):
+                if process is not None and process.poll() is None:
+                    process.send_signal(signal.SIGINT)
+                    process.wait(10)
+    told = health.told
+    dropped = int(told["queue_drops"])
+    read = sum(int(told[f"frames_{kind.name.lower()}"]) for kind in FrameKind)
+    what = {"rate_hz": rate_hz, "seconds": seconds, "frames_sent": sent, "phalanges": 2}
+    return [
+        row("driver: CPU at 2 phalanges, 1 kHz", taken_s / seconds, "cores", "<= 0.5", **what),
+        row("driver: frames lost after the socket", sent - dropped - read, "frames", "<= 0", **what),
+        row("driver: frames dropped by the kernel's queue", dropped, "frames", **what),
+        row("driver: cycles incomplete", int(told["cycles_incomplete"]), "cycles", "<= 0", **what),
+        row("driver: cycles that a subscriber missed", sent // 4 - health.strains, "cycles", **what),
+    ]
+
+
+def main() -> None:
+    """Measure and record."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0, help="how long to read the bus")
+    parser.add_argument("--send", type=float, metavar="HZ", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.send:
+        print(json.dumps({"sent": send(args.send, args.seconds)}))
+        return
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    record([*decode(), *bus(seconds=args.seconds)])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""Rows of measurements, merged by name into ``out/bench.json``.
+
+The file holds ``machine``, ``versions`` and ``rows``. A row has a ``name``, a ``value``, its ``unit``, and
+where something is asked for also ``limit`` (with ``<=`` or ``>=``) and ``met``; and whatever else explains it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+OUT = Path("out/bench.json")
+"""The file, below the working directory."""
+
+_PACKAGES = ("numpy", "scipy", "python-can", "cantools", "rclpy")
+
+
+def row(name: str, value: float, unit: str, limit: str | None = None, **more: Any) -> dict[str, Any]:
+    """One measurement; ``limit`` such as ``<= 0.5`` says what is asked for."""
+    answer: dict[str, Any] = {"name": name, "value": value, "unit": unit}
+    if limit is not None:
+        relation, bound = limit.split()
+        answer["limit"] = limit
+        answer["met"] = value <= float(bound) if relation == "<=" else value >= float(bound)
+    return answer | more
+
+
+def record(rows: Sequence[dict[str, Any]], path: Path = OUT) -> None:
+    """Merge ``rows`` by name into the file, and print them."""
+    try:
+        kept = {one["name"]: one for one in json.loads(path.read_text())["rows"]}
+    except FileNotFoundError:
+        kept = {}
+    kept |= {one["name"]: one for one in rows}
+    text = json.dumps({"machine": _machine(), "versions": _versions(), "rows": list(kept.values())}, indent=2)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = path.with_name(path.name + ".new")
+    new.write_text(text + "\n")
+    os.replace(new, path)
+    _print(rows)
+
+
+def _machine() -> dict[str, Any]:
+    model = "unknown"
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            model = line.partition(":")[2].strip()
+            break
+    return {"cpu": model, "cores": os.cpu_count(), "system": platform.system(), "kernel": platform.release()}
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package] = "not installed"
+    return versions
+
+
+def _print(rows: Sequence[dict[str, Any]]) -> None:
+    table = Table("measurement", "value", "asked for", "met")
+    for one in rows:
+        met = {True: "yes", False: "NO"}.get(one.get("met"), "")
+        table.add_row(one["name"], f"{one['value']:.4g} {one['unit']}", one.get("limit", ""), met)
+    Console().print(table)
