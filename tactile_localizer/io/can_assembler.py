@@ -36,11 +36,17 @@ BEHIND = 2
 class _LoadCell:
     """What is known of one load cell between frames."""
 
-    __slots__ = ("counter", "counts", "cycle", "flags", "have", "parts", "sequence", "span")
+    __slots__ = (
+        *("behind", "complete", "counter", "counts", "cycle", "flags"),
+        *("have", "parts", "reach", "sequence", "span"),
+    )
 
     def __init__(self, parts: int, counter_bits: int, counts: PhalanxCounts) -> None:
-        self.parts = parts
+        self.parts = parts  # frames a sample
+        self.complete = (1 << parts) - 1
         self.span = 1 << counter_bits if counter_bits else 0  # counter values, 0: no counter
+        self.behind = min(BEHIND, self.span // 4)
+        self.reach = min(REACH, self.span // 2 + 1)
         self.counts = counts
         self.counter: int | None = None  # of the newest sample
         self.cycle = 0  # number of the cycle that the newest sample is in
@@ -63,6 +69,7 @@ class CycleAssembler:
         phalanx_of = layout.phalanx.tolist()
         self._protocol = protocol
         self._wait_ns = round(wait_s * 1e9)
+        self._window_ns = self._wait_ns  # how long a cycle is open
         self.counts = Counts(
             frames=[0] * len(FrameKind), phalanges=[PhalanxCounts() for _ in protocol.phalanges]
         )
@@ -111,13 +118,15 @@ class CycleAssembler:
             strict=True,
         ):
             cell, bit = self._cell_of[slot], self._bit_of[slot]
-            if self._open and abs(stamp_ns - self._first_ns) > self._window_ns():
+            if self._open and abs(stamp_ns - self._first_ns) > self._window_ns:
                 self._close()
-            kind = self._place(cell, bit, counter, stamp_ns)
-            if kind != FrameKind.DATA:
-                totals[FrameKind.DATA] -= 1
-                totals[kind] += 1
-                continue
+            goes_on = cell.counter == counter and cell.have and not cell.have & bit
+            if not (goes_on and self._open and cell.cycle == self._cycle):
+                kind = self._begin_sample(cell, bit, counter, stamp_ns)
+                if kind != FrameKind.DATA:
+                    totals[FrameKind.DATA] -= 1
+                    totals[kind] += 1
+                    continue
             cell.have |= bit
             cell.flags |= flag
             cell.counts.last_ns = stamp_ns
@@ -131,89 +140,65 @@ class CycleAssembler:
 
     def flush(self, now_ns: int) -> list[Cycle]:
         """The open cycle, where its wait is over at ``now_ns``, by the clock of the frames' stamps."""
-        if self._open and abs(now_ns - self._first_ns) > self._window_ns():
+        if self._open and abs(now_ns - self._first_ns) > self._window_ns:
             self._close()
         return self._take()
 
     def remaining_ns(self, now_ns: int) -> int | None:
         """How long from ``now_ns`` the open cycle still waits, ns; ``None`` where none is open."""
-        return max(0, self._first_ns + self._window_ns() - now_ns) if self._open else None
+        return max(0, self._first_ns + self._window_ns - now_ns) if self._open else None
 
-    def _window_ns(self) -> int:
-        if self._no_counter and self._period_ns:
-            return min(self._wait_ns, self._period_ns // 2)
-        return self._wait_ns
+    def _begin_sample(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
+        """Begin a load cell's next sample, closing and opening cycles as needed; or say why there is none."""
+        if cell.span == 0 or cell.counter is None:
+            self._join(cell, 0, stamp_ns)
+            cell.sequence = counter if cell.span else self._cycle
+        else:
+            step = (counter - cell.counter) % cell.span or cell.span  # samples since the newest one
+            if abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
+                if step == cell.span:
+                    return FrameKind.DUPLICATE if cell.have & bit else FrameKind.OUT_OF_ORDER
+                if step >= cell.span - cell.behind:
+                    return FrameKind.OUT_OF_ORDER
+            in_open = cell.have and cell.cycle == self._cycle
+            expected = self._cycle + (in_open or not self._open) - cell.cycle
+            ahead = _nearest(
+                step - expected, cell.span
+            )  # cycles by which it is beyond the open, or next, one
+            trusted = -cell.reach < ahead < cell.reach > expected  # else it is taken as it comes
+            if trusted and ahead < 0:
+                return FrameKind.OUT_OF_ORDER
+            self._count_lost(cell, step, expected + ahead)
+            self._join(cell, ahead if trusted else 0, stamp_ns)
+        cell.counter = counter
+        cell.cycle = self._cycle
+        cell.have = cell.flags = 0
+        return FrameKind.DATA
 
-    def _place(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
-        """Put a frame into its cycle, closing and opening cycles as needed; or say why it has none."""
-        in_open = self._open and cell.have != 0 and cell.cycle == self._cycle
-        kind, step = self._compare(cell, bit, counter, stamp_ns, in_open)
-        if kind != FrameKind.DATA or step == 0:
-            return kind
-        if in_open:
+    def _join(self, cell: _LoadCell, ahead: int, stamp_ns: int) -> None:
+        """Make the cycle of a load cell's sample the open one: ``ahead`` of the open, or else next, one."""
+        if self._open and cell.have and cell.cycle == self._cycle:
             self._close()
-        ahead = self._ahead(cell, step)
-        if ahead < 0:
-            return FrameKind.OUT_OF_ORDER
         if self._open and ahead > 0:
             self._close()
             ahead -= 1
         if not self._open:
-            self._begin(self._cycle + 1 + ahead, stamp_ns)
-        self._begin_sample(cell, counter, step)
-        return FrameKind.DATA
+            self._open = True
+            self._cycle += 1 + ahead
+            self._first_ns = stamp_ns
+            self._awaited = len(self._cell_of)
+            self._strain = np.full(
+                len(self._cells) * GAUGES + 1, np.nan
+            )  # the last takes what has no channel
 
-    def _compare(
-        self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int, in_open: bool
-    ) -> tuple[FrameKind, int]:
-        """How many samples a frame is after the newest of its load cell, or why it cannot be used."""
-        if cell.span == 0:
-            return FrameKind.DATA, 0 if in_open and not cell.have & bit else 1
-        if cell.counter is None:
-            return FrameKind.DATA, 1
-        step = (counter - cell.counter) % cell.span
-        if abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
-            if step == 0 and cell.have & bit:
-                return FrameKind.DUPLICATE, 0
-            if step == 0:
-                return (FrameKind.DATA if in_open else FrameKind.OUT_OF_ORDER), 0
-            if step >= cell.span - min(BEHIND, cell.span // 4):
-                return FrameKind.OUT_OF_ORDER, 0
-        return FrameKind.DATA, step or cell.span
-
-    def _ahead(self, cell: _LoadCell, step: int) -> int:
-        """By how many cycles a sample is ahead of the open, or else the next, cycle."""
-        if cell.counter is None or cell.span == 0:
-            return 0
-        expected = self._cycle + (not self._open) - cell.cycle
-        ahead = _nearest(step - expected, cell.span)
-        reach = min(REACH, cell.span // 2 + 1)
-        return 0 if expected >= reach or abs(ahead) >= reach else ahead
-
-    def _begin(self, number: int, stamp_ns: int) -> None:
-        self._open = True
-        self._cycle = number
-        self._first_ns = stamp_ns
-        self._awaited = len(self._cell_of)
-        self._strain = np.full(len(self._cells) * GAUGES + 1, np.nan)  # the last takes what has no channel
-
-    def _begin_sample(self, cell: _LoadCell, counter: int, step: int) -> None:
-        if cell.span == 0:
-            cell.sequence = self._cycle
-        elif cell.counter is None:
-            cell.sequence = counter
-        else:
-            expected = self._cycle - cell.cycle
-            advance = expected + _nearest(step - expected, cell.span)
-            if advance < 1:
-                # A wide counter that goes back has started anew; a narrow one has gone round.
-                advance = 1 if cell.span >= 256 else step
-            cell.sequence += advance
-            cell.counts.gaps += advance - 1
-            cell.counts.drops += advance * cell.parts - cell.have.bit_count()
-        cell.counter = counter
-        cell.cycle = self._cycle
-        cell.have = cell.flags = 0
+    @staticmethod
+    def _count_lost(cell: _LoadCell, step: int, advance: int) -> None:
+        if advance < 1:
+            # A wide counter that goes back has started anew; a narrow one has gone round.
+            advance = 1 if cell.span >= 256 else step
+        cell.sequence += advance
+        cell.counts.gaps += advance - 1
+        cell.counts.drops += advance * cell.parts - cell.have.bit_count()
 
     def _close(self) -> None:
         self._keep()
@@ -223,7 +208,7 @@ class CycleAssembler:
         for p, cell in enumerate(self._cells):
             here = cell.cycle == self._cycle and cell.have != 0
             flags = cell.flags if here else 0
-            if here and cell.have == (1 << cell.parts) - 1:
+            if here and cell.have == cell.complete:
                 cell.counts.samples += 1
             else:
                 incomplete = True
@@ -249,6 +234,8 @@ class CycleAssembler:
                 self._period_ns += (elapsed - self._period_ns) // 8
             else:
                 self._period_ns = elapsed
+            if self._no_counter:
+                self._window_ns = min(self._wait_ns, self._period_ns // 2)
         self._previous_ns = 0 if incomplete else self._first_ns
 
     def _keep(self) -> None:
