@@ -1,7 +1,7 @@
 """Rows of measurements, merged by name into ``out/bench.json``.
 
-The file holds ``machine``, ``versions`` and ``rows``. A row has a ``name``, a ``value``, its ``unit``, and
-where something is asked for also ``limit`` (with ``<=`` or ``>=``) and ``met``; and whatever else explains it.
+The file holds ``machine``, ``versions`` and ``rows``. A row has a ``name``, a ``value``, its ``unit``; where
+something is asked for, also ``limit`` (with ``<=`` or ``>=``) and ``met``; and whatever else explains it.
 """
 
 from __future__ import annotations
