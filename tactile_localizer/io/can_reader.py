@@ -28,6 +28,9 @@ LONGEST_WAIT_S = 0.1
 LINGER_S = 0.0005
 """How long frames are waited for that come together with the first one of a batch."""
 
+MOST_AT_ONCE = 256
+"""Most frames that are delivered at once when the thread has fallen behind."""
+
 _QUEUE_PERIOD_S = 0.5
 _BUS_OFF_CLASS = 0x40  # error class in the identifier of SocketCAN's error frames
 _EPOCH_TOLERANCE_S = 3600.0
@@ -176,8 +179,9 @@ class CanReader:
             return []
         messages = [message]
         until_s = time.monotonic() + LINGER_S
-        while len(messages) < self._batch:
-            message = self._receive(bus, max(0.0, until_s - time.monotonic()))
+        while len(messages) < MOST_AT_ONCE:  # what waits already is taken along
+            missing = len(messages) < self._batch
+            message = self._receive(bus, max(0.0, until_s - time.monotonic()) if missing else 0.0)
             if message is None:
                 break
             messages.append(message)

@@ -288,13 +288,13 @@ def unknown_frame(rng: np.random.Generator, stamp_s: float) -> can.Message:
     return can.Message(arbitration_id=identifier, is_extended_id=False, data=data, timestamp=stamp_s)
 
 
-def test_a_million_random_frames_are_counted_and_good_data_goes_on() -> None:
+def test_random_frames_are_counted_and_good_data_goes_on() -> None:
     """Fuzz: random identifiers, flags, lengths, bytes and stamps, between good cycles."""
     rng = np.random.default_rng(5)
     assembler = CycleAssembler(HAND, WAIT_S)
     known = HAND.layout.key
     good = 0
-    for n in range(200):
+    for n in range(40):
         count = 5000
         key = rng.integers(0, 2**32, count, dtype=np.uint32)
         key[::2] = rng.choice(known, count // 2)  # every other one looks like a load cell's
@@ -313,4 +313,4 @@ def test_a_million_random_frames_are_counted_and_good_data_goes_on() -> None:
             good += 4
         assert made[-1].status.tolist() == [OK, OK]
         assert number_of(0, made[-1].strain[:8]) == (20 * n + 19) % 1000
-    assert good == 200 * 80
+    assert good == 40 * 80

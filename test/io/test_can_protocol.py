@@ -208,6 +208,16 @@ def test_signals_and_messages_may_have_other_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(decoded.voltage.ravel(), strain)
 
 
+def test_the_example_of_the_documentation_is_a_database(tmp_path: Path) -> None:
+    text = Path(__file__).parents[2].joinpath("docs", "can.md").read_text()
+    begin = text.index('VERSION ""')
+    path = write(tmp_path / "own.dbc", text[begin : text.index("```", begin)])
+    hand = LoadCellProtocol.from_dbc(path, ["index"])
+    strain = np.linspace(-3, 3, 8).round(4)
+    decoded = hand.decode(hand.batch(hand.encode(0, strain, sequence=0)))
+    np.testing.assert_allclose(decoded.voltage.ravel(), strain, atol=1e-9)
+
+
 CLASSIC = resource_path("config/loadcells.dbc").read_text()
 BAD_DATABASES = {
     "no such file": (None, "expected a DBC file, No such file"),
