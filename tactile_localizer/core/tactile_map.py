@@ -1,0 +1,151 @@
+"""The tactile map (paper, II-B): every strain element interpolated on a regular grid of palm positions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import GAUGES, Scene
+
+DEFAULT_NEIGHBOURS = 8
+"""Neighbours that a node of the grid is interpolated from; the paper's k."""
+
+DEFAULT_NODES = {1: 1200, 2: 120}
+"""Nodes along the longer axis, by the number of axes that are shown."""
+
+
+@dataclass(frozen=True)
+class TactileMap:
+    """Strain on a regular grid over one or two axes of the scene.
+
+    Parameters
+    ----------
+    axes : names of the axes, one or two
+    nodes : by axis, the palm positions of the grid's nodes, m (yaw: rad), ascending
+    values : (n1, 8F) or (n1, n2, 8F) strain voltages, V; NaN where no pair is near enough
+    background : (8F,) strain of featureless material: the median over the scan's pairs, V
+    phalanges : names of the F phalanges
+    """
+
+    axes: tuple[str, ...]
+    nodes: tuple[np.ndarray, ...]
+    values: np.ndarray
+    background: np.ndarray
+    phalanges: tuple[str, ...]
+
+    def phalanx(self, name: str) -> np.ndarray:
+        """The eight elements of a phalanx less their background, (..., 8), V."""
+        start = GAUGES * self.phalanges.index(name)
+        columns = slice(start, start + GAUGES)
+        return self.values[..., columns] - self.background[columns]
+
+    @property
+    def covered(self) -> np.ndarray:
+        """Which nodes have data, bool of the grid's shape."""
+        return np.isfinite(self.values[..., 0])
+
+
+def make_map(
+    scan: Scan,
+    scene: Scene,
+    *,
+    nodes: int | None = None,
+    neighbours: int = DEFAULT_NEIGHBOURS,
+    reach: float | None = None,
+) -> TactileMap:
+    """Interpolate a scan on a regular grid over the scene's bounds.
+
+    A node's value is the mean of its nearest neighbours, with biweight weights that fall to zero at the
+    first one that does not count, so that the map changes without steps. Pairs are first averaged by
+    cells of half the sweeps' distance, so that the neighbours lie on several sweeps and a slow palm does
+    not outweigh a fast one. Of three axes the first two are shown; pairs of all values of the third count.
+
+    Parameters
+    ----------
+    scan : the pairs
+    scene : its bounds and axes
+    nodes : nodes along the longer axis; by default :data:`DEFAULT_NODES`
+    neighbours : cells that a node is interpolated from
+    reach : distance beyond which a pair says nothing about a node, m; by default 1.5 times the distance
+        of the sweeps
+
+    Raises
+    ------
+    ParameterError
+        ``nodes`` or ``neighbours`` is less than 2.
+    """
+    shown = min(len(scan.axes), 2)
+    nodes = DEFAULT_NODES[shown] if nodes is None else nodes
+    for name, value in (("nodes", nodes), ("neighbours", neighbours)):
+        if value < 2:
+            raise ParameterError(f"{name}: expected at least 2, got {value}")
+    lower, upper = scene.lower[:shown], scene.upper[:shown]
+    step = float(np.max(upper - lower)) / (nodes - 1)
+    counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
+    grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
+    distance = sweep_distance(scan, shown)
+    cell = max(step, distance / 2)
+    places, strain = _cell_means(scan.states[:, :shown], scan.strain, lower, cell)
+    if reach is None:
+        reach = max(1.5 * distance, cell)
+    queries = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
+    values = _local_mean(places, strain, queries, neighbours, reach)
+    return TactileMap(
+        axes=scan.axes[:shown],
+        nodes=grid,
+        values=values.reshape(*counts, -1),
+        background=np.median(scan.strain, axis=0),
+        phalanges=scan.phalanges,
+    )
+
+
+def sweep_distance(scan: Scan, shown: int = 2) -> float:
+    """Typical distance of a pair to the nearest pair of another sweep, m; 0 for a single sweep.
+
+    Parameters
+    ----------
+    scan : the pairs
+    shown : how many of the axes count
+    """
+    distances = []
+    for number in scan.sweep_numbers:
+        mine = scan.sweep == number
+        if mine.all():
+            return 0.0
+        tree = cKDTree(scan.states[~mine, :shown])
+        distances.append(tree.query(scan.states[mine, :shown][::10])[0])
+    return float(np.median(np.concatenate(distances)))
+
+
+def _cell_means(
+    states: np.ndarray, strain: np.ndarray, lower: np.ndarray, size: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean state and strain of the pairs in each cell of a grid that has any."""
+    cells = np.floor((states - lower) / size).astype(np.int64)
+    _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(cell.ravel(), kind="stable")
+    starts = np.concatenate([[0], np.cumsum(count)[:-1]])
+    means = [np.add.reduceat(values[order], starts) / count[:, None] for values in (states, strain)]
+    return means[0], means[1]
+
+
+def _local_mean(
+    places: np.ndarray, strain: np.ndarray, queries: np.ndarray, neighbours: int, reach: float
+) -> np.ndarray:
+    """Weighted mean strain (Q, C) of the nearest places to each query; NaN beyond reach."""
+    k = min(neighbours + 1, len(places))
+    distance, index = cKDTree(places).query(queries, k=list(range(1, k + 1)))
+    width = np.minimum(distance[:, -1:], reach) if k > neighbours else np.full((len(queries), 1), reach)
+    weights = np.clip(1 - (distance / np.maximum(width, 1e-12)) ** 2, 0, None) ** 2
+    # Where all neighbours are as far as the width, the nearest one alone is left.
+    weights[:, 0] += 1e-12
+    near = distance[:, 0] <= reach
+    values = np.full((len(queries), strain.shape[1]), math.nan)
+    shares = weights[near] / weights[near].sum(axis=1, keepdims=True)
+    values[near] = np.einsum("nk,nkc->nc", shares, strain[index[near]])
+    return values

@@ -1,0 +1,104 @@
+"""The tactile map is interpolated from the neighbours, and empty where there are none."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.tactile_map import make_map, sweep_distance
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SQUARE = Scene("s", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.04)), (Phalanx("index", (0.0, 0.0)),))
+LINE = Scene("l", (Axis("x", 0.0, 0.5),), (Phalanx("index", (0.0,)),))
+
+
+def plane(states: np.ndarray) -> np.ndarray:
+    return 3.0 + 10 * states[:, 0] - 20 * states[:, 1]
+
+
+def raster(lines: np.ndarray, scene: Scene = SQUARE, value=plane) -> Scan:
+    x = np.linspace(scene.lower[0], scene.upper[0], 400)
+    states = np.concatenate([np.column_stack([x, np.full_like(x, y)]) for y in lines])
+    strain = value(states)[:, None] * np.arange(1, 9)
+    return Scan(states, strain, np.repeat(np.arange(len(lines)), len(x)), ("x", "y"), ("index",))
+
+
+def test_a_plane_is_found_again_between_the_sweeps():
+    tactile_map = make_map(raster(np.arange(0, 0.0401, 0.0025)), SQUARE)
+    assert tactile_map.covered.all()
+    nodes = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)
+    expected = plane(nodes.reshape(-1, 2)).reshape(nodes.shape[:2])
+    inner = np.s_[5:-5, 5:-5]
+    np.testing.assert_allclose(tactile_map.values[inner][..., 0], expected[inner], atol=0.02)
+    np.testing.assert_allclose(tactile_map.values[..., 7], 8 * tactile_map.values[..., 0])
+
+
+def test_nodes_have_the_same_step_on_both_axes_and_reach_the_bounds():
+    tactile_map = make_map(raster(np.arange(0, 0.0401, 0.0025)), SQUARE, nodes=51)
+    assert tactile_map.values.shape == (51, 41, 8)
+    np.testing.assert_allclose([nodes[[0, -1]] for nodes in tactile_map.nodes], [[0, 0.05], [0, 0.04]])
+
+
+def test_where_no_sweep_has_come_near_there_is_no_value():
+    tactile_map = make_map(raster(np.array([0.0, 0.0025, 0.005, 0.035, 0.0375, 0.04])), SQUARE)
+    y = tactile_map.nodes[1]
+    np.testing.assert_array_equal(tactile_map.covered.all(axis=0), tactile_map.covered.any(axis=0))
+    covered = tactile_map.covered[0]
+    assert covered[(y < 0.008) | (y > 0.032)].all()
+    assert not covered[(y > 0.01) & (y < 0.03)].any()
+
+
+def test_an_extremum_is_never_exceeded():
+    rng = np.random.default_rng(0)
+    scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda states: rng.normal(size=len(states)))
+    values = make_map(scan, SQUARE).values
+    assert values.max() <= scan.strain.max()
+    assert values.min() >= scan.strain.min()
+
+
+def test_a_phalanx_is_shown_less_its_background():
+    scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda s: 5.0 + (s[:, 0] > 0.045))
+    tactile_map = make_map(scan, SQUARE)
+    shown = tactile_map.phalanx("index")[..., 0]
+    assert np.median(shown) == 0.0
+    np.testing.assert_allclose(shown[-1], 1.0)
+
+
+def test_one_axis_gives_a_profile_fine_enough_for_a_weave():
+    x = np.linspace(0, 0.5, 5000)
+    states = np.concatenate([x, x + 2e-5])[:, None]
+    strain = np.sin(2 * np.pi * states / 0.005) * np.ones(8)
+    scan = Scan(states, strain, np.repeat([1, 2], len(x)), ("x",), ("index",))
+    tactile_map = make_map(scan, LINE)
+    assert tactile_map.values.shape == (1200, 8)
+    expected = np.sin(2 * np.pi * tactile_map.nodes[0] / 0.005)
+    assert np.corrcoef(tactile_map.values[:, 0], expected)[0, 1] > 0.98
+
+
+def test_three_axes_show_the_first_two():
+    scene = Scene("s", (*SQUARE.axes, Axis("yaw", -1.0, 1.0)), (Phalanx("index", (0.0,) * 3),))
+    flat = raster(np.arange(0, 0.0401, 0.0025))
+    states = np.column_stack([flat.states, np.linspace(-1, 1, len(flat))])
+    scan = Scan(states, flat.strain, flat.sweep, ("x", "y", "yaw"), ("index",))
+    assert make_map(scan, scene).axes == ("x", "y")
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 5])
+def test_a_handful_of_pairs_makes_a_map_of_what_is_near_them(pairs):
+    states = np.full((pairs, 2), 0.02) + 1e-4 * np.arange(pairs)[:, None]
+    scan = Scan(states, np.ones((pairs, 8)), np.zeros(pairs, int), ("x", "y"), ("index",))
+    tactile_map = make_map(scan, SQUARE)
+    assert tactile_map.covered.any()
+    assert not tactile_map.covered.all()
+    np.testing.assert_allclose(tactile_map.values[tactile_map.covered], 1.0)
+
+
+def test_the_distance_of_sweeps_is_that_to_the_nearest_other_sweep():
+    assert sweep_distance(raster(np.arange(0, 0.0401, 0.0025))) == pytest.approx(0.0025, rel=0.01)
+    assert sweep_distance(raster(np.array([0.01]))) == 0.0
+
+
+@pytest.mark.parametrize("options", [{"nodes": 1}, {"neighbours": 1}])
+def test_too_few_nodes_or_neighbours_are_refused(options):
+    with pytest.raises(ParameterError, match="expected at least 2, got 1"):
+        make_map(raster(np.array([0.01])), SQUARE, **options)
