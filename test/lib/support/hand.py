@@ -23,6 +23,7 @@ class Hand:
         self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
         self.poses = probe.publisher(PoseStamped, "palm_pose", 100)
         self.strain = probe.publisher(StrainVectors, "strain", best_effort)
+        probe.known_to(node)
         self.now_ms = 0
         self.happened = []
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import rclpy
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -59,6 +60,15 @@ class Probe:
             return future.result()
         finally:
             self.node.destroy_client(client)
+
+    def known_to(self, node: str) -> None:
+        """Wait until ``node`` knows every publisher and subscription that the probe has made so far.
+
+        A matched publisher says only that the probe knows the subscription; until the node knows the
+        publisher too, best-effort messages are lost. Endpoints are announced in the order in which they were
+        made, so the answer to a client made now proves that the node knows all before it.
+        """
+        self.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=["use_sim_time"]))
 
     def close(self) -> None:
         """Leave the graph."""

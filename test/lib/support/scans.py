@@ -1,0 +1,57 @@
+"""Small scenes and scans for tests of the core: smooth strains, known in closed form, at uniform positions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.scene import GAUGES, Axis, Phalanx, Region, Scene
+
+SIDE = 0.05
+"""Extent of a metric axis, m."""
+NAMES = ("index", "middle", "ring", "little", "thumb")
+
+
+def axes(dimension: int, full_turn: bool = False) -> tuple[Axis, ...]:
+    """x, y and yaw: 50 mm, 50 mm and half a radian to both sides, or all the way round."""
+    half = math.pi if full_turn else 0.5
+    every = (Axis("x", 0.0, SIDE, 0.003), Axis("y", 0.0, SIDE, 0.001), Axis("yaw", -half, half, 0.05))
+    return every[:dimension]
+
+
+def scene(dimension: int = 2, phalanges: int = 2, feature: Region | None = None, full_turn: bool = False) -> Scene:
+    """A scene whose phalanges sit 10 mm apart along x."""
+    offsets = [(0.01 * f, *(0.0,) * (dimension - 1)) for f in range(phalanges)]
+    fingers = tuple(Phalanx(name, offset) for name, offset in zip(NAMES, offsets, strict=False))
+    return Scene("test", axes(dimension, full_turn), fingers, feature)
+
+
+def strain_at(states: np.ndarray, phalanges: int = 2) -> np.ndarray:
+    """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, a period in yaw, (N, 8F)."""
+    channel = np.arange(GAUGES * phalanges)
+    scale = np.array([2.0 * math.pi / SIDE, 2.0 * math.pi / SIDE, 1.0])[: states.shape[1]]
+    phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[: states.shape[1]]
+    return 0.3 * np.sin(phase + 0.7 * channel)
+
+
+def scan(
+    rng: np.random.Generator, of: Scene, pairs: int = 400, noise: float = 0.02, sweeps: int = 10
+) -> Scan:
+    """Pairs at uniform positions within the bounds of the scene ``of``, in equal sweeps."""
+    states = of.lower + rng.random((pairs, of.dimension)) * (of.upper - of.lower)
+    phalanges = len(of.phalanges)
+    strain = strain_at(states, phalanges) + noise * rng.standard_normal((pairs, GAUGES * phalanges))
+    return Scan(states, strain, np.arange(pairs) * sweeps // pairs, of.axis_names, of.phalanx_names)
+
+
+def density(log_likelihood: np.ndarray) -> np.ndarray:
+    """Normalised weights from log-likelihoods of any shape."""
+    weights = np.exp(log_likelihood - log_likelihood.max())
+    return weights / weights.sum()
+
+
+def total_variation(a: np.ndarray, b: np.ndarray) -> float:
+    """Half the sum of the differences of two sets of weights."""
+    return 0.5 * float(np.abs(a - b).sum())

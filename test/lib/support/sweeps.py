@@ -1,0 +1,121 @@
+"""Simulated sweeps for tests of what localises: scan files to localise on, and a hand that slides once."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.sim import SimulatedScan, SimulatedSweep, simulate_scan, simulate_sweep
+
+START_NS = 1_700_000_000_000_000_000
+MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
+"""So that no test waits for the parameters to be chosen from the scan."""
+
+
+def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
+    """The shipped scene of a feature with measurement parameters in it."""
+    scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+    return dataclasses.replace(scene, measurement=measurement or MEASUREMENT)
+
+
+def write_scan(path: Path, feature: str = "bump", scene: Scene | None = None) -> SimulatedScan:
+    """Write a training scan of the simulated hand as a scan file."""
+    scan = simulate_scan(feature, seed=1)
+    with ScanStore.create(path, scene or scene_of(feature)) as store:
+        for part in scan.slices():
+            store.begin_sweep()
+            store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
+            store.end_sweep()
+    return scan
+
+
+def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> SimulatedSweep:
+    """A sweep that no scan has, beginning at x = 4 mm between two of the scan's lines."""
+    return simulate_sweep(feature, seed=1, number=number, start=(0.004, 0.0241), rate=rate)
+
+
+class SlidingHand:
+    """Publishes a simulated sweep: strain at its samples, poses halfway between them.
+
+    Parameters
+    ----------
+    probe : a :class:`support.probe.Probe`
+    sweep : what is felt
+    """
+
+    def __init__(self, probe: Any, sweep: SimulatedSweep, phalanges: tuple[str, ...] = ("index", "middle")) -> None:
+        from geometry_msgs.msg import PoseStamped
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        from tactile_localizer.msg import StrainVectors
+
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._Pose, self._Strain = PoseStamped, StrainVectors
+        self._probe, self._phalanges = probe, phalanges
+        self._poses = probe.publisher(PoseStamped, "palm_pose", 100)
+        self._strains = probe.publisher(StrainVectors, "strain", best_effort)
+        self.sweep = sweep
+        self.offset_ns = START_NS
+        self.next = 0
+        stamp_ns = sweep.stamp_ns - sweep.stamp_ns[0]
+        self.strain_ns = stamp_ns + int(stamp_ns[1]) // 2
+        self.pose_ns = stamp_ns
+
+    def slide(self, samples: int, *, poses: bool = True, strain: bool = True, **changes: Any) -> None:
+        """Publish the next ``samples``, paced so that best effort loses nothing.
+
+        ``changes`` replace fields of the strain messages.
+        """
+        for k in range(self.next, self.next + samples):
+            if poses:
+                self.pose(k)
+            if strain:
+                self.feel(k, **changes)
+            self._probe.executor.spin_once(timeout_sec=0.002)
+        self.next += samples
+        if poses:
+            self.pose(self.next)
+
+    def pose(self, k: int) -> None:
+        message = self._Pose()
+        set_stamp(message, self.offset_ns + int(self.pose_ns[k]))
+        message.header.frame_id = "base"
+        message.pose.position.x, message.pose.position.y = map(float, self.sweep.odometry[k])
+        message.pose.orientation.w = 1.0
+        self._poses.publish(message)
+
+    def feel(self, k: int, **changes: Any) -> None:
+        message = self._Strain()
+        set_stamp(message, self.offset_ns + int(self.strain_ns[k]))
+        message.phalanges = list(self._phalanges)
+        message.strain = self.sweep.strain[k, : GAUGES * len(self._phalanges)].tolist()
+        message.status = [0] * len(self._phalanges)
+        message.sequence = [k] * len(self._phalanges)
+        for name, value in changes.items():
+            setattr(message, name, value)
+        self._strains.publish(message)
+
+    def positions(self) -> np.ndarray:
+        """The palm (n-1, 2) at the strain's stamps, as interpolation between the poses has it."""
+        here, there = self.sweep.odometry[:-1], self.sweep.odometry[1:]
+        share = (self.strain_ns[:-1] - self.pose_ns[:-1]) / np.diff(self.pose_ns)
+        return here + share[:, None] * (there - here)
+
+    def sample_of(self, message: Any) -> int:
+        """Which strain vector a message's stamp is of."""
+        return int(np.flatnonzero(self.strain_ns == stamp_of(message) - self.offset_ns)[0])
+
+
+def set_stamp(message: Any, stamp_ns: int) -> None:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+
+
+def stamp_of(message: Any) -> int:
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
