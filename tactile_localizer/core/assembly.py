@@ -13,6 +13,7 @@ from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.featureless import Featureless
+from tactile_localizer.core.fit import held_out_fit
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.localizer import Localizer
@@ -55,7 +56,7 @@ def build_localizer(
     """
     parameters = complete_parameters(scan, scene, progress)
     model = build_model(scan, scene, configuration, parameters)
-    null = build_null(scan, scene, parameters)
+    null = build_null(scan, scene, configuration, parameters)
     return Localizer(
         scene,
         _build_filter(scene, model, configuration, parameters, rng),
@@ -99,11 +100,15 @@ def build_model(
     return Gaussian(scan, scene, parameters.neighbours, independent=configuration.model == "gaussian_independent")
 
 
-def build_null(scan: Scan, scene: Scene, parameters: ModelParameters) -> NullModel:
-    """The position-blind explanation: featureless where the scene's region says so, and the broad background."""
+def build_null(
+    scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
+) -> NullModel:
+    """The position-blind explanation: featureless where the scene's region says so, or never scanned."""
     positions, strain = training_pairs(scan, scene)
     off = ~scene.on_feature(positions)
-    return NullModel(strain, scan.sweep, off, Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:])))
+    background = Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:]))
+    unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
+    return NullModel(strain, scan.sweep, off, background, unknown)
 
 
 def _build_filter(

@@ -50,6 +50,17 @@ class Coverage:
     def share(self) -> float:
         """Covered share of the bounds, 0 to 1."""
         if self._share is None:
-            distance = ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)
-            self._share = float(np.mean(distance < 1.0))
+            self._share = float(np.mean(self._distances() < 1.0))
         return self._share
+
+    def largest_hole(self) -> tuple[np.ndarray, float]:
+        """The place (d,) within the bounds that is farthest from any pair, and how far, in sweep distances."""
+        distances = self._distances()
+        cell = np.array(np.unravel_index(np.argmax(distances), distances.shape))
+        return self._lower + (cell + 0.5) * self._cell, float(distances.max())
+
+    def _distances(self) -> np.ndarray:
+        """Distance of every cell from the nearest visited one, in sweep distances; infinite without any."""
+        if not self._visited.any():
+            return np.full(self._shape, np.inf)
+        return ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)

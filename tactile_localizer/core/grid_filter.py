@@ -113,6 +113,13 @@ class GridFilter:
         """See :meth:`BayesFilter.hypotheses`."""
         return flatten_axes(self._axes()), self._belief.ravel()
 
+    def relative_density(self, state: np.ndarray) -> float:
+        """Density of the belief at a state (d,), over that of a uniform belief; zero outside the scene."""
+        place = np.rint((state - self._offset - [c[0] for c in self._centres]) / self._cell).astype(int)
+        if (place < 0).any() or (place >= self._shape).any():
+            return 0.0
+        return float(self._belief[tuple(place)]) * self._belief.size
+
     def _place(self, belief: np.ndarray) -> None:
         self._belief = belief / belief.sum()
         self._offset = np.zeros(len(self._shape))

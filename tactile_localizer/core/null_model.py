@@ -22,8 +22,8 @@ class NullModel:
     """How well a strain is explained without knowing the position.
 
     Two explanations, of which the better counts. *Featureless*: a training sweep's own Gaussian over the
-    featureless material, or that of a new sweep, whose mean differs from sweep to sweep. *Unknown*: the broad
-    background. Whatever the belief explains better than both speaks for its position; small idiosyncrasies of
+    featureless material, or that of a new sweep, whose mean differs from sweep to sweep. *Unknown*: material that
+    was never scanned, which explains anything as well as the map explains the worst of its own held-out sweeps. Whatever the belief explains better than both speaks for its position; small idiosyncrasies of
     one sweep over featureless material do not, because the null may have them too.
 
     Parameters
@@ -31,16 +31,25 @@ class NullModel:
     strain : (N, 8F) the scan, V
     sweep : (N,) int, sweep of each pair
     featureless : (N,) bool, pairs that are known not to touch the feature (the paper's Lambda)
-    background : the broad background of the measurement model
+    background : the broad background of the measurement model, a lower limit for the unknown
+    unknown : log-density of a strain of all phalanges on unknown material (:func:`~.fit.held_out_fit`); of fewer
+        phalanges it counts in proportion
+
     """
 
     def __init__(
-        self, strain: np.ndarray, sweep: np.ndarray, featureless: np.ndarray, background: Background
+        self,
+        strain: np.ndarray,
+        sweep: np.ndarray,
+        featureless: np.ndarray,
+        background: Background,
+        unknown: float = -math.inf,
     ) -> None:
         if np.count_nonzero(featureless) < _FEWEST:
             featureless = np.ones(len(strain), dtype=bool)
         strain, sweep = strain[featureless], sweep[featureless]
         self._background = background
+        self._unknown = unknown
         numbers, index = np.unique(sweep, return_inverse=True)
         counts = np.bincount(index).astype(np.float64)
         means = (
@@ -71,4 +80,5 @@ class NullModel:
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain by the better of the two explanations."""
-        return max(self.featureless(strain, present), self._background.log_density(strain, present))
+        unknown = max(self._unknown * float(np.mean(present)), self._background.log_density(strain, present))
+        return max(self.featureless(strain, present), unknown)

@@ -1,0 +1,233 @@
+"""Parameters of the material chosen by data: what localises held-out sweeps best.
+
+The paper specifies S_x and S_z by hand (III-C). Here each candidate is judged by what it is for: every sweep in turn is
+left out of the map and localised on it from nowhere by the exact grid filter; the score is the mean logarithm of the
+posterior density at the true position, over that of a uniform belief, in nats. The logarithm is a proper score: a belief
+that is wrong loses, and so does one that is needlessly wide or falsely narrow. So the same score chooses the kernel
+widths and how strongly consecutive strains are tempered.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tactile_localizer.core.grid_filter import GridFilter
+from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import Scene
+
+POSITION_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
+STRAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
+CORRELATION_LENGTHS = (0.0005, 0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02, 0.04)
+"""m of travel"""
+
+_STEP = 0.0005
+_LONGEST = 0.06
+_SEGMENTS = 8
+_MOST_CELLS = 2500
+_UNIFORM = 0.01
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate and its score, nats a strain."""
+
+    position_factor: float
+    strain_factor: float
+    parameters: ModelParameters
+    score: float
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of one held-out sweep: displacements (T, d), travels (T,), strains (T, 8F) and true states (T, d)."""
+
+    displacements: np.ndarray
+    travels: np.ndarray
+    strain: np.ndarray
+    states: np.ndarray
+    training: Scan
+
+
+def choose_parameters(scan: Scan, scene: Scene, progress: Progress | None = None) -> ModelParameters:
+    """The best of :func:`search`, as the parameters to write into a scene."""
+    return max(search(scan, scene, progress), key=lambda trial: trial.score).parameters
+
+
+def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[Trial]:
+    """Score candidates by coordinate ascent from the middle of the factors, and return all that were tried.
+
+    Parameters
+    ----------
+    scan, scene : the training pairs and what is modelled
+    progress : told what is being done and which share of it is done
+
+    Raises
+    ------
+    ScanError
+        No sweep of the scan is long enough to be held out.
+    """
+    position_std, strain_std = base_widths(scan, scene)
+    segments = held_out_segments(scan, scene)
+    trials: dict[tuple[int, int], list[Trial]] = {}
+    best = (POSITION_FACTORS.index(0.7), STRAIN_FACTORS.index(1.4))
+    expected = 14
+
+    def score(place: tuple[int, int]) -> float:
+        if place not in trials:
+            if progress is not None:
+                progress("choosing kernel widths by leaving sweeps out", min(len(trials) / expected, 0.99))
+            factors = POSITION_FACTORS[place[0]], STRAIN_FACTORS[place[1]]
+            trials[place] = _evaluate(segments, scene, factors, position_std * factors[0], strain_std * factors[1])
+        return max(trial.score for trial in trials[place])
+
+    while True:
+        around = [
+            (i, j)
+            for i, j in itertools.product(range(best[0] - 1, best[0] + 2), range(best[1] - 1, best[1] + 2))
+            if 0 <= i < len(POSITION_FACTORS) and 0 <= j < len(STRAIN_FACTORS)
+        ]
+        leader = max(around, key=score)
+        if score(leader) <= score(best):
+            break
+        best = leader
+    if progress is not None:
+        progress("choosing kernel widths by leaving sweeps out", 1.0)
+    return list(itertools.chain.from_iterable(trials.values()))
+
+
+def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Scales of the scan that the factors multiply: spacing of the sweeps (d,) and disagreement between them (8F,).
+
+    The spacing is the median distance from a pair to the nearest one of another sweep, in shares of the scene's
+    extents; the disagreement the median difference of their strains, a channel.
+    """
+    states, strain, sweep = scan.states[:, scene.columns(scan.axes)], scan.strain, divided(scan.sweep)
+    strain = strain[:, scene.channels(scan.phalanges)]
+    extent = scene.upper - scene.lower
+    distances, differences = [], []
+    for number in np.unique(sweep):
+        own = np.flatnonzero(sweep == number)[:: max(1, len(sweep) // 4000)]
+        others = np.flatnonzero(sweep != number)
+        distance, nearest = cKDTree(states[others] / extent).query(states[own] / extent)
+        distances.append(distance)
+        differences.append(np.abs(strain[own] - strain[others[nearest]]))
+    spread = np.median(np.concatenate(differences), axis=0)
+    # A channel on which most sweeps agree to the last digit still has some width.
+    spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
+    spacing = max(float(np.median(np.concatenate(distances))), 0.002) * extent
+    # Sweeps that run over each other leave no spacing to go by: then the step of the motion does.
+    return np.maximum(spacing, 2 * _STEP), spread
+
+
+def held_out_segments(scan: Scan, scene: Scene) -> list[Segment]:
+    """Stretches of up to 60 mm of sweeps, each with the scan without its sweep, spread over the scan."""
+    motion = MotionModel(scene)
+    sweep = divided(scan.sweep)
+    columns, channels = scene.columns(scan.axes), scene.channels(scan.phalanges)
+    numbers = np.unique(sweep)
+    per_sweep = max(1, round(_SEGMENTS / len(numbers)))
+    chosen = numbers[np.unique(np.linspace(0, len(numbers) - 1, _SEGMENTS).astype(int))]
+    segments = []
+    for number in chosen:
+        rows = np.flatnonzero(sweep == number)
+        states = scan.states[rows][:, columns]
+        training = scan.select(sweep != number)
+        travelled = np.concatenate([[0.0], np.cumsum([motion.travel(step) for step in np.diff(states, axis=0)])])
+        for start in np.linspace(0.0, max(travelled[-1] - _LONGEST, 0.0), per_sweep):
+            marks = np.arange(start, min(start + _LONGEST, travelled[-1]), _STEP)
+            index = np.unique(np.searchsorted(travelled, marks))
+            if len(index) < 10:
+                continue
+            displacements = np.diff(states[index], axis=0, prepend=states[index[:1]])
+            travels = np.diff(travelled[index], prepend=travelled[index[0]])
+            strain = scan.strain[rows[index]][:, channels]
+            segments.append(Segment(displacements, travels, strain, states[index], training))
+    if not segments:
+        raise ScanError(
+            f"scan: expected a sweep of at least {10 * _STEP * 1e3:.0f} mm to choose parameters by, found none; "
+            "give position_std, strain_std and correlation_length in the scene"
+        )
+    return segments
+
+
+class _Recorded:
+    """A measurement model that repeats what another one said, update for update."""
+
+    def __init__(self, maps: list[np.ndarray]) -> None:
+        self._maps = iter(maps)
+
+    def log_likelihood(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None) -> np.ndarray:
+        raise NotImplementedError("the grid filter asks for whole axes")
+
+    def log_likelihood_on(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        return next(self._maps)
+
+
+def _evaluate(
+    segments: list[Segment],
+    scene: Scene,
+    factors: tuple[float, float],
+    position_std: np.ndarray,
+    strain_std: np.ndarray,
+) -> list[Trial]:
+    """Scores of one pair of widths with every correlation length."""
+    extent = scene.upper - scene.lower
+    cell = np.maximum(0.5 * position_std, extent * _MOST_CELLS ** (-1.0 / scene.dimension))
+    scores = {length: [] for length in CORRELATION_LENGTHS}  # type: dict[float, list[float]]
+    for segment in segments:
+        model = SumOfGaussians(segment.training, scene, position_std, strain_std, precision="float32")
+        recorder = _Recorder(model)
+        for length in CORRELATION_LENGTHS:
+            source = recorder if not recorder.maps else _Recorded(recorder.maps)
+            scores[length].append(_localize(segment, GridFilter(scene, source, cell), length))
+    return [
+        Trial(*factors, ModelParameters(position_std, strain_std, length), float(np.mean(np.concatenate(values))))
+        for length, values in scores.items()
+    ]
+
+
+class _Recorder(_Recorded):
+    """Passes on what the model says and keeps it."""
+
+    def __init__(self, model: SumOfGaussians) -> None:
+        super().__init__([])
+        self.maps: list[np.ndarray] = []
+        self._model = model
+
+    def log_likelihood_on(
+        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        self.maps.append(self._model.log_likelihood_on(axes, strain, present))
+        return self.maps[-1]
+
+
+def _localize(segment: Segment, grid: GridFilter, correlation_length: float) -> np.ndarray:
+    """Log posterior density at the truth over that of a uniform belief, after each strain: (T,)."""
+    present = np.ones(segment.strain.shape[1] // 8, dtype=bool)
+    scores = np.empty(len(segment.strain))
+    for t, strain in enumerate(segment.strain):
+        travel = float(segment.travels[t])
+        if t:
+            grid.predict(segment.displacements[t], travel)
+        grid.update(strain, present, min(1.0, max(travel, _STEP) / correlation_length), -np.inf)
+        density = grid.relative_density(segment.states[t])
+        scores[t] = np.log((1.0 - _UNIFORM) * density + _UNIFORM)
+    return scores
+
+
+def divided(sweep: np.ndarray) -> np.ndarray:
+    """Sweep numbers; a lone sweep is dealt into two interleaved ones, so that something can be held out."""
+    return sweep if len(np.unique(sweep)) > 1 else np.arange(len(sweep)) % 2
