@@ -197,7 +197,9 @@ class KernelGrid:
             for axis, step in enumerate(steps):
                 rows[:, corner] = rows[:, corner] * self.shape[axis] + nearest[:, axis] + (step - 1)
                 taps[:, corner] *= splines[step, :, axis]
-        pointers = np.arange(pairs + 1, dtype=np.int64 if pairs * corners > _MOST_INT32 else np.int32) * corners
+        pointers = (
+            np.arange(pairs + 1, dtype=np.int64 if pairs * corners > _MOST_INT32 else np.int32) * corners
+        )
         return sparse.csc_array((taps.ravel(), rows.ravel(), pointers), shape=(math.prod(self.shape), pairs))
 
     def spread(self, weights: np.ndarray) -> np.ndarray:

@@ -21,7 +21,9 @@ def axes(dimension: int, full_turn: bool = False) -> tuple[Axis, ...]:
     return every[:dimension]
 
 
-def scene(dimension: int = 2, phalanges: int = 2, feature: Region | None = None, full_turn: bool = False) -> Scene:
+def scene(
+    dimension: int = 2, phalanges: int = 2, feature: Region | None = None, full_turn: bool = False
+) -> Scene:
     """A scene whose phalanges sit 10 mm apart along x."""
     offsets = [(0.01 * f, *(0.0,) * (dimension - 1)) for f in range(phalanges)]
     fingers = tuple(Phalanx(name, offset) for name, offset in zip(NAMES, offsets, strict=False))
@@ -32,7 +34,9 @@ def strain_at(states: np.ndarray, phalanges: int = 2) -> np.ndarray:
     """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, a period in yaw, (N, 8F)."""
     channel = np.arange(GAUGES * phalanges)
     scale = np.array([2.0 * math.pi / SIDE, 2.0 * math.pi / SIDE, 1.0])[: states.shape[1]]
-    phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[: states.shape[1]]
+    phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[
+        : states.shape[1]
+    ]
     return 0.3 * np.sin(phase + 0.7 * channel)
 
 
