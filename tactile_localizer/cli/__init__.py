@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError
 
-COMMANDS: tuple[str, ...] = ("import_", "simulate", "can")
+COMMANDS: tuple[str, ...] = ("import_", "scan", "simulate", "replay", "can")
 """Modules of the subcommands, in the order of the help text."""
 
 

@@ -106,6 +106,29 @@ def join(recordings: Sequence[Recording]) -> Recording:
     )
 
 
+def select(recording: Recording, scene: Scene) -> Recording:
+    """The recording with only the axes and phalanges that ``scene`` names, in its order.
+
+    Raises
+    ------
+    SceneError
+        The recording lacks one of them.
+    """
+    columns, channels = scene.columns(recording.axes), scene.channels(recording.phalanges)
+    rows = channels[::GAUGES] // GAUGES
+    sweeps = tuple(
+        replace(
+            sweep,
+            position=sweep.position[:, columns],
+            strain=sweep.strain[:, channels],
+            status=sweep.status[:, rows],
+            truth=None if sweep.truth is None else sweep.truth[:, columns],
+        )
+        for sweep in recording.sweeps
+    )
+    return replace(recording, axes=scene.axis_names, phalanges=scene.phalanx_names, sweeps=sweeps)
+
+
 def missing_status(strain: np.ndarray) -> np.ndarray:
     """Status bits of strain rows that carry none: MISSING where a phalanx has values that are not finite.
 
@@ -119,6 +142,20 @@ def missing_status(strain: np.ndarray) -> np.ndarray:
     """
     finite = np.isfinite(strain).reshape(len(strain), -1, GAUGES).all(axis=2)
     return np.where(finite, OK, MISSING).astype(np.uint8)
+
+
+def usable(status: np.ndarray) -> np.ndarray:
+    """Which phalanges a filter may use, from their status bits: those that are well in every respect.
+
+    Parameters
+    ----------
+    status : (..., F) status bits
+
+    Returns
+    -------
+    (..., F) bool
+    """
+    return status == OK
 
 
 @dataclass(frozen=True)

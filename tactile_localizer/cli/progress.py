@@ -1,0 +1,44 @@
+"""Progress of what takes a while: a bar on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+_PLAIN_EVERY_S = 10.0
+
+
+@contextmanager
+def progress_bars() -> Iterator[Callable[[str, float], None]]:
+    """A function to be told what is being done and which share, 0 to 1, is done; shows it on stderr."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _plain(console)
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        tasks: dict[str, TaskID] = {}
+
+        def show(text: str, share: float) -> None:
+            if text not in tasks:
+                tasks[text] = progress.add_task(text, total=1.0)
+            progress.update(tasks[text], completed=share)
+
+        yield show
+
+
+def _plain(console: Console) -> Callable[[str, float], None]:
+    last: dict[str, float] = {}
+
+    def show(text: str, share: float) -> None:
+        now = time.monotonic()
+        # What is done within the interval is not worth a line.
+        if now - last.setdefault(text, now) >= _PLAIN_EVERY_S:
+            last[text] = now
+            console.print(f"{text}: {share:.0%}", highlight=False, soft_wrap=True)
+
+    return show

@@ -1,0 +1,115 @@
+"""Recordings, scans and configurations that a command line names."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tactile_localizer.cli.import_ import (
+    add_bag_arguments,
+    add_csv_arguments,
+    bag_options,
+    naming_from_arguments,
+    speed_from_arguments,
+)
+from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ScanError
+from tactile_localizer.evaluation.odometry import EXACT, RECORDED, SIMULATED
+from tactile_localizer.io.bag_recording import read_bag
+from tactile_localizer.io.configuration_file import PRESETS, load_configuration
+from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.recording import Recording, join, select
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.scene import Scene
+
+_BAG_ENDINGS = (".mcap", ".db3", ".zstd", ".zst")
+_SQLITE = b"SQLite format 3\0"
+
+
+def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--scan`` and ``--scene``."""
+    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan file to localise on")
+    parser.add_argument(
+        "--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)"
+    )
+
+
+def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
+    """The scan, and the scene to model."""
+    with ScanStore.open(args.scan) as store:
+        scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else store.scene
+        return store.load(), scene
+
+
+def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the choices of model, filter and work."""
+    parser.add_argument(
+        "--config",
+        metavar="PRESET",
+        help=f"{', '.join(PRESETS)}, or a YAML file; what is given here goes first",
+    )
+    parser.add_argument("--model", choices=MODELS, help="measurement model")
+    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter; grid: exact")
+    parser.add_argument("--particles", type=int, metavar="N", help="of the particle filter")
+
+
+def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
+    """The configuration of ``--config`` with the other choices over it."""
+    return load_configuration(args.config, model=args.model, filter=args.filter, particles=args.particles)
+
+
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the recordings and how to read them."""
+    parser.add_argument("recordings", nargs="+", metavar="RECORDING", help="CSV file, scan file or bag")
+    parser.add_argument(
+        "--odometry",
+        choices=(SIMULATED, EXACT),
+        default=SIMULATED,
+        help="where a recording has only true positions: their displacements, with motion noise or without",
+    )
+    add_csv_arguments(parser)
+    add_bag_arguments(parser)
+
+
+def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, bool]:
+    """The recordings as one, and whether its positions are the true ones (otherwise: the arm's).
+
+    Raises
+    ------
+    ScanError
+        One cannot be read, or bags are mixed with others.
+    """
+    bags = [_is_bag(Path(path)) for path in args.recordings]
+    if any(bags) and not all(bags):
+        raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
+    recordings = [
+        read_bag(path, scene, by_status=False, **bag_options(args, scene))
+        if bag
+        else _read_other(path, args, scene)
+        for path, bag in zip(args.recordings, bags, strict=True)
+    ]
+    return join(recordings), not any(bags)
+
+
+def odometry_of(args: argparse.Namespace, true_positions: bool) -> str:
+    """What the displacements given to the filter are."""
+    return args.odometry if true_positions else RECORDED
+
+
+def _is_bag(path: Path) -> bool:
+    return path.is_dir() or path.suffix in _BAG_ENDINGS
+
+
+def _read_other(path: str, args: argparse.Namespace, scene: Scene) -> Recording:
+    try:
+        with Path(path).open("rb") as file:
+            is_scan = file.read(len(_SQLITE)) == _SQLITE
+    except OSError as error:
+        raise ScanError(f"{path}: expected a recording, {error.strerror}") from None
+    if is_scan:
+        with ScanStore.open(path) as store:
+            return select(store.recording(), scene)
+    return read_csv(path, scene, naming_from_arguments(args), speed_from_arguments(args.speed, scene))

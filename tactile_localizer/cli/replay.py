@@ -1,0 +1,145 @@
+"""``tactile-localizer replay``: a recording through the localizer that runs live, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.recordings import (
+    add_configuration_arguments,
+    add_recording_arguments,
+    add_scan_arguments,
+    configuration_from_arguments,
+    odometry_of,
+    read_recordings,
+    scan_from_arguments,
+)
+from tactile_localizer.core.assembly import build_localizer, complete_parameters, with_parameters
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.evaluation.metrics import INCH
+from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
+from tactile_localizer.evaluation.plain_json import write_json
+from tactile_localizer.evaluation.replay import replay
+from tactile_localizer.evaluation.replay_document import replay_document
+
+NAME = "replay"
+HELP = "localise a recording (CSV, scan file or bag) as the filter node would have"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    add_recording_arguments(parser)
+    add_scan_arguments(parser)
+    add_configuration_arguments(parser)
+    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    parser.add_argument(
+        "--starts", type=int, metavar="N", help="start N times, at random places of the recording"
+    )
+    parser.add_argument(
+        "--travel", type=float, metavar="M", help="of each start, m (default: to the sweep's end)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every update and the summary")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay, print the error along the travel, and write every update where asked."""
+    _check(args)
+    scan, scene = scan_from_arguments(args)
+    configuration = configuration_from_arguments(args)
+    recording, true_positions = read_recordings(args, scene)
+    odometry = odometry_of(args, true_positions)
+    # The localizer's own stream is that of the filter node; what is only simulated has another.
+    noise = np.random.default_rng([args.seed, 1])
+    if args.starts is not None:
+        recording = random_starts(recording, scene, args.starts, args.travel, noise)
+    if odometry != RECORDED:
+        recording = with_odometry(recording, scene, noise, odometry)
+    with progress_bars() as progress:
+        scene = with_parameters(scene, complete_parameters(scan, scene, progress))
+        localizer = build_localizer(scan, scene, configuration, np.random.default_rng(args.seed), progress)
+        tracks = replay(localizer, recording, progress)
+    document = replay_document(scene, configuration, recording, tracks, odometry=odometry, seed=args.seed)
+    _print(document)
+    if args.json is not None:
+        write_json(args.json, document, rows="updates")
+        print(f"{args.json}: {len(document['updates'])} updates")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    if args.starts is not None and args.starts < 1:
+        raise ParameterError(f"--starts: expected at least 1, got {args.starts}")
+    if args.travel is not None and not args.travel > 0:
+        raise ParameterError(f"--travel: expected a positive number of metres, got {args.travel}")
+    if args.travel is not None and args.starts is None:
+        raise ParameterError("--travel: expected --starts with it")
+
+
+def _print(document: dict[str, Any]) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    summary, timing, configuration = document["summary"], document["timing"], document["configuration"]
+    for note in document["recording"]["notes"]:
+        console.print(f"note: {note}")
+    console.print(
+        f"{summary['sweeps']} sweeps, {summary['strains']} strains, {summary['weighed']} weighed"
+        + (f", {summary['refused']} refused" if summary["refused"] else "")
+        + f"; {configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
+    )
+    if summary["error_m"]["count"]:
+        console.print(_table(summary))
+        console.print(
+            f"95 % region covers {summary['coverage_95']:.1%}, NEES {summary['nees']:.2f} a degree of freedom"
+        )
+    else:
+        console.print("no truth in the recording: errors are not known")
+    arrived = summary["travel_to_convergence_m"]
+    after = f", after {arrived['median'] * 1e3:.1f} mm (median)" if arrived["count"] else ""
+    console.print(f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps converged{after}")
+    if timing["update_median_us"] is not None:
+        console.print(
+            f"update {timing['update_median_us']:.0f} us (median), {timing['update_p99_us']:.0f} us "
+            f"(99th percentile); {timing['strain_mean_us']:.0f} us a strain"
+        )
+
+
+def _table(summary: dict[str, Any]) -> Table:
+    table = Table(
+        "error",
+        "sweeps",
+        "median mm",
+        "in",
+        "mean mm",
+        "in",
+        "largest mm",
+        "in",
+        box=SIMPLE,
+        padding=(0, 1, 0, 0),
+    )
+    for column in table.columns:
+        column.no_wrap = True
+        column.justify = "left" if column.header == "error" else "right"
+    for mark, error in summary["error_after_travel_m"].items():
+        table.add_row(f"after {float(mark) * 1e3:g} mm", str(error["count"]), *_lengths(error))
+    table.add_section()
+    names = {
+        "error_m": "all strains",
+        "error_on_feature_m": "on the feature",
+        "error_converged_m": "converged",
+    }
+    for name, title in names.items():
+        error = summary[name]
+        if error is not None and error["count"]:
+            table.add_row(title, "", *_lengths(error))
+    return table
+
+
+def _lengths(error: dict[str, Any]) -> list[str]:
+    values = [error[name] for name in ("median", "mean", "max")]
+    return [text for value in values for text in (f"{value * 1e3:.2f}", f"{value / INCH:.3f}")]

@@ -1,0 +1,187 @@
+"""`replay` localises anyone's recording and writes what was believed, the same each time for a seed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bags import pose, strain, write_bag
+
+from tactile_localizer.cli import main
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.resources import resource_path
+
+TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
+COMMAND = "replay test.csv --scan scan.db --scene scene.yaml --model sum_of_gaussians --filter grid --seed 1"
+
+
+@pytest.fixture(scope="module")
+def bump(tmp_path_factory) -> Path:
+    """A folder with a scan of the simulated bump, test sweeps, and a scene that leaves nothing to choose."""
+    folder = tmp_path_factory.mktemp("bump")
+    scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
+    save_scene(scene, folder / "scene.yaml")
+    assert main(["simulate", "bump", "-o", str(folder), "--test", "2"]) == 0
+    arguments = ["--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
+    assert main(["import", "csv", str(folder / "train.csv"), *arguments]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(bump: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(bump)
+    return bump
+
+
+def run(arguments: str) -> int:
+    return main(arguments.split())
+
+
+def document(path: str = "out.json") -> dict:
+    return json.loads(Path(path).read_text())
+
+
+def updates_text(path: str) -> str:
+    return Path(path).read_text().partition('"updates"')[2]
+
+
+def test_train_import_replay_finds_the_place_and_writes_every_update(folder: Path, capsys) -> None:
+    assert main([*COMMAND.split(), "--json", "out.json"]) == 0
+    printed = capsys.readouterr().out
+    assert "sum_of_gaussians, grid filter; odometry simulated" in printed
+    assert "after 40 mm" in printed
+    found = document()
+    rows = np.genfromtxt("test.csv", delimiter=",", names=True)
+    assert len(found["updates"]) == len(rows)
+    assert found["summary"]["error_after_travel_m"]["0.04"]["max"] < 0.005
+    assert found["summary"]["error_on_feature_m"]["count"] > 100
+    last = found["updates"][-1]
+    assert last["truth"] == pytest.approx([rows["x"][-1], rows["y"][-1]])
+    assert last["error_m"] == pytest.approx(np.linalg.norm(np.subtract(last["mean"], last["truth"])))
+    assert last["trace"] == pytest.approx(np.trace(last["covariance"]))
+    assert last["stamp_s"] == pytest.approx(rows["stamp_s"][-1])
+    assert {"sweep", "converged", "reason", "evidence", "stamp_ns"} <= set(last)
+
+
+def test_a_seed_gives_the_same_updates_to_the_byte_and_another_seed_others(folder: Path) -> None:
+    short = COMMAND.replace("grid", "particle").replace("test.csv", "short.csv").split()
+    lines = Path("test.csv").read_text().splitlines()
+    Path("short.csv").write_text("\n".join(lines[:200]))
+    for name, seed in (("a", "7"), ("b", "7"), ("c", "8")):
+        assert main([*short, "--seed", seed, "--json", f"{name}.json"]) == 0
+    assert updates_text("a.json") == updates_text("b.json")
+    assert updates_text("a.json") != updates_text("c.json")
+    assert document("a.json")["summary"] == document("b.json")["summary"]
+
+
+def test_exact_odometry_is_the_truths_displacements(folder: Path) -> None:
+    arguments = "replay test.csv --scan scan.db --odometry exact --config fast --json exact.json"
+    assert main(arguments.split()) == 0
+    assert document("exact.json")["summary"]["odometry"] == "exact"
+    assert document("exact.json")["configuration"]["filter"] == "particle"
+
+
+def test_a_scan_file_is_a_recording_too(folder: Path) -> None:
+    assert run("replay scan.db --scan scan.db --config fast --starts 3 --travel 0.02 --json own.json") == 0
+    summary = document("own.json")["summary"]
+    assert summary["sweeps"] == 3
+    assert summary["error_after_travel_m"]["0.02"]["count"] == 3
+
+
+def test_a_bags_poses_are_the_odometry_and_its_ground_truth_the_truth(folder: Path) -> None:
+    test = np.genfromtxt("test.csv", delimiter=",", names=True)
+    names = [f"{phalanx}_{gauge}" for phalanx in ("index", "middle") for gauge in range(1, 9)]
+    happened = []
+    for i, row in enumerate(test[test["sweep"] == 0][:600]):
+        now = 10 * (i + 1)
+        values = np.array([row[name] for name in names])
+        happened.append(("strain", now, strain(now, ("index", "middle"), strain=values)))
+        happened.append(("palm_pose", now, pose(now, x=row["x"] + 4.0)))
+        happened.append(("simulator/ground_truth", now, pose(now, x=row["x"])))
+    write_bag(folder / "bag", happened)
+    assert run("replay bag --scan scan.db --config fast --json bag.json") == 0
+    found = document("bag.json")
+    assert found["summary"]["odometry"] == "recorded"
+    assert len(found["updates"]) == 600
+    assert found["updates"][-1]["truth"][0] == pytest.approx(test["x"][599])
+
+
+def test_a_recording_without_truth_is_localised_and_says_so(folder: Path, capsys) -> None:
+    happened = []
+    for now in range(10, 500, 10):
+        happened += [("strain", now, strain(now, ("index", "middle"))), ("palm_pose", now, pose(now))]
+    write_bag(folder / "untold", happened)
+    assert run("replay untold --scan scan.db --config fast") == 0
+    assert "no truth in the recording: errors are not known" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("test.csv --scan none.db", "none.db: expected a scan file"),
+        ("none.csv --scan scan.db", "none.csv: expected a recording, No such file or directory"),
+        ("test.csv --scan scan.db --scene none.yaml", "none.yaml: expected a scene file"),
+        ("test.csv --scan scan.db --config none.yaml", "none.yaml: expected a configuration file"),
+        ("test.csv --scan scan.db --filter particle --particles 0", "particles: expected at least 1, got 0"),
+        ("test.csv --scan scan.db --starts 0", "--starts: expected at least 1, got 0"),
+        ("test.csv --scan scan.db --travel 0.1", "--travel: expected --starts with it"),
+        (
+            "test.csv --scan scan.db --starts 2 --travel 7",
+            "expected a sweep of at least 7000.0 mm to start in",
+        ),
+        ("scene.yaml --scan scan.db", "scene.yaml: expected a column 'stamp_s'"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused_in_one_line(
+    folder: Path, capsys, arguments: str, message: str
+) -> None:
+    assert main(["replay", *arguments.split()]) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("material", "position_std", "correlation_length", "travel"),
+    [("Linen", 0.0012, 0.002, "0.08"), ("Canvas", 0.00084, 0.012, "0.16")],
+)
+def test_fabric_is_found_from_nowhere(
+    data_dir: Path,
+    tmp_path: Path,
+    monkeypatch,
+    material: str,
+    position_std: float,
+    correlation_length: float,
+    travel: str,
+) -> None:
+    """With widths as ``tune`` chooses them; choosing is tested where it is done."""
+    monkeypatch.chdir(tmp_path)
+    strain_std = [3.0, 4.0, 3.5, 3.5, 9.0, 7.0, 7.0, 6.5, 3.0, 3.5, 7.0, 10.0, 10.0, 2.0, 3.0, 3.5]
+    measurement = {
+        "position_std": position_std,
+        "strain_std": strain_std,
+        "correlation_length": correlation_length,
+    }
+    scene = load_scene(resource_path(f"config/scenes/{material.lower()}.yaml"))
+    save_scene(replace(scene, measurement=measurement), "scene.yaml")
+    files = [str(data_dir / "fabric_slide" / f"{material}_F250_V10mmps_{repeat}.csv") for repeat in range(3)]
+    reading = ["--columns", "fabric_slide.yaml", "--speed", "0.01", "--scene", "scene.yaml"]
+    assert main(["import", "csv", *files[:2], *reading, "-o", "scan.db"]) == 0
+    starts = ["--starts", "30", "--travel", travel, "--json", "out.json"]
+    assert main(["replay", files[2], "--scan", "scan.db", *reading, *starts]) == 0
+    error = document()["summary"]["error_after_travel_m"][travel]
+    assert error["count"] == 30
+    assert error["median"] < 0.001
+
+
+def test_the_scan_given_may_know_more_phalanges_than_the_scene(folder: Path) -> None:
+    scene = load_scene("scene.yaml")
+    save_scene(replace(scene, phalanges=scene.phalanges[1:]), "middle.yaml")
+    arguments = "replay scan.db --scan scan.db --scene middle.yaml --config fast --starts 1 --travel 0.01"
+    assert main(arguments.split()) == 0
+    with ScanStore.open("scan.db") as store:
+        assert store.scene.phalanx_names == ("index", "middle")
