@@ -54,7 +54,7 @@ class Coverage:
         return self._share
 
     def largest_hole(self) -> tuple[np.ndarray, float]:
-        """The place (d,) within the bounds that is farthest from any pair, and how far, in sweep distances."""
+        """The place (d,) that is farthest from any pair, and how far that is, in sweep distances."""
         distances = self._distances()
         cell = np.array(np.unravel_index(np.argmax(distances), distances.shape))
         return self._lower + (cell + 0.5) * self._cell, float(distances.max())

@@ -24,6 +24,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io import scan_file
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
 from tactile_localizer.io.scan_lock import ScanLock
+from tactile_localizer.io.scan_match import require_same_scene
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import GAUGES, Scene
 
@@ -31,6 +32,7 @@ COMMIT_PERIOD_S = 0.25
 """Longest wall time for which appended pairs may stay uncommitted."""
 
 _BATCH_PAIRS = 8192
+_BATCH = "pairs, first_ns, last_ns, stamp_ns, states, strain"
 
 
 @dataclass(frozen=True)
@@ -257,8 +259,7 @@ class ScanStore:
             stamps = stamp_ns[part]
             rows.append(
                 (
-                    "INSERT INTO batch (sweep, pairs, first_ns, last_ns, stamp_ns, states, strain)"
-                    " VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    f"INSERT INTO batch (sweep, {_BATCH}) VALUES (?, ?, ?, ?, ?, ?, ?)",
                     (
                         self._sweep,
                         len(stamps),
@@ -315,6 +316,31 @@ class ScanStore:
         self._write([(update, (int(dropped), number))], f"sweep {number}")
         self.note("drop sweep" if dropped else "take sweep back", {"sweep": number})
 
+    def absorb(self, other: ScanStore) -> None:
+        """Take over another file's sweeps, dropped ones too; a taken number gets the next that is free.
+
+        Raises
+        ------
+        ScanError
+            The other file is of another scene or unit, or one of the files fails.
+        """
+        require_same_scene(other.scene, self.scene, str(other.path))
+        if other.units != self.units:
+            raise ScanError(
+                f"{other.path}: expected strain in {self.units['strain']}, found {other.units['strain']}"
+            )
+        taken = {sweep.number for sweep in self.sweeps()}
+        insert = f"INSERT INTO batch (sweep, {_BATCH}) VALUES (?, ?, ?, ?, ?, ?, ?)"
+        for sweep in other.sweeps():
+            number = sweep.number if sweep.number not in taken else max(taken) + 1
+            taken.add(number)
+            row = (number, sweep.ended, sweep.gaps, sweep.skipped, sweep.dropped)
+            batches = other._fetch(f"SELECT {_BATCH} FROM batch WHERE sweep = {sweep.number} ORDER BY id")
+            begin = ("INSERT INTO sweep VALUES (?, ?, ?, ?, ?)", row)
+            self._write([begin, *((insert, (number, *batch)) for batch in batches)], f"sweep {number}")
+            self._pairs += sweep.pairs
+        self.note("merge", {"file": str(other.path), "history": other.history()})
+
     def note(self, what: str, detail: dict[str, Any]) -> None:
         """Add an entry to the file's history: where its pairs came from and what was done to them."""
         at = datetime.now(timezone.utc).isoformat(timespec="seconds")
@@ -331,7 +357,10 @@ class ScanStore:
             " gaps, skipped, ended, dropped FROM sweep LEFT JOIN batch ON batch.sweep = sweep.number"
             " GROUP BY number ORDER BY number"
         )
-        return [SweepInfo(*counts, bool(ended), bool(dropped)) for *counts, ended, dropped in rows]
+        return [
+            SweepInfo(number, pairs, first_ns, last_ns, gaps, skipped, bool(ended), bool(dropped))
+            for number, pairs, first_ns, last_ns, gaps, skipped, ended, dropped in rows
+        ]
 
     def history(self) -> list[tuple[str, str, dict[str, Any]]]:
         """The file's history, oldest first: time (ISO 8601, UTC), what was done, its details."""
@@ -415,33 +444,6 @@ class ScanStore:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             raise ScanError(f"{self.path}: could not write {what}: {error}") from None
-
-
-def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
-    """Check that pairs of both scenes can lie in one file: the same axes, bounds and phalanges.
-
-    Raises
-    ------
-    ScanError
-        They cannot; says what differs.
-    """
-    for what, mine, theirs in (
-        ("axes", found.axis_names, expected.axis_names),
-        ("lower bounds", tuple(found.lower), tuple(expected.lower)),
-        ("upper bounds", tuple(found.upper), tuple(expected.upper)),
-        ("phalanges", found.phalanx_names, expected.phalanx_names),
-        ("phalanx offsets", _offsets(found), _offsets(expected)),
-    ):
-        if mine != theirs:
-            raise ScanError(f"{where}: expected {what} {_text(theirs)}, found {_text(mine)}")
-
-
-def _offsets(scene: Scene) -> tuple[tuple[float, ...], ...]:
-    return tuple(phalanx.offset for phalanx in scene.phalanges)
-
-
-def _text(values: tuple[Any, ...]) -> str:
-    return ", ".join(value if isinstance(value, str) else f"{value}" for value in values)
 
 
 def _ranges(numbers: list[int]) -> str:

@@ -1,0 +1,204 @@
+"""``tactile-localizer scan``: look at scan files, mend them, and write them in other forms."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.evaluation.display import INCH_MM, MM
+from tactile_localizer.evaluation.scan_quality import findings
+from tactile_localizer.io.scan_export import export_scan
+from tactile_localizer.io.scan_store import ScanStore, SweepInfo
+
+NAME = "scan"
+HELP = "look at scan files, mend them, write them in other forms"
+
+_PIPE_WIDTH = 120
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the actions and what each needs."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+
+    def action(name: str, text: str, work: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
+        added = actions.add_parser(name, help=text, description=text)
+        added.set_defaults(work=work)
+        return added
+
+    for name, text, work in (
+        ("info", "totals, where it comes from, and what may need mending", _info),
+        ("list", "the sweeps, with their lengths and rates", _list),
+    ):
+        action(name, text, work).add_argument("scan", metavar="SCAN")
+    drop = action("drop-sweep", "leave sweeps out; their pairs stay in the file", _drop)
+    drop.add_argument("scan", metavar="SCAN")
+    drop.add_argument("numbers", nargs="+", type=int, metavar="NUMBER")
+    drop.add_argument("--undo", action="store_true", help="take them back in")
+    merge = action("merge", "put the sweeps of several files of one scene into a new one", _merge)
+    merge.add_argument("scans", nargs="+", metavar="SCAN")
+    merge.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
+    export = action("export", "write the pairs as CSV or npz", _export)
+    export.add_argument("scan", metavar="SCAN")
+    export.add_argument("-o", "--output", required=True, metavar="FILE", help="*.csv or *.npz")
+    plot = action("plot", "draw the tactile map, the sweeps and neighbours' values", _plot)
+    plot.add_argument("scan", metavar="SCAN")
+    plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR")
+    plot.add_argument("--dpi", type=int, default=120, help="of the pictures (default 120)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what is asked."""
+    work: Callable[[argparse.Namespace], int] = args.work
+    return work(args)
+
+
+def _info(args: argparse.Namespace) -> int:
+    with ScanStore.open(args.scan) as store:
+        scene, sweeps = store.scene, store.sweeps()
+        kept = [sweep for sweep in sweeps if not sweep.dropped]
+        pairs = sum(sweep.pairs for sweep in kept)
+        dropped = f" ({len(sweeps) - len(kept)} dropped)" if len(kept) < len(sweeps) else ""
+        print(f"{args.scan}: {pairs} pairs in {len(kept)} sweeps{dropped}")
+        bounds = ", ".join(f"{axis.name} {_range(axis.name, axis.lower, axis.upper)}" for axis in scene.axes)
+        print(f"  scene      {scene.name}: {bounds}")
+        print(f"  phalanges  {', '.join(scene.phalanx_names)}, strain in {store.units['strain']}")
+        print(f"  recorded   {_when(sweeps)}")
+        for at, what, detail in store.history():
+            print(f"  history    {at} {what}{_detail(detail)}")
+        found = findings(store.load(), scene, sweeps) if pairs else ["there are no pairs"]
+    print("to look at:" if found else "nothing to mend was found")
+    for finding in found:
+        print(f"  {finding}")
+    return 0
+
+
+def _list(args: argparse.Namespace) -> int:
+    with ScanStore.open(args.scan) as store:
+        sweeps = store.sweeps()
+        recorded = {sweep.number: sweep for sweep in store.recording().sweeps}
+        axes = store.scene.axis_names
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    headings = (
+        "sweep",
+        "pairs",
+        "s",
+        "pairs/s",
+        "length mm",
+        "inch",
+        "from mm",
+        "to mm",
+        "gaps",
+        "skipped",
+        "",
+    )
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    plane = [column for column, axis in enumerate(axes) if axis != "yaw"]
+    for info in sweeps:
+        duration = (info.last_ns - info.first_ns) * 1e-9
+        cells = [str(info.number), str(info.pairs), f"{duration:.1f}"]
+        cells.append(f"{(info.pairs - 1) / duration:.0f}" if duration > 0 else "")
+        sweep = recorded.get(info.number)
+        if sweep is None:
+            cells += [""] * 4
+        else:
+            ends = sweep.position[[0, -1]][:, plane] * MM
+            length = float(np.linalg.norm(ends[1] - ends[0]))
+            cells += [f"{length:.1f}", f"{length / INCH_MM:.2f}", *(_place(end) for end in ends)]
+        remark = "dropped" if info.dropped else "" if info.ended else "cut off"
+        table.add_row(*cells, str(info.gaps), str(info.skipped), remark)
+    Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH).print(table)
+    return 0
+
+
+def _drop(args: argparse.Namespace) -> int:
+    with ScanStore.open(args.scan, writable=True) as store:
+        known = {sweep.number for sweep in store.sweeps()}
+        for number in args.numbers:
+            if number not in known:
+                store.drop_sweep(number)  # says which there are; nothing is dropped when one is wrong
+        for number in args.numbers:
+            store.drop_sweep(number, dropped=not args.undo)
+        left = [sweep for sweep in store.sweeps() if not sweep.dropped]
+    print(f"{args.scan}: {sum(sweep.pairs for sweep in left)} pairs in {len(left)} sweeps")
+    return 0
+
+
+def _merge(args: argparse.Namespace) -> int:
+    output = Path(args.output)
+    if output.exists():
+        raise ScanError(f"{output}: expected no file of this name yet, found one")
+    unfinished = output.with_name(f"{output.name}.part")
+    unfinished.unlink(missing_ok=True)
+    try:
+        with ScanStore.open(args.scans[0]) as first:
+            scene, unit = first.scene, first.units["strain"]
+        with ScanStore.create(unfinished, scene, strain_unit=unit) as store:
+            for path in args.scans:
+                with ScanStore.open(path) as other:
+                    store.absorb(other)
+            sweeps, pairs = len(store.sweeps()), store.pairs
+        unfinished.rename(output)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    print(f"{output}: {sweeps} sweeps, {pairs} pairs")
+    return 0
+
+
+def _export(args: argparse.Namespace) -> int:
+    with ScanStore.open(args.scan) as store:
+        export_scan(store, args.output)
+    print(args.output)
+    return 0
+
+
+def _plot(args: argparse.Namespace) -> int:
+    from tactile_localizer.evaluation.map_figures import scan_figures  # matplotlib takes a second
+
+    with ScanStore.open(args.scan) as store:
+        scan, scene, unit = store.load(), store.scene, store.units["strain"]
+    try:
+        args.output.mkdir(parents=True, exist_ok=True)
+        for name, figure in scan_figures(scan, scene, unit=unit).items():
+            path = args.output / f"{name}.png"
+            figure.savefig(path, dpi=args.dpi)
+            print(path)
+    except OSError as error:
+        raise ScanError(f"{args.output}: expected a folder for the pictures, {error.strerror}") from None
+    return 0
+
+
+def _range(axis: str, lower: float, upper: float) -> str:
+    if axis == "yaw":
+        return f"{np.degrees(lower):.1f} to {np.degrees(upper):.1f} degrees"
+    low, high = lower * MM, upper * MM
+    return f"{low:.1f} to {high:.1f} mm ({low / INCH_MM:.2f} to {high / INCH_MM:.2f} inch)"
+
+
+def _place(position_mm: np.ndarray) -> str:
+    return " ".join(f"{value:.1f}" for value in position_mm)
+
+
+def _when(sweeps: list[SweepInfo]) -> str:
+    """First and last stamp as dates, or as seconds where they do not count from 1970."""
+    ends = [end for sweep in sweeps if sweep.pairs for end in (sweep.first_ns, sweep.last_ns)]
+    if not ends:
+        return "nothing yet"
+    first, last = min(ends) * 1e-9, max(ends) * 1e-9
+    if first < 1e9:
+        return f"{first:.1f} to {last:.1f} s"
+    dates = [datetime.fromtimestamp(end, timezone.utc) for end in (first, last)]
+    return f"{dates[0]:%Y-%m-%d %H:%M:%S} to {dates[1]:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _detail(detail: dict[str, object]) -> str:
+    shown = {key: value for key, value in detail.items() if key not in ("version", "history") and value}
+    return ": " + ", ".join(f"{key} {value}" for key, value in shown.items()) if shown else ""

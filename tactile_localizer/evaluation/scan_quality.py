@@ -1,0 +1,147 @@
+"""What is wrong with a scan, so that it can be mended before it is used: one line a finding.
+
+Every threshold is a constant here, with its reason; the findings are for a person to judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tactile_localizer.core.coverage import Coverage
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.tactile_map import sweep_distance
+from tactile_localizer.evaluation.display import MM, shown
+from tactile_localizer.io.scan_store import SweepInfo
+from tactile_localizer.scene import GAUGES, Scene
+
+_LOSS = 0.05
+"""Share of a sweep's samples lost to gaps, or skipped, that is worth a line."""
+
+_HOLE = 0.85
+"""Distance to the nearest pair, in distances of the sweeps, that shows uneven spacing: half a distance is
+the most between even ones, a whole one where one is missing."""
+
+_COVERED = 0.98
+"""Less coverage than this is worth a line."""
+
+_DEAD = 0.01
+"""A gauge whose range is this share of the typical gauge's feels nothing."""
+
+_AT_LIMIT = 0.01
+"""Share of samples at exactly the highest or lowest value from which a gauge seems cut off. Of noisy
+values not cut off, one sample is the highest; of coarse counts, a few are."""
+
+_DISAGREEMENT = 3.0
+"""Residual of a sweep, against what the sweeps around it felt, in residuals of the median sweep."""
+
+_DRIFT = 5.0
+"""Trend of a gauge over the scan, in standard deviations of the sweeps' medians around it; chance makes
+one of 3 in a hundredth of the gauges."""
+
+_DRIFT_SWEEPS = 6
+
+
+def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> list[str]:
+    """Everything about a scan that may need mending.
+
+    Parameters
+    ----------
+    scan : the pairs
+    scene : its bounds
+    sweeps : what the scan file says of the sweeps; dropped ones are passed over
+    """
+    kept = [sweep for sweep in sweeps if not sweep.dropped]
+    return [
+        *_recording(kept),
+        *_coverage(scan, scene),
+        *_gauges(scan),
+        *_disagreement(scan),
+        *_drift(scan),
+    ]
+
+
+def _recording(sweeps: Sequence[SweepInfo]) -> Iterator[str]:
+    for sweep in sweeps:
+        if not sweep.ended:
+            yield f"sweep {sweep.number}: its recording was cut off after {sweep.pairs} pairs"
+        total = sweep.pairs + sweep.gaps + sweep.skipped
+        if sweep.gaps > _LOSS * total:
+            yield f"sweep {sweep.number}: {sweep.gaps} of {total} samples fell into gaps of the palm poses"
+        if sweep.skipped > _LOSS * total:
+            reasons = "missing, saturated or out of bounds"
+            yield f"sweep {sweep.number}: {sweep.skipped} of {total} samples were {reasons}"
+
+
+def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
+    """Over a plane, holes between the sweeps, by their own distance; else the share that is covered."""
+    distance = sweep_distance(scan) if "y" in scan.axes and "x" in scan.axes else 0.0
+    if not distance:
+        coverage = Coverage(scene)
+        coverage.add(scan.states)
+        if coverage.share < _COVERED:
+            yield f"coverage: only {coverage.share:.0%} of the scene's bounds lie near a pair"
+        return
+    coverage = Coverage(scene, distance)
+    coverage.add(scan.states)
+    place, hole = coverage.largest_hole()
+    if hole > _HOLE:
+        where = ", ".join(
+            f"{axis} {shown(axis, value):.1f}" for axis, value in zip(scan.axes, place, strict=True)
+        )
+        yield (
+            f"uneven spacing: sweeps are {distance * MM:.1f} mm apart, but the nearest pair to {where} "
+            f"is {hole * distance * MM:.1f} mm away"
+        )
+
+
+def _gauges(scan: Scan) -> Iterator[str]:
+    high, low = scan.strain.max(axis=0), scan.strain.min(axis=0)
+    typical = float(np.median(high - low))
+    for column in range(scan.strain.shape[1]):
+        name = f"{scan.phalanges[column // GAUGES]} element {column % GAUGES + 1}"
+        if high[column] - low[column] <= _DEAD * typical:
+            yield f"{name}: seems dead, all values lie within {high[column] - low[column]:.3g}"
+            continue
+        values = scan.strain[:, column]
+        for limit in (low[column], high[column]):
+            share = float(np.mean(values == limit))
+            if share > _AT_LIMIT:
+                yield f"{name}: seems saturated, {share:.1%} of the values are exactly {limit:.6g}"
+
+
+def _disagreement(scan: Scan) -> Iterator[str]:
+    """Each sweep against the nearest pairs of the others."""
+    if len(scan.sweep_numbers) < 3:
+        return
+    scale = np.maximum(scan.strain.std(axis=0), 1e-300)
+    residuals = {}
+    for number in scan.sweep_numbers:
+        mine = scan.sweep == number
+        _, near = cKDTree(scan.states[~mine]).query(scan.states[mine])
+        difference = (scan.strain[mine] - scan.strain[~mine][near]) / scale
+        residuals[number] = float(np.median(np.sqrt(np.mean(difference**2, axis=1))))
+    typical = float(np.median(list(residuals.values())))
+    for number, residual in residuals.items():
+        if residual > _DISAGREEMENT * typical:
+            times = f"{residual / typical:.1f} times as much as others do"
+            yield f"sweep {number}: differs from the sweeps around it {times}"
+
+
+def _drift(scan: Scan) -> Iterator[str]:
+    """A trend of the sweeps' medians, which a feature that fills less than half of a sweep does not move."""
+    numbers = scan.sweep_numbers
+    if len(numbers) < _DRIFT_SWEEPS:
+        return
+    medians = np.array([np.median(scan.strain[scan.sweep == number], axis=0) for number in numbers])
+    order = np.arange(len(numbers)) - (len(numbers) - 1) / 2
+    slope = order @ medians / (order @ order)
+    rest = medians - medians.mean(axis=0) - np.outer(order, slope)
+    scatter = np.sqrt(np.sum(rest**2, axis=0) / (len(numbers) - 2))
+    total = slope * (len(numbers) - 1)
+    for column in np.flatnonzero(np.abs(total) > _DRIFT * np.maximum(scatter, 1e-300)):
+        name = f"{scan.phalanges[column // GAUGES]} element {column % GAUGES + 1}"
+        times = abs(total[column]) / max(scatter[column], 1e-300)
+        yield f"{name}: drifts by {total[column]:+.3g} over the scan, {times:.0f} times its scatter"

@@ -1,0 +1,190 @@
+"""`scan` shows, mends and converts scan files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tactile_localizer.cli import main
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import save_scene, scene_from_dict
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene(
+    "sheet",
+    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.01)),
+    (Phalanx("index", (0.0, 0.01)), Phalanx("middle", (0.0, -0.01))),
+)
+
+
+def record(path, lines=(0.0, 0.0025, 0.005, 0.0075, 0.01), scene=SCENE, seed=0, unit="V"):
+    rng = np.random.default_rng(seed)
+    x = np.linspace(0, 0.05, 101)
+    with ScanStore.create(path, scene, strain_unit=unit) as store:
+        for number, y in enumerate(lines):
+            store.begin_sweep()
+            stamp_ns = 1_700_000_000_000_000_000 + number * 10**10 + np.arange(len(x)) * 50_000_001
+            strain = rng.normal(size=(len(x), 8 * len(scene.phalanges)))
+            store.append(stamp_ns, np.column_stack([x, np.full_like(x, y)])[:, : scene.dimension], strain)
+            store.end_sweep(gaps=number)
+
+
+@pytest.fixture
+def scan(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    record(tmp_path / "scan.db")
+    return tmp_path / "scan.db"
+
+
+def test_info_tells_totals_origin_and_what_may_need_mending(scan, capsys):
+    main(["scan", "drop-sweep", "scan.db", "2"])
+    capsys.readouterr()
+    assert main(["scan", "info", "scan.db"]) == 0
+    output = capsys.readouterr().out
+    assert output.startswith("scan.db: 404 pairs in 4 sweeps (1 dropped)\n")
+    for text in (
+        "sheet: x 0.0 to 50.0 mm (0.00 to 1.97 inch), y 0.0 to 10.0 mm",
+        "index, middle, strain in V",
+        "2023-11-14 22:13:20 to 2023-11-14 22:14:05 UTC",
+        "drop sweep: sweep 2",
+        "uneven spacing",
+    ):
+        assert text in output
+
+
+def test_info_of_a_file_without_pairs_says_so(tmp_path, capsys):
+    ScanStore.create(tmp_path / "empty.db", SCENE).close()
+    assert main(["scan", "info", str(tmp_path / "empty.db")]) == 0
+    assert "there are no pairs" in capsys.readouterr().out
+
+
+def test_list_shows_length_and_rate_of_each_sweep(scan, capsys):
+    main(["scan", "drop-sweep", "scan.db", "5"])
+    capsys.readouterr()
+    assert main(["scan", "list", "scan.db"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:4] == ["sweep", "pairs", "s", "pairs/s"]
+    assert lines[2].split() == [
+        "2",
+        "101",
+        "5.0",
+        "20",
+        "50.0",
+        "1.97",
+        "0.0",
+        "2.5",
+        "50.0",
+        "2.5",
+        "1",
+        "0",
+    ]
+    assert lines[5].split()[-1] == "dropped"
+
+
+def test_dropped_sweeps_can_be_taken_back_and_unknown_ones_drop_nothing(scan, capsys):
+    assert main(["scan", "drop-sweep", "scan.db", "1", "3"]) == 0
+    assert main(["scan", "drop-sweep", "scan.db", "2", "9"]) == 2
+    assert "expected a sweep of 1 to 5, got 9" in capsys.readouterr().err
+    with ScanStore.open(scan) as store:
+        assert list(store.load().sweep_numbers) == [2, 4, 5]
+    assert main(["scan", "drop-sweep", "scan.db", "1", "3", "--undo"]) == 0
+    with ScanStore.open(scan) as store:
+        assert list(store.load().sweep_numbers) == [1, 2, 3, 4, 5]
+
+
+def test_merge_keeps_every_pair_and_what_was_dropped(scan, tmp_path, capsys):
+    record(tmp_path / "other.db", lines=(0.001, 0.002), seed=1)
+    main(["scan", "drop-sweep", "scan.db", "2"])
+    assert main(["scan", "merge", "scan.db", "other.db", "-o", "both.db"]) == 0
+    assert capsys.readouterr().out.endswith("both.db: 7 sweeps, 707 pairs\n")
+    with (
+        ScanStore.open("both.db") as both,
+        ScanStore.open("scan.db") as one,
+        ScanStore.open("other.db") as two,
+    ):
+        assert [s.number for s in both.sweeps()] == [1, 2, 3, 4, 5, 6, 7]
+        assert [s.dropped for s in both.sweeps()] == [False, True, False, False, False, False, False]
+        assert [s.gaps for s in both.sweeps()] == [0, 1, 2, 3, 4, 0, 1]
+        expected = np.concatenate([one.load().strain, two.load().strain])
+        np.testing.assert_array_equal(both.load().strain, expected)
+        assert [detail["file"] for _, what, detail in both.history() if what == "merge"] == [
+            "scan.db",
+            "other.db",
+        ]
+
+
+def other_scene(path):
+    record(path, scene=Scene("line", SCENE.axes[:1], (Phalanx("index", (0.0,)),)))
+
+
+def other_bounds(path):
+    record(path, scene=Scene("sheet", (Axis("x", 0.0, 0.06), SCENE.axes[1]), SCENE.phalanges))
+
+
+def other_unit(path):
+    record(path, unit="counts")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (other_scene, "other.db: expected axes x, y, found x"),
+        (other_bounds, "other.db: expected upper bounds 0.05, 0.01, found 0.06, 0.01"),
+        (other_unit, "other.db: expected strain in V, found counts"),
+        (lambda path: None, "other.db: expected a scan file, found none"),
+    ],
+)
+def test_files_of_different_scenes_are_not_merged(scan, tmp_path, capsys, make, message):
+    make(tmp_path / "other.db")
+    assert main(["scan", "merge", "scan.db", "other.db", "-o", "both.db"]) == 2
+    assert message in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir() if "both" in path.name) == []
+
+
+def test_an_exported_csv_imports_to_the_same_scan(scan, tmp_path):
+    save_scene(SCENE, tmp_path / "scene.yaml")
+    assert main(["scan", "export", "scan.db", "-o", "scan.csv"]) == 0
+    assert main(["import", "csv", "scan.csv", "--scene", "scene.yaml", "-o", "again.db"]) == 0
+    with ScanStore.open("scan.db") as one, ScanStore.open("again.db") as two:
+        first, second = one.load(), two.load()
+        for name in ("states", "strain", "sweep"):
+            np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        for a, b in zip(one.recording().sweeps, two.recording().sweeps, strict=True):
+            np.testing.assert_array_equal(a.stamp_ns, b.stamp_ns)
+
+
+def test_an_exported_npz_holds_pairs_and_scene(scan):
+    main(["scan", "drop-sweep", "scan.db", "1"])
+    assert main(["scan", "export", "scan.db", "-o", "scan.npz"]) == 0
+    with ScanStore.open("scan.db") as store, np.load("scan.npz") as file:
+        np.testing.assert_array_equal(file["strain"], store.load().strain)
+        np.testing.assert_array_equal(np.unique(file["sweep"]), [2, 3, 4, 5])
+        assert scene_from_dict(json.loads(str(file["scene"]))) == SCENE
+        assert list(file["phalanges"]) == ["index", "middle"]
+
+
+def test_plot_draws_every_picture(scan, capsys):
+    assert main(["scan", "plot", "scan.db", "-o", "pictures", "--dpi", "30"]) == 0
+    drawn = capsys.readouterr().out.split()
+    assert "pictures/map_index.png" in drawn
+    for name in drawn:
+        assert (scan.parent / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("info none.db", "none.db: expected a scan file, found none"),
+        ("list scan.txt", "scan.txt: expected a scan file, file is not a database"),
+        ("export scan.db -o scan.doc", "scan.doc: expected a name that ends in .csv or .npz"),
+        ("export scan.db -o none/scan.csv", "none/scan.csv: expected a place to write to, No such file"),
+        ("plot scan.db -o scan.txt", "scan.txt: expected a folder for the pictures"),
+        ("merge scan.db -o scan.db", "scan.db: expected no file of this name yet, found one"),
+    ],
+)
+def test_mistakes_get_one_line(scan, capsys, arguments, message):
+    (scan.parent / "scan.txt").write_text("no scan " * 100)
+    assert main(["scan", *arguments.split()]) == 2
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert printed.count("\n") == 1
