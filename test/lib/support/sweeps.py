@@ -50,7 +50,9 @@ class SlidingHand:
     sweep : what is felt
     """
 
-    def __init__(self, probe: Any, sweep: SimulatedSweep, phalanges: tuple[str, ...] = ("index", "middle")) -> None:
+    def __init__(
+        self, probe: Any, sweep: SimulatedSweep, phalanges: tuple[str, ...] = ("index", "middle")
+    ) -> None:
         from geometry_msgs.msg import PoseStamped
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 

@@ -1,0 +1,242 @@
+"""Filter node: strain vectors and palm poses to a belief about where the palm is on the material.
+
+Publishes ``~/posterior`` for each strain vector, ``~/pose``, ``~/converged`` and ``~/covariance_trace``
+beside it, ``~/particles`` and ``~/markers`` at a lower rate, ``~/map`` once (kept for late subscribers) and
+``/diagnostics`` at 1 Hz. ``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` spreads
+it over the whole scene, ``~/load_scan`` changes the map.
+
+A position is never made up: when strain or poses stop, the last one is sent again, marked as stale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from std_srvs.srv import Empty
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.localizer import Estimate
+from tactile_localizer.core.pose_buffer import NANOSECONDS
+from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
+from tactile_localizer.io.confinement import confined
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.msg import StrainVectors
+from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
+from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics
+from tactile_localizer.nodes.filter_outputs import FilterOutputs
+from tactile_localizer.nodes.filter_parameters import PARAMETERS, configuration
+from tactile_localizer.nodes.lifecycle import ManagedNode, run
+from tactile_localizer.nodes.strain_vectors import StrainReader
+from tactile_localizer.nodes.tracker import Tracker
+from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.srv import LoadScan
+
+_BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+_WATCH_PERIOD_S = 0.1
+_DIAGNOSTICS_PERIOD_S = 1.0
+
+
+class FilterNode(ManagedNode):
+    """Runs a :class:`~tactile_localizer.nodes.tracker.Tracker` on what is heard."""
+
+    def __init__(self) -> None:
+        super().__init__("filter", PARAMETERS)
+        self._offered: list[Callable[[], Any]] = []  # withdraw what is there while configured
+        self._made: list[Callable[[], Any]] = []  # destroy what is there while active
+
+    def configure(self) -> None:
+        """Load the map, build the localizer, offer the topics."""
+        if not self.parameters["scan_file"]:
+            raise ParameterError("scan_file: expected a path, got none")
+        scan_file = Path(self.parameters["scan_file"]).expanduser()
+        self._load(scan_file)
+        self._outputs = FilterOutputs(self, self.parameters)
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._offered = [self._outputs.close, partial(self.destroy_publisher, self._health)]
+        self._outputs.publish_map(self._scan, self._tracker.localizer.scene)
+        self._diagnostics = FilterDiagnostics(self.get_name())
+
+    def activate(self) -> None:
+        """Listen; the belief begins anew."""
+        self._begin()
+        self._hear(StrainVectors, "strain", self._on_strain, _BEST_EFFORT)
+        self._hear(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100))
+        self._hear(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=1))
+        for kind, name, answer in (
+            (Empty, "~/reinitialize_global_localization", self._on_reinitialize),
+            (LoadScan, "~/load_scan", self._on_load_scan),
+        ):
+            self._made.append(partial(self.destroy_service, self.create_service(kind, name, answer)))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where simulated time stands still
+        for timer in (
+            self.create_timer(_WATCH_PERIOD_S, self._watch),
+            self.create_timer(_DIAGNOSTICS_PERIOD_S, self._on_diagnostics_due, clock=steady),
+        ):
+            self._made.append(partial(self.destroy_timer, timer))
+
+    def deactivate(self) -> None:
+        """Stop listening."""
+        for destroy in self._made:
+            destroy()
+        self._made = []
+
+    def cleanup(self) -> None:
+        """Withdraw the topics and forget the map."""
+        for withdraw in self._offered:
+            withdraw()
+        self._offered = []
+
+    def _hear(self, kind: Any, topic: str, work: Callable[[Any], None], quality: QoSProfile) -> None:
+        options = QoSOverridingOptions.with_default_policies()
+        subscription = self.create_subscription(kind, topic, work, quality, qos_overriding_options=options)
+        self._made.append(partial(self.destroy_subscription, subscription))
+
+    def _load(self, path: Path) -> None:
+        """Build the localizer of a scan file; where that fails, what was there stays."""
+        of = self.parameters
+        with ScanStore.open(path) as store:
+            scan, scene = store.load(), store.scene
+        if of["scene_file"]:
+            scene = load_scene(given_or_shipped(of["scene_file"], "config/scenes"))
+        frame = palm_pose.palm_frame(of, scene)
+        rng = np.random.default_rng(of["seed"])
+        localizer = build_localizer(scan, scene, configuration(of), rng, self._tell_progress)
+        self._tracker = Tracker(localizer, of["max_gap_s"], of["patience_s"])
+        self._scan, self._scan_file = scan, path
+        self._frame, self._reader = frame, StrainReader(scene)
+        self.get_logger().info(
+            f"{path}: {len(scan)} pairs of {len(scan.sweep_numbers)} sweeps, scene {scene.name}"
+        )
+
+    def _begin(self) -> None:
+        self._tracker.interrupt()
+        if self._tracker.latest is not None:  # else nothing is drawn: same seed, same answer
+            self._tracker.reset()
+        self._stale = ""
+        self._unread = {"strain": 0, "palm_pose": 0, "initial_pose": 0}
+        now_ns = self.get_clock().now().nanoseconds
+        self._heard_ns = {"strain": now_ns, "palm_pose": now_ns}
+        self._estimated_ns = now_ns
+        self._arrived: set[str] = set()
+
+    def _on_strain(self, message: StrainVectors) -> None:
+        stamp_ns = stamps.to_ns(message.header.stamp)
+        if not stamp_ns:
+            return  # of a clock that does not run yet
+        self._arrived.add("strain")
+        try:
+            estimates = self._tracker.add_strain(stamp_ns, *self._reader.read(message))
+        except TactileLocalizerError as error:
+            self._refuse("strain", error)
+        else:
+            self._publish(estimates)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        stamp_ns = stamps.to_ns(message.header.stamp)
+        if not stamp_ns:
+            return
+        self._arrived.add("palm_pose")
+        try:
+            estimates = self._tracker.add_pose(stamp_ns, palm_pose.position(self._frame, message))
+        except MeasurementError as error:
+            self._refuse("palm_pose", error)
+        else:
+            self._publish(estimates)
+
+    def _publish(self, estimates: list[Estimate]) -> None:
+        if estimates:
+            self._arrived.add("estimate")
+        for estimate in estimates:
+            self._outputs.publish(estimate, self._tracker.localizer)
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        scene = self._tracker.localizer.scene
+        try:
+            mean = palm_pose.position(self._frame, PoseStamped(header=message.header, pose=message.pose.pose))
+            std = posterior_messages.deviations(message, scene.axis_names)
+            if not np.isfinite(std).all():
+                raise MeasurementError(f"covariance: expected variances of at least 0, found {std**2}")
+            if not ((mean >= scene.lower) & (mean <= scene.upper)).all():
+                raise MeasurementError(f"expected a place in {scene.lower} to {scene.upper}, got {mean}")
+        except MeasurementError as error:
+            self._refuse("initial_pose", error)
+            return
+        self._tracker.seed(mean, std)
+        self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
+
+    def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
+        self._tracker.reset()
+        self.get_logger().info("belief spread over the whole scene")
+        return response
+
+    def _on_load_scan(self, request: LoadScan.Request, response: LoadScan.Response) -> LoadScan.Response:
+        try:
+            self._load(confined(request.path, self.parameters["scan_directory"]))
+        except TactileLocalizerError as error:
+            response.message = str(error)
+            self.get_logger().error(f"load scan: {error}")
+            return response
+        self._begin()
+        self._outputs.publish_map(self._scan, self._tracker.localizer.scene)
+        response.success = True
+        response.message = f"{self._scan_file}: {len(self._scan)} pairs"
+        return response
+
+    def _watch(self) -> None:
+        """Tell when a position has become old, and when it is new again."""
+        now_ns = self.get_clock().now().nanoseconds
+        timeout_s = self.parameters["stale_timeout_s"]
+        for topic, heard_ns in self._heard_ns.items():
+            if topic in self._arrived or now_ns < heard_ns:
+                self._heard_ns[topic] = now_ns
+        if "estimate" in self._arrived or now_ns < self._estimated_ns:
+            self._estimated_ns = now_ns
+        self._arrived.clear()
+        age_s = max((now_ns - self._estimated_ns) / NANOSECONDS, self._tracker.age_s)
+        silent = [t for t, heard_ns in self._heard_ns.items() if now_ns - heard_ns > timeout_s * NANOSECONDS]
+        was_stale, self._stale = bool(self._stale), ""
+        if self._tracker.latest is not None and age_s > timeout_s:
+            why = (
+                f"no {' and no '.join(silent)}" if silent else self._tracker.trouble or "inputs too far apart"
+            )
+            self._stale = f"{why}, nothing new for {age_s:.1f} s"
+        if bool(self._stale) != was_stale:
+            self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")
+        if self._stale and not was_stale:
+            self._repeat_as_stale()
+
+    def _repeat_as_stale(self) -> None:
+        if self._tracker.latest is not None:
+            self._outputs.publish(self._tracker.latest, self._tracker.localizer, self._stale)
+
+    def _on_diagnostics_due(self) -> None:
+        if self._stale:
+            self._repeat_as_stale()
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.status = self._diagnostics.statuses(
+            self._tracker, str(self._scan_file), self._stale, self._unread
+        )
+        self._health.publish(message)
+
+    def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
+        self._unread[topic] += 1
+        self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=1.0)
+
+    def _tell_progress(self, text: str, share: float) -> None:
+        self.get_logger().info(f"{text}: {share:.0%}", throttle_duration_sec=2.0)
+
+
+def main() -> int:
+    """Run the node."""
+    return run(FilterNode)

@@ -1,0 +1,108 @@
+"""What the filter node publishes of its belief."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Bool, Float64
+from visualization_msgs.msg import MarkerArray
+
+from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.pose_buffer import NANOSECONDS
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.msg import Posterior
+from tactile_localizer.nodes import hand_markers, posterior_messages
+from tactile_localizer.nodes.parameters import Parameters
+from tactile_localizer.scene import GAUGES, Scene
+
+_RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+_KEPT = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+
+
+class FilterOutputs:
+    """The publishers of a filter node. What costs and nobody listens to is not made.
+
+    Parameters
+    ----------
+    node : whose topics they are
+    parameters : of that node
+    """
+
+    def __init__(self, node: Node, parameters: Parameters) -> None:
+        self._node = node
+        self._parameters = parameters
+        self._frame = parameters["material_frame"]
+        # Its own randomness: who listens must not change what is believed.
+        self._rng = np.random.default_rng(0)
+        self._shown_ns: int | None = None
+        self._made: list[Any] = []
+
+        def publisher(kind: Any, topic: str, quality: QoSProfile | int) -> Any:
+            self._made.append(node.create_publisher(kind, topic, quality))
+            return self._made[-1]
+
+        self._posterior = publisher(Posterior, "~/posterior", _RELIABLE)
+        self._converged = publisher(Bool, "~/converged", _RELIABLE)
+        self._trace = publisher(Float64, "~/covariance_trace", 100)
+        self._pose = publisher(PoseWithCovarianceStamped, "~/pose", 100)
+        self._particles = publisher(PointCloud2, "~/particles", 10)
+        self._markers = publisher(MarkerArray, "~/markers", 10)
+        self._map = publisher(PointCloud2, "~/map", _KEPT)
+
+    def close(self) -> None:
+        """Withdraw the topics."""
+        for made in self._made:
+            self._node.destroy_publisher(made)
+        self._made = []
+
+    def publish_map(self, scan: Scan, scene: Scene) -> None:
+        """The scan's pairs as points: how far the strain of each phalanx is from the median, V."""
+        states = scan.states[:, scene.columns(scan.axes)]
+        strain = scan.strain[:, scene.channels(scan.phalanges)]
+        away = (strain - np.median(strain, axis=0)).reshape(len(states), -1, GAUGES)
+        felt = dict(zip(scene.phalanx_names, np.linalg.norm(away, axis=2).T, strict=True))
+        self._map.publish(posterior_messages.cloud(0, states, scene.axis_names, self._frame, **felt))
+
+    def publish(self, estimate: Estimate, localizer: Localizer, stale: str = "") -> None:
+        """An estimate; with a reason, that it is ``stale``."""
+        axes = localizer.scene.axis_names
+        self._posterior.publish(posterior_messages.posterior(estimate, axes, self._frame, stale))
+        if _heard(self._converged):
+            self._converged.publish(Bool(data=estimate.converged and not stale))
+        if _heard(self._trace):
+            self._trace.publish(Float64(data=estimate.trace))
+        if _heard(self._pose) and not stale:
+            self._pose.publish(posterior_messages.pose(estimate, axes, self._frame))
+        if stale or self._is_due(estimate.stamp_ns):
+            self._show(estimate, localizer, stale)
+
+    def _is_due(self, stamp_ns: int) -> bool:
+        """Whether the pictures' rate, by stamps, allows another."""
+        period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
+        return self._shown_ns is None or not 0 <= stamp_ns - self._shown_ns < period_ns
+
+    def _show(self, estimate: Estimate, localizer: Localizer, stale: str) -> None:
+        self._shown_ns = estimate.stamp_ns
+        scene = localizer.scene
+        if _heard(self._markers):
+            self._markers.publish(hand_markers.markers(estimate, scene, self._frame, stale))
+        if _heard(self._particles) and not stale:
+            states, weights = posterior_messages.fewer(
+                *localizer.hypotheses(), self._parameters["shown_particles"], self._rng
+            )
+            self._particles.publish(
+                posterior_messages.cloud(
+                    estimate.stamp_ns, states, scene.axis_names, self._frame, weight=weights
+                )
+            )
+
+
+def _heard(publisher: Any) -> bool:
+    return publisher.get_subscription_count() > 0

@@ -1,0 +1,142 @@
+"""Strains and palm poses as they come, through pairing and localizer, to estimates; the rest is counted."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.pairing import Pair, Pairing
+from tactile_localizer.core.pose_buffer import NANOSECONDS
+from tactile_localizer.errors import MeasurementError
+
+_TIMES_KEPT = 4096
+
+Felt = tuple[np.ndarray, np.ndarray]
+"""Strain voltages (8F,), V, and status bits (F,)."""
+
+
+@dataclass
+class Counts:
+    """Strain vectors since the start, by what became of them.
+
+    ``weighed`` and ``moved`` were taken in: the belief was updated, or only moved along. ``gaps`` had no
+    pose near enough in time, ``unusable`` no phalanx that was well, ``refused`` were not finite. ``absent``
+    says, a phalanx, how many it was missing, saturated or faulty in.
+    """
+
+    absent: dict[str, int]
+    weighed: int = 0
+    moved: int = 0
+    gaps: int = 0
+    unusable: int = 0
+    refused: int = 0
+
+
+class Tracker:
+    """Feeds a localizer in the order of the stamps, and knows how old its last estimate is.
+
+    Parameters
+    ----------
+    localizer : what is fed
+    max_gap_s : longest time between the two poses around a strain vector, s
+    patience_s : time, by stamps, that a strain vector waits for its pose, s
+
+    Attributes
+    ----------
+    latest : the last estimate; ``None`` before the first
+    trouble : why the last strain vector was not taken in; empty when it was
+    counts : what became of the strain vectors
+    update_times_ns : how long the last weighed updates took
+    """
+
+    def __init__(self, localizer: Localizer, max_gap_s: float, patience_s: float) -> None:
+        self.localizer = localizer
+        self.latest: Estimate | None = None
+        self.trouble = ""
+        self.counts = Counts(dict.fromkeys(localizer.scene.phalanx_names, 0))
+        self.update_times_ns: deque[int] = deque(maxlen=_TIMES_KEPT)
+        self._max_gap_s, self._patience_s = max_gap_s, patience_s
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """Forget the poses and what waits for one: the next to come do not follow the last."""
+        scene = self.localizer.scene
+        self.pairing: Pairing[Felt] = Pairing(
+            scene.axes, max_gap_s=self._max_gap_s, patience_s=self._patience_s
+        )
+        self._newest_ns: int | None = None
+        self._resets = 0
+
+    def reset(self) -> None:
+        """Believe in every state alike."""
+        self.localizer.reset()
+        self.latest = None
+
+    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
+        """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
+        self.localizer.seed(mean, std)
+        self.latest = None
+
+    @property
+    def age_s(self) -> float:
+        """How far, by stamps, the inputs have gone beyond the last estimate, s; 0 before the first."""
+        if self.latest is None or self._newest_ns is None:
+            return 0.0
+        return (self._newest_ns - self.latest.stamp_ns) / NANOSECONDS
+
+    def add_strain(self, stamp_ns: int, strain: np.ndarray, status: np.ndarray) -> list[Estimate]:
+        """Take in a strain vector (8F,), V, and status bits (F,); returns the estimates that it completes."""
+        return self._take(stamp_ns, self.pairing.add_strain(stamp_ns, (strain, status)))
+
+    def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Estimate]:
+        """Take in a palm position (d,), m (yaw: rad); returns the estimates that it completes.
+
+        Raises
+        ------
+        MeasurementError
+            The position is not finite or not of the scene's axes.
+        """
+        return self._take(stamp_ns, self.pairing.add_pose(stamp_ns, position))
+
+    def _take(self, stamp_ns: int, pairs: list[Pair[Felt]]) -> list[Estimate]:
+        resets = self.pairing.resets
+        if self._newest_ns is None or resets != self._resets:
+            self._newest_ns, self._resets = stamp_ns, resets
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
+
+    def _localize(self, pair: Pair[Felt]) -> Estimate | None:
+        counts = self.counts
+        strain, status = pair.felt
+        present = status == 0
+        for phalanx, well in zip(counts.absent, present, strict=True):
+            counts.absent[phalanx] += not well
+        if pair.position is None:
+            counts.gaps += 1
+            self.trouble = f"no palm pose within {self._max_gap_s:g} s of the strain"
+        elif not present.any():
+            counts.unusable += 1
+            self.trouble = "no phalanx is well"
+        else:
+            try:
+                self._update(pair.stamp_ns, pair.position, strain, present)
+            except MeasurementError as error:
+                counts.refused += 1
+                self.trouble = str(error)
+            else:
+                self.trouble = ""
+                return self.latest
+        return None
+
+    def _update(self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
+        begun_ns = time.perf_counter_ns()
+        self.latest = self.localizer.update(stamp_ns, position, strain, present)
+        if self.latest.updated:
+            self.counts.weighed += 1
+            self.update_times_ns.append(time.perf_counter_ns() - begun_ns)
+        else:
+            self.counts.moved += 1
