@@ -6,7 +6,8 @@ once. What differs between states is the position kernel, summed
 - ``exact``: directly, over all pairs: the reference;
 - ``truncated``: directly, over the pairs within :data:`~.pair_block.REACH` of the box that the states occupy;
 - ``field``: over the same pairs, after spreading their weights on a grid on which the kernel is separable,
-  so that the sum becomes a few small matrix products (:class:`~.pair_block.KernelGrid`).
+  so that the sum becomes a few small matrix products (:class:`~.pair_block.KernelGrid`); directly, where a
+  grid fine enough would have so many nodes that it is more work.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ from tactile_localizer.scene import GAUGES
 
 EVALUATIONS = ("field", "truncated", "exact")
 _MARGIN = 2.0
-"""Standard deviations that a block serves beyond the states it was made for, so that it lasts many updates."""
+"""Standard deviations that a block serves beyond the states it was made for, so that it lasts for updates."""
 _WORTH_SHRINKING = 0.5
+_NODES_A_PAIR = 100
+"""Nodes of a grid that cost, at each state, as much as one pair directly: a product is cheap."""
+_MOST_NODES = 2**26
 
 
 class KernelSum:
@@ -87,7 +91,7 @@ class KernelSum:
         if len(block) == 0:
             return np.zeros(len(states)), np.zeros(len(states)), 0.0
         weights, log_scale = self._weights(block, strain, present)
-        if self.evaluation == "field":
+        if self.evaluation == "field" and block.nodes <= min(_NODES_A_PAIR * len(block), _MOST_NODES):
             return block.grid.at_states(scaled, block.grid.spread(weights)), block.density(scaled), log_scale
         both = block.direct_sum(scaled, np.stack([weights, np.ones(len(weights))], axis=1))
         return both[:, 0], both[:, 1], log_scale
@@ -98,13 +102,13 @@ class KernelSum:
         """The same at every combination of d coordinates: arrays (C1, ..., Cd)."""
         shape = tuple(len(coordinates) for coordinates in axes)
         states = flatten_axes(axes)
-        if self.evaluation != "field":
-            sums, density, log_scale = self.at_states(states, strain, present)
-            return sums.reshape(shape), density.reshape(shape), log_scale
         scaled = [coordinates / std for coordinates, std in zip(axes, self.position_std, strict=True)]
         block = self._block_for(np.array([c.min() for c in scaled]), np.array([c.max() for c in scaled]))
-        if len(block) == 0:
-            return np.zeros(shape), np.zeros(shape), 0.0
+        # The grid is contracted with the first axis alone; directly, every state meets every pair.
+        worth = _NODES_A_PAIR * len(block) * (len(states) / len(axes[0]))
+        if self.evaluation != "field" or len(block) == 0 or block.nodes > min(worth, _MOST_NODES):
+            sums, density, log_scale = self.at_states(states, strain, present)
+            return sums.reshape(shape), density.reshape(shape), log_scale
         weights, log_scale = self._weights(block, strain, present)
         sums = block.grid.on_axes(scaled, block.grid.spread(weights))
         return sums, block.density(states / self.position_std).reshape(shape), log_scale
@@ -114,7 +118,7 @@ class KernelSum:
         return weights, log_scale + float(self._log_constants[present].sum())
 
     def _block_for(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
-        """The pairs within reach of the box, kept from update to update while they serve and are not far too many."""
+        """The pairs within reach of the box, kept while they serve and are not far too many."""
         if self.evaluation == "exact":
             if self._block is None:
                 self._block = self._make_block(self._lower - 2 * REACH, self._upper + 2 * REACH)

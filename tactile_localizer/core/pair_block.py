@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ _BANDED_ABOVE = 4
 _MOST_INT32 = 2**31 - 1
 _CHUNK = 2**22
 _LARGEST_IN_FLOAT32 = 1e8
-"""Squared length of whitened strains above which float32 rounds them by more than a thousandth of a kernel width."""
+"""Squared length of whitened strains above which float32 rounds them by a thousandth of a kernel width."""
 
 
 class PairBlock:
@@ -39,7 +40,7 @@ class PairBlock:
         self.lower, self.upper = lower, upper
         self.positions = positions
         self._strain = strain
-        by_phalanx = strain.reshape(-1, GAUGES, len(positions))
+        by_phalanx = strain.reshape(len(strain) // GAUGES, GAUGES, len(positions))
         self._square = np.einsum("fcn,fcn->fn", by_phalanx, by_phalanx)
         self._largest = float(self._square.sum(axis=0).max(initial=0.0))
         self._grid: KernelGrid | None = None
@@ -47,6 +48,11 @@ class PairBlock:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    @cached_property
+    def nodes(self) -> int:
+        """How many nodes the grid has, or would have."""
+        return math.prod(KernelGrid.shape_for(self.positions))
 
     @property
     def grid(self) -> KernelGrid:
@@ -111,7 +117,7 @@ class PairBlock:
         return distances
 
     def direct_sum(self, states: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Sum of weight times position kernel over the pairs, weights (M,) or (M, k), at states (P, d) -> (P,) or (P, k)."""
+        """Sum of weights (M,) or (M, k) times position kernel at states (P, d): (P,) or (P, k)."""
         rows = max(1, _CHUNK // len(self))
         parts = []
         for start in range(0, len(states), rows):
@@ -153,10 +159,10 @@ class Density:
 class KernelGrid:
     """A regular grid over pairs, and Gaussian kernel sums between its nodes and any states.
 
-    A weight is spread on the 3^d nodes nearest to its pair by quadratic B-splines (h the node spacing, in standard
-    deviations). Wherever the pair lies between the nodes, that widens the kernel by a variance of h^2 / 4; the
-    kernel is narrowed by as much. What is left is of third order: at most 0.003 in the logarithm of a lone pair's
-    kernel down to 5 nats below its peak.
+    A weight is spread on the 3^d nodes nearest to its pair by quadratic B-splines (h the node spacing, in
+    standard deviations). Wherever the pair lies between the nodes, that widens the kernel by a variance of
+    h^2 / 4; the kernel is narrowed by as much. What is left is of third order: at most 0.003 in the logarithm
+    of a lone pair's kernel down to 5 nats below its peak.
 
     Parameters
     ----------
@@ -221,7 +227,7 @@ class KernelGrid:
         return total[:, 0]
 
     def on_axes(self, axes: list[np.ndarray], field: np.ndarray) -> np.ndarray:
-        """A field (G1, ..., Gd) summed with the kernel at every combination of d coordinates -> (C1, ..., Cd)."""
+        """The same at every combination of d coordinates -> (C1, ..., Cd)."""
         total = field
         for axis, coordinates in enumerate(axes):
             rest = total.shape[1:]
@@ -231,7 +237,7 @@ class KernelGrid:
         return total
 
     def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray | sparse.csr_array:
-        """Kernel between coordinates (C,) and an axis's nodes (C, G): banded where most of it would be nothing."""
+        """Kernel between coordinates (C,) and an axis's nodes, (C, G): banded where most of it is nothing."""
         nodes = self._nodes[axis]
         width = 2 * math.ceil(REACH * NODES_PER_STD) + 1
         if len(nodes) < _BANDED_ABOVE * width:

@@ -1,4 +1,4 @@
-"""A block of pairs sums position kernels weighted by strain kernels, fast and without cancellation or underflow."""
+"""A block of pairs sums position kernels weighted by strain kernels, without cancellation or underflow."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Small scenes and scans for tests of the core: smooth strains, known in closed form, at uniform positions."""
+"""Small scenes and scans for tests of the core: smooth strains known in closed form, at uniform positions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def scene(
 
 
 def strain_at(states: np.ndarray, phalanges: int = 2) -> np.ndarray:
-    """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, a period in yaw, (N, 8F)."""
+    """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, (N, 8F)."""
     channel = np.arange(GAUGES * phalanges)
     scale = np.array([2.0 * math.pi / SIDE, 2.0 * math.pi / SIDE, 1.0])[: states.shape[1]]
     phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[
