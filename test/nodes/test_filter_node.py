@@ -511,4 +511,3 @@ def test_the_shipped_parameter_file_holds_the_recommended_choices():
     shipped = yaml.safe_load(resource_path("config/filter.yaml").read_text())["filter"]["ros__parameters"]
     defaults = {parameter.name: parameter.default for parameter in PARAMETERS}
     assert shipped == {name: defaults[name] for name in shipped}
-    assert set(defaults) - set(shipped) == {"scan_file", "scene_file", "scan_directory"}
