@@ -20,6 +20,7 @@ Felt = tuple[np.ndarray, np.ndarray]
 """Strain voltages (8F,), V, and status bits (F,)."""
 
 _BEFORE_ALL_NS = -1
+_BATCH = 256
 
 
 @dataclass
@@ -118,7 +119,7 @@ class SweepRecorder:
         return self._last_number
 
     def take(self, pairs: Sequence[Pair[Felt]]) -> None:
-        """Record the pairs that belong to a sweep.
+        """Take the pairs that belong to a sweep; :meth:`settle` writes them.
 
         Parameters
         ----------
@@ -133,13 +134,16 @@ class SweepRecorder:
         try:
             for pair in pairs:
                 self._place(pair)
-            self._flush()
+            if len(self._batch) >= _BATCH:
+                self._flush()
         except ScanError:
             self._give_up()
             raise
 
     def settle(self, waiting_ns: int | None) -> None:
         """Commit, and end in the file each closed sweep of which no sample waits for its pose any more.
+
+        To be called every quarter of a second or more often.
 
         Parameters
         ----------
@@ -155,6 +159,7 @@ class SweepRecorder:
                 if waiting_ns is not None and waiting_ns <= until_ns:
                     break
                 self._finish()
+            self._flush()
             self.store.commit()
         except ScanError:
             self._give_up()
