@@ -70,6 +70,7 @@ def process() -> Iterator[Callable[..., Process]]:
     finally:
         for one in reversed(started):
             one.kill()
+            print(f"--- {' '.join(one.command)}\n{one.output}")  # pytest shows it when the test has failed
 
 
 @pytest.fixture
