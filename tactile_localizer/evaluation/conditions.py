@@ -1,0 +1,158 @@
+"""What a localizer is tried on: simulated features, or one's own scan and recordings."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.evaluation.odometry import SIMULATED, with_odometry
+from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.scene_file import load_scene, scene_to_dict
+from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Scene
+from tactile_localizer.sim import SimulatedScan, simulate_scan
+from tactile_localizer.sim.hand import PHALANGES
+from tactile_localizer.sim.scan import AXES
+
+SIMULATED_FEATURES = ("bump", "snap", "grommet")
+"""Features of the simulation that come with a scene."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """A map and sweeps to be localised on it.
+
+    Parameters
+    ----------
+    scan, scene : the map and what is modelled
+    recording : S sweeps; positions are odometry, the truth is known
+    contact : (S, 2) int, samples of each sweep at which the feature is first and last felt; -1: never
+    blank : sweeps that never reach the feature, or ``None``
+    """
+
+    scan: Scan
+    scene: Scene
+    recording: Recording
+    contact: np.ndarray
+    blank: Recording | None = None
+
+
+@dataclass(frozen=True)
+class SimulatedCondition:
+    """Test sweeps over a simulated feature, with a training scan of the same seed.
+
+    Parameters
+    ----------
+    name : one of :data:`SIMULATED_FEATURES`
+    seed : of the simulation and of the filter
+    sweeps : test sweeps over the feature
+    blanks : sweeps that end before it
+    """
+
+    name: str
+    seed: int
+    sweeps: int = 18
+    blanks: int = 18
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What tells this condition from others."""
+        return dict(vars(self))
+
+    def load(self) -> Material:
+        """Simulate it."""
+        return _simulate(self)
+
+
+@lru_cache(maxsize=3)
+def _simulate(condition: SimulatedCondition) -> Material:
+    feature, seed = condition.name, condition.seed
+    test = simulate_scan(feature, seed, "test", sweeps=condition.sweeps)
+    blank = None
+    if condition.blanks:
+        ends_early = simulate_scan(feature, seed, "test", sweeps=condition.blanks, reach_feature=False)
+        blank = recording_of(ends_early)
+    starts = np.array([part.start for part in test.slices()])
+    contact = np.stack([test.contact, test.feature_end], axis=1)
+    return Material(
+        scan=simulate_scan(feature, seed).to_scan(),
+        scene=load_scene(resource_path(f"config/scenes/{feature}.yaml")),
+        recording=recording_of(test),
+        contact=np.where(contact < 0, -1, contact - starts[:, None]),
+        blank=blank,
+    )
+
+
+def recording_of(scan: SimulatedScan) -> Recording:
+    """Simulated sweeps as a recording: the arm's positions, and the truth beside them."""
+    sweeps = tuple(
+        RecordedSweep(
+            number=int(scan.sweep[part.start]),
+            stamp_ns=scan.stamp_ns[part],
+            position=scan.odometry[part],
+            strain=scan.strain[part],
+            status=missing_status(scan.strain[part]),
+            truth=scan.truth[part],
+        )
+        for part in scan.slices()
+    )
+    return Recording(f"simulated {scan.feature}", AXES, PHALANGES, sweeps)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCondition:
+    """One's own recording on one's own scan.
+
+    Parameters
+    ----------
+    name : for tables and figures
+    seed : of the odometry's noise and of the filter
+    scan, scene : the map and what is modelled
+    recording : its positions are the truth, unless it has a truth of its own
+    """
+
+    name: str
+    seed: int
+    scan: Scan
+    scene: Scene
+    recording: Recording
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What tells this condition from others: a digest of all its numbers."""
+        digest = hashlib.sha256()
+        for array in (self.scan.states, self.scan.strain, self.scan.sweep):
+            digest.update(np.ascontiguousarray(array).data)
+        for sweep in self.recording.sweeps:
+            for array in (sweep.stamp_ns, sweep.position, sweep.strain, sweep.status, sweep.truth):
+                digest.update(b"" if array is None else np.ascontiguousarray(array).data)
+        return {
+            "name": self.name,
+            "seed": self.seed,
+            "scene": scene_to_dict(self.scene),
+            "data": digest.hexdigest(),
+        }
+
+    def load(self) -> Material:
+        """With odometry, and contact where the scene's feature region says so."""
+        recording = self.recording
+        if any(sweep.truth is None for sweep in recording.sweeps):
+            recording = with_odometry(recording, self.scene, np.random.default_rng([self.seed, 1]), SIMULATED)
+        contact = [_first_and_last(self.scene, sweep) for sweep in recording.sweeps]
+        return Material(self.scan, self.scene, recording, np.array(contact).reshape(-1, 2))
+
+
+Condition = SimulatedCondition | RecordedCondition
+
+
+def _first_and_last(scene: Scene, sweep: RecordedSweep) -> tuple[int, int]:
+    """Samples at which some phalanx comes into and leaves the scene's feature region."""
+    if scene.feature is None or sweep.truth is None:
+        return -1, -1
+    on = np.flatnonzero(scene.on_feature(sweep.truth))
+    return (int(on[0]), int(on[-1])) if len(on) else (-1, -1)

@@ -1,0 +1,141 @@
+"""Many sweeps by many methods: the tasks, and their results gathered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.core.assembly import build_localizer, complete_parameters
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
+from tactile_localizer.evaluation.conditions import Condition
+from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
+from tactile_localizer.evaluation.methods import Method
+from tactile_localizer.evaluation.metrics import timing
+from tactile_localizer.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
+from tactile_localizer.evaluation.replay import replay
+
+
+@dataclass(frozen=True)
+class Results:
+    """Outcomes of every method on every condition.
+
+    Parameters
+    ----------
+    conditions : what was tried, in order
+    methods : by name
+    tasks : by method, the result of :func:`localise` for each condition
+    """
+
+    conditions: tuple[Condition, ...]
+    methods: Mapping[str, Method]
+    tasks: Mapping[str, Sequence[dict[str, Any]]]
+
+    @property
+    def condition_names(self) -> list[str]:
+        """Names of the conditions, each once."""
+        return list(dict.fromkeys(condition.name for condition in self.conditions))
+
+    def sweeps(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
+        """Outcomes of all sweeps, over all seeds, of one condition or of all; methods have them in one order."""
+        return [sweep for task in self._of(method, condition) for sweep in task["sweeps"]]
+
+    def blanks(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
+        """Outcomes of all sweeps that never reach a feature."""
+        return [blank for task in self._of(method, condition) for blank in task["blanks"]]
+
+    def values(self, method: str, name: str, condition: str | None = None) -> np.ndarray:
+        """One number of every sweep; NaN where it is not known."""
+        return as_array([sweep[name] for sweep in self.sweeps(method, condition)])
+
+    def interval(self, method: str, name: str, condition: str | None = None) -> Interval | None:
+        """Mean of one number over the sweeps, with its confidence interval."""
+        return mean_interval(self.values(method, name, condition))
+
+    def times(self, method: str) -> tuple[float, float]:
+        """Median update time, and the largest 99th percentile of the tasks, us."""
+        of = [task["timing"] for task in self.tasks[method]]
+        medians = [t["update_median_us"] for t in of if t["update_median_us"] is not None]
+        if not medians:
+            return np.nan, np.nan
+        return float(np.median(medians)), float(np.median([t["update_p99_us"] for t in of]))
+
+    def _of(self, method: str, condition: str | None) -> list[dict[str, Any]]:
+        return [
+            task
+            for task, tried in zip(self.tasks[method], self.conditions, strict=True)
+            if condition in (None, tried.name)
+        ]
+
+
+def as_array(values: Sequence[float | None]) -> np.ndarray:
+    """Numbers with NaN for what is not known."""
+    return np.array([np.nan if value is None else float(value) for value in values])
+
+
+def evaluate(
+    conditions: Sequence[Condition],
+    methods: Sequence[Method],
+    folder: Path,
+    workers: Workers,
+    progress: Progress | None = None,
+) -> Results:
+    """Try every method on every condition; what ``folder`` holds already is not tried again.
+
+    Raises
+    ------
+    ParameterError
+        A configuration that cannot be used, or workers that cannot be had.
+    """
+    choosing = [Task(choose, (condition,), condition.identity) for condition in conditions]
+    chosen = run_tasks(choosing, folder, workers, progress, "choosing parameters")
+    tasks = [
+        Task(localise, (condition, {**parameters, **method.measurement}, method.configuration), identity)
+        for method in methods
+        for condition, parameters in zip(conditions, chosen, strict=True)
+        for identity in [_identity(condition, parameters, method)]
+    ]
+    results = run_tasks(tasks, folder, workers, progress, "localising")
+    n = len(conditions)
+    by_method = {method.name: results[i * n : (i + 1) * n] for i, method in enumerate(methods)}
+    return Results(tuple(conditions), {method.name: method for method in methods}, by_method)
+
+
+def _identity(condition: Condition, parameters: dict[str, Any], method: Method) -> dict[str, Any]:
+    return {
+        "condition": condition.identity,
+        "measurement": {**parameters, **method.measurement},
+        "configuration": vars(method.configuration),
+    }
+
+
+def choose(condition: Condition) -> dict[str, Any]:
+    """Parameters of the measurement model for a condition's scan."""
+    material = condition.load()
+    return complete_parameters(material.scan, material.scene).to_mapping()
+
+
+def localise(
+    condition: Condition, measurement: dict[str, Any], configuration: Configuration
+) -> dict[str, Any]:
+    """Outcomes of a condition's sweeps, of its blank sweeps, and the time that updates took."""
+    material = condition.load()
+    scene = replace(material.scene, measurement=measurement)
+    localizer = build_localizer(
+        material.scan, scene, configuration, np.random.default_rng(condition.seed)
+    )
+    tracks = replay(localizer, material.recording)
+    blanks = replay(localizer, material.blank) if material.blank is not None else []
+    axis = sweep_axis(scene, tracks)
+    return {
+        "sweeps": [
+            sweep_outcome(scene, track, (int(span[0]), int(span[1])), axis)
+            for track, span in zip(tracks, material.contact, strict=True)
+        ],
+        "blanks": [blank_outcome(track) for track in blanks],
+        "timing": timing(tracks),
+    }

@@ -1,0 +1,130 @@
+"""Many independent tasks: on the cores of this machine or a dask cluster, each result kept as it comes.
+
+A task's result depends on its arguments alone, never on the worker: what is random is seeded by the
+arguments, and workers use one thread each. A run that was interrupted goes on with what is missing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import joblib
+
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.evaluation.plain_json import plain, write_json
+from tactile_localizer.resources import PACKAGE
+
+Progress = Callable[[str, float], None]
+
+_THAT_MATTER = ("core", "io", "sim", "evaluation", "scene.py")
+"""Parts of the package that results depend on."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A call whose result can be kept.
+
+    Parameters
+    ----------
+    function : importable by its name; returns a mapping that JSON can hold
+    arguments : of the call
+    identity : what tells this task from others, as JSON can hold it; equal identities mean equal results
+    """
+
+    function: Callable[..., dict[str, Any]]
+    arguments: tuple[Any, ...]
+    identity: dict[str, Any]
+
+    @property
+    def key(self) -> str:
+        """Name of the result's file: changes with the identity, the function and the package's code."""
+        told = json.dumps([self.function.__qualname__, plain(self.identity), source_digest()], sort_keys=True)
+        return hashlib.sha256(told.encode()).hexdigest()[:24]
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the tasks.
+
+    Parameters
+    ----------
+    jobs : processes on this machine; -1: one a core
+    dask : address of a dask scheduler, used instead
+    """
+
+    jobs: int = 1
+    dask: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.jobs < 1 and self.jobs != -1:
+            raise ParameterError(f"jobs: expected at least 1, or -1 for one a core, got {self.jobs}")
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    folder: Path,
+    workers: Workers,
+    progress: Progress | None = None,
+    text: str = "evaluating",
+) -> list[dict[str, Any]]:
+    """Results of the tasks, in their order; those that ``folder`` holds already are not done again.
+
+    Raises
+    ------
+    ParameterError
+        The dask cluster cannot be reached.
+    """
+    files = [folder / f"{task.key}.json" for task in tasks]
+    missing = [place for place, file in enumerate(files) if not file.exists()]
+    done = len(tasks) - len(missing)
+    if missing:
+        with _backend(workers):
+            results = joblib.Parallel(return_as="generator")(
+                joblib.delayed(task.function)(*task.arguments) for task in (tasks[place] for place in missing)
+            )
+            for place, result in zip(missing, results, strict=True):
+                write_json(files[place], {"task": tasks[place].identity, "result": result})
+                done += 1
+                if progress is not None:
+                    progress(text, done / len(tasks))
+    # Those just done are read back too, so that all have passed through the same form.
+    return [json.loads(file.read_text(encoding="utf-8"))["result"] for file in files]
+
+
+@cache
+def source_digest() -> str:
+    """Digest of the code that results depend on: another version's results are not taken for this one's."""
+    digest = hashlib.sha256()
+    for part in _THAT_MATTER:
+        place = PACKAGE / part
+        for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _backend(workers: Workers) -> AbstractContextManager[Any]:
+    if workers.dask is not None:
+        return _dask(workers.dask)
+    # Even one job is a process of its own: its arithmetic is single-threaded as all others' is.
+    return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
+
+
+@contextmanager
+def _dask(address: str) -> Iterator[None]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ParameterError("dask: expected dask[distributed], not installed") from None
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"dask {address}: expected a scheduler, {' '.join(str(error).split())}") from None
+    with client, joblib.parallel_config("dask", client=client):
+        yield

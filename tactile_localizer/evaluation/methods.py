@@ -1,0 +1,61 @@
+"""What is compared: the paper's models in the paper's form, each with the exact filter, and the presets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from tactile_localizer.core.configuration import MODELS, Configuration
+from tactile_localizer.io.configuration_file import PRESETS, load_configuration
+
+_SQUARE_INCH = 0.0254**2
+
+PAPER_FILTER: dict[str, Any] = {
+    "filter": "particle",
+    "particles": 75,
+    "recovery": "constant",
+    "random_particles": 10,
+    "resample_below": 1.0,
+    "conditional": False,
+}
+"""The paper's particle filter (III-B): 75 particles, resampled at each update, 10 of them random."""
+
+PAPER_PARAMETERS = {
+    "position_std": math.sqrt(0.0075 * _SQUARE_INCH),
+    "strain_std": math.sqrt(0.001),
+    "correlation_length": Configuration().update_distance,
+}
+"""The paper's hand-set widths (III-C) in m and V; each strain counts in full."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A configuration under a name; ``measurement`` goes before the parameters that are chosen from the scan."""
+
+    name: str
+    configuration: Configuration
+    measurement: dict[str, Any] = field(default_factory=dict)
+
+
+def paper_form(model: str) -> str:
+    """Name of the method that is a model with the paper's particle filter."""
+    return f"{model}-75"
+
+
+def exact_form(model: str) -> str:
+    """Name of the method that is a model with the exact filter."""
+    return f"{model}-grid"
+
+
+def standard_methods() -> dict[str, Method]:
+    """By name: all models in both forms, the paper's hand-set one, the default and the presets."""
+    methods = [Method("default", Configuration())]
+    methods += [Method(preset, load_configuration(preset)) for preset in PRESETS]
+    methods.append(Method("paper", Configuration(**PAPER_FILTER), dict(PAPER_PARAMETERS)))
+    for model in MODELS:
+        methods.append(Method(paper_form(model), Configuration(model=model, **PAPER_FILTER)))
+        # A Gaussian at every fine cell would take minutes a sweep, and its neighbours change only between pairs.
+        cell = 0.3 if model in ("sum_of_gaussians", "featureless") else 0.6
+        methods.append(Method(exact_form(model), Configuration(model=model, filter="grid", cell=cell)))
+    return {method.name: method for method in methods}

@@ -1,0 +1,123 @@
+"""How one sweep went, as plain numbers: what evaluations gather from every task."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from tactile_localizer.evaluation.metrics import CONFIDENCE, position_error, squared_mahalanobis
+from tactile_localizer.evaluation.replay import Track
+from tactile_localizer.scene import Scene
+
+BINS = 50
+"""Stretches of the sweep axis over which errors are averaged for figures."""
+
+
+def sweep_axis(scene: Scene, tracks: list[Track]) -> int:
+    """The axis along which the sweeps go: on which their truth spans most of the bounds."""
+    spans = [np.ptp(track.truth, axis=0) for track in tracks if track.truth is not None and len(track)]
+    return int(np.argmax(np.mean(spans, axis=0) / (scene.upper - scene.lower))) if spans else 0
+
+
+def bin_edges(scene: Scene, axis: int) -> np.ndarray:
+    """Edges of the stretches, (BINS + 1,) m."""
+    return np.linspace(scene.lower[axis], scene.upper[axis], BINS + 1)
+
+
+def sweep_outcome(scene: Scene, track: Track, contact: tuple[int, int], axis: int) -> dict[str, Any]:
+    """How a sweep over a feature went.
+
+    Parameters
+    ----------
+    track : with a known truth
+    contact : samples at which the feature is first and last felt; -1: never
+    axis : of the sweeps
+    """
+    first, last = contact
+    before = track.row < first if first >= 0 else np.ones(len(track), dtype=bool)
+    during = (track.row >= first) & (track.row <= last) if first >= 0 else np.zeros(len(track), dtype=bool)
+    errors, trace = position_error(scene, track), track.trace
+    covered = squared_mahalanobis(scene, track) <= chi2.ppf(CONFIDENCE, scene.dimension)
+    return {
+        "number": track.number,
+        "error_m": _mean(errors),
+        "error_contact_m": _mean(errors[during]),
+        "error_before_m": _mean(errors[before]),
+        "final_error_m": _mean(errors[-1:]),
+        "trace_before_m2": _mean(trace[before]),
+        "coverage": _mean(covered.astype(float)),
+        "coverage_contact": _mean(covered[during].astype(float)),
+        "nees": _mean(squared_mahalanobis(scene, track) / scene.dimension),
+        "nees_contact": _mean(squared_mahalanobis(scene, track)[during] / scene.dimension),
+        **_convergence(track, errors, first, last),
+        **_plain_criteria("before", track, before),
+        **_plain_criteria("contact", track, during),
+        "error_curve_m": _binned(scene, track, errors, axis),
+        "trace_curve_m2": _binned(scene, track, trace, axis),
+        "error_after_contact_m": _by_travel(track, errors, first, last),
+    }
+
+
+def blank_outcome(track: Track) -> dict[str, Any]:
+    """How a sweep that never reaches a feature went: whatever fires, fires falsely."""
+    every = np.ones(len(track), dtype=bool)
+    return {"converged": bool(track.converged.any()), **_plain_criteria("blank", track, every)}
+
+
+def _convergence(track: Track, errors: np.ndarray, first: int, last: int) -> dict[str, Any]:
+    start = int(np.searchsorted(track.row, max(first, 0)))
+    end = int(np.searchsorted(track.row, last, side="right")) if first >= 0 else len(track)
+    at = np.flatnonzero(track.converged)
+    known = start < len(track)
+    found: dict[str, Any] = {
+        "converged_before": bool(first >= 0 and (at < start).any()),
+        "converged": bool(((at >= start) & (at < end)).any()),
+        "travel_to_convergence_m": None,
+        "time_to_convergence_s": None,
+        "error_at_convergence_m": None,
+        "error_converged_m": _mean(errors[at]),
+        "largest_error_converged_m": float(np.nanmax(errors[at])) if np.isfinite(errors[at]).any() else None,
+    }
+    if len(at) and known and at[0] < end:
+        found["travel_to_convergence_m"] = float(track.travel[at[0]] - track.travel[start])
+        found["time_to_convergence_s"] = float(track.stamp_ns[at[0]] - track.stamp_ns[start]) * 1e-9
+        found["error_at_convergence_m"] = _mean(errors[at[:1]])
+    return found
+
+
+def _plain_criteria(when: str, track: Track, part: np.ndarray) -> dict[str, Any]:
+    """What the paper's plain criteria look at (III-D): the lowest trace, and the highest marginal likelihood."""
+    part = part & track.updated
+    return {
+        f"lowest_trace_{when}_m2": float(track.trace[part].min()) if part.any() else None,
+        f"highest_marginal_{when}": float(track.log_marginal[part].max()) if part.any() else None,
+    }
+
+
+def _binned(scene: Scene, track: Track, values: np.ndarray, axis: int) -> list[float | None]:
+    """Mean of ``values`` over each stretch of the sweep axis."""
+    if track.truth is None:
+        return [None] * BINS
+    place = np.digitize(track.truth[:, axis], bin_edges(scene, axis)) - 1
+    return [_mean(values[place == stretch]) for stretch in range(BINS)]
+
+
+_AFTER = np.arange(0.0, 0.0301, 0.0025)
+"""Stretches of travel after contact, m."""
+
+
+def _by_travel(track: Track, errors: np.ndarray, first: int, last: int) -> list[float | None]:
+    """Mean error over each 2.5 mm of travel after contact, up to the feature's end."""
+    if first < 0:
+        return [None] * (len(_AFTER) - 1)
+    start = min(int(np.searchsorted(track.row, first)), len(track) - 1)
+    gone = np.where(track.row <= last, track.travel - track.travel[start], -1.0)
+    place = np.digitize(gone, _AFTER) - 1
+    return [_mean(errors[place == stretch]) for stretch in range(len(_AFTER) - 1)]
+
+
+def _mean(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else None
