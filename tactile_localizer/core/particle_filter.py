@@ -87,9 +87,9 @@ class ParticleFilter:
         if not inside.any():
             self.reset()
             inside = np.ones(len(self._states), dtype=bool)
-        log_likelihood = self._model.log_likelihood(self._states, strain, present)
-        prior = np.where(inside, self._log_weights, -math.inf)
-        prior, _ = normalize(prior)
+        log_likelihood = np.full(len(self._states), -math.inf)
+        log_likelihood[inside] = self._model.log_likelihood(self._states[inside], strain, present)
+        prior, _ = normalize(np.where(inside, self._log_weights, -math.inf))
         self._log_weights, _ = normalize(prior + exponent * log_likelihood)
         expected = np.where(self._scene.on_feature(self._states), -math.inf, featureless)
         return normalize(prior + np.maximum(log_likelihood, expected))[1]
@@ -119,7 +119,9 @@ class ParticleFilter:
         return self._lower + (strata + self._rng.random(strata.shape)) / count * (self._upper - self._lower)
 
     def _replace_lightest(self, count: int) -> None:
-        lightest = np.argpartition(self._log_weights, count - 1)[:count]
+        # In random order: after resampling all weigh the same, and neighbours have one ancestor.
+        order = self._rng.permutation(len(self._states))
+        lightest = order[np.argpartition(self._log_weights[order], count - 1)[:count]]
         self._states[lightest] = self._spread(count)
         self._log_weights[lightest] = -math.log(len(self._states))
         self._log_weights, _ = normalize(self._log_weights)

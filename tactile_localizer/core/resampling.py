@@ -33,7 +33,8 @@ def multinomial(weights: np.ndarray, count: int, rng: np.random.Generator) -> np
 
 def residual(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """The whole part of ``count * weights`` for certain, the rest by independent draws."""
-    expected = count * np.asarray(weights, dtype=np.float64)
+    expected = np.asarray(weights, dtype=np.float64)
+    expected = count * (expected / expected.sum())
     # A weight such as 1/3 times 3 may fall a rounding error short of a whole copy.
     copies = np.floor(expected + 1e-12 * count).astype(np.intp)
     certain = np.repeat(np.arange(len(weights)), copies)[:count]

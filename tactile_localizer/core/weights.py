@@ -23,8 +23,10 @@ def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     peak = float(np.max(log_weights))
     if peak == -math.inf:
         return np.full_like(log_weights, -math.log(len(log_weights))), -math.inf
-    log_total = peak + math.log(float(np.sum(np.exp(log_weights - peak))))
-    return log_weights - log_total, log_total
+    # Peak first: with log-weights of a million, subtracting their sum's logarithm would round off ten digits.
+    scaled = log_weights - peak
+    log_sum = math.log(float(np.sum(np.exp(scaled))))
+    return scaled - log_sum, peak + log_sum
 
 
 def effective_sample_size(log_weights: np.ndarray) -> float:

@@ -1,0 +1,110 @@
+"""Weights are kept as logarithms and sum to one, whatever the likelihoods were."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tactile_localizer.core.weights import effective_sample_size, moments, normalize, wrap_angle
+
+LOG_WEIGHTS = arrays(
+    np.float64, st.integers(1, 60), elements=st.floats(-1e15, 1e15) | st.just(-math.inf), fill=st.nothing()
+)
+
+
+@given(log_weights=LOG_WEIGHTS)
+def test_normalised_weights_sum_to_one_whatever_their_size(log_weights):
+    normalized, log_total = normalize(log_weights)
+    assert np.exp(normalized).sum() == pytest.approx(1.0, abs=1e-13)
+    if np.isfinite(log_total):
+        clear = normalized > -30
+        np.testing.assert_allclose(normalized[clear] + log_total, log_weights[clear], rtol=1e-15, atol=1e-12)
+
+
+def test_weights_that_are_all_zero_teach_nothing():
+    normalized, log_total = normalize(np.full(4, -math.inf))
+    assert log_total == -math.inf
+    np.testing.assert_array_equal(normalized, np.full(4, -math.log(4)))
+
+
+def test_a_zero_weight_stays_zero_beside_others():
+    normalized, log_total = normalize(np.array([-math.inf, 0.0, 0.0]))
+    np.testing.assert_allclose(np.exp(normalized), [0.0, 0.5, 0.5])
+    assert log_total == pytest.approx(math.log(2))
+
+
+@given(log_weights=LOG_WEIGHTS, shift=st.floats(-1e6, 1e6))
+def test_a_common_factor_changes_only_the_total(log_weights, shift):
+    plain, log_total = normalize(log_weights)
+    shifted, shifted_total = normalize(log_weights + shift)
+    if log_total > -math.inf and np.abs(log_weights[np.isfinite(log_weights)]).max() < 1e6:
+        np.testing.assert_allclose(np.exp(shifted), np.exp(plain), atol=1e-8)
+        assert shifted_total - log_total == pytest.approx(shift, abs=1e-8)
+
+
+@given(log_weights=LOG_WEIGHTS)
+def test_normalising_again_changes_nothing_so_the_sum_cannot_drift(log_weights):
+    """Whatever came before, one normalisation brings the sum to one: errors do not add up."""
+    drifted = normalize(log_weights)[0] + 1e-3
+    assert np.exp(normalize(drifted)[0]).sum() == pytest.approx(1.0, abs=1e-13)
+
+
+def test_a_hundred_thousand_updates_leave_the_sum_at_one():
+    rng = np.random.default_rng(0)
+    likelihoods = rng.standard_normal((1000, 8)) * 3
+    log_weights = np.full(8, -math.log(8))
+    worst = 0.0
+    for update in range(100_000):
+        log_weights, _ = normalize(0.99 * log_weights + likelihoods[update % 1000])
+        worst = max(worst, abs(float(np.exp(log_weights).sum()) - 1.0))
+    assert worst < 1e-14
+
+
+@given(log_weights=LOG_WEIGHTS)
+def test_the_effective_sample_size_lies_between_one_and_the_number_of_particles(log_weights):
+    size = effective_sample_size(normalize(log_weights)[0])
+    assert 1 - 1e-12 <= size <= len(log_weights) * (1 + 1e-12)
+
+
+def test_the_effective_sample_size_counts_equal_weights():
+    with np.errstate(divide="ignore"):
+        assert effective_sample_size(np.log([0.25, 0.25, 0.25, 0.25, 0.0])) == pytest.approx(4.0)
+
+
+def test_moments_are_the_weighted_mean_and_covariance():
+    rng = np.random.default_rng(0)
+    states, weights = rng.standard_normal((500, 3)), rng.random(500)
+    weights /= weights.sum()
+    mean, covariance = moments(states, weights, np.zeros(3, bool))
+    np.testing.assert_allclose(mean, np.average(states, axis=0, weights=weights))
+    np.testing.assert_allclose(covariance, np.cov(states.T, aweights=weights, ddof=0))
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-9, 1.0, 1e9]), away=st.sampled_from([0.0, 1e6])
+)
+def test_a_covariance_is_symmetric_and_has_no_negative_variance(seed, scale, away):
+    rng = np.random.default_rng(seed)
+    states, weights = scale * rng.standard_normal((20, 3)) + scale * away, rng.dirichlet(np.ones(20))
+    _, covariance = moments(states, weights, np.zeros(3, bool))
+    np.testing.assert_allclose(covariance, covariance.T, rtol=1e-12)
+    assert np.linalg.eigvalsh(covariance).min() >= -1e-9 * np.trace(covariance)
+
+
+@given(centre=st.floats(-math.pi, math.pi), spread=st.floats(0.0, 0.3))
+def test_the_mean_heading_is_the_circular_one(centre, spread):
+    angles = wrap_angle(centre + spread * np.array([-1.0, 0.0, 1.0]))[:, None]
+    mean, covariance = moments(angles, np.full(3, 1 / 3), np.ones(1, bool))
+    assert abs(float(wrap_angle(mean[0] - centre))) < 1e-9
+    assert covariance[0, 0] == pytest.approx(2 / 3 * spread**2, abs=1e-12)
+
+
+@given(angle=st.floats(-1e6, 1e6))
+def test_a_wrapped_angle_is_the_same_direction_in_one_turn(angle):
+    wrapped = float(wrap_angle(np.array(angle)))
+    assert -math.pi <= wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-8)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-8)

@@ -1,0 +1,69 @@
+"""Measurement models known in closed form, for tests of the filters."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_localizer.scene import GAUGES
+
+
+class LinearModel:
+    """Strain is linear in the state plus white noise: with Gaussian motion, the Kalman filter is exact.
+
+    Parameters
+    ----------
+    gain : (8F, d) V/m
+    std : V
+    """
+
+    def __init__(self, gain: np.ndarray, std: float) -> None:
+        self.gain, self.std = gain, std
+        self.evaluated: list[np.ndarray] = []
+
+    def log_likelihood(self, states, strain, present=None):
+        self.evaluated.append(np.array(states))
+        here = np.ones(len(strain), bool) if present is None else np.repeat(present, GAUGES)
+        residual = (np.asarray(states) @ self.gain.T - strain)[:, here] / self.std
+        constant = -0.5 * here.sum() * math.log(2 * math.pi * self.std**2)
+        return constant - 0.5 * np.sum(residual**2, axis=1)
+
+    def log_likelihood_on(self, axes, strain, present=None):
+        states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        return self.log_likelihood(states.reshape(-1, len(axes)), strain, present).reshape(states.shape[:-1])
+
+
+class FlatModel:
+    """The same log-likelihood everywhere: nothing can be learned."""
+
+    def __init__(self, value: float = 0.0) -> None:
+        self.value = value
+
+    def log_likelihood(self, states, strain, present=None):
+        return np.full(len(states), self.value)
+
+    def log_likelihood_on(self, axes, strain, present=None):
+        return np.full(tuple(len(coordinates) for coordinates in axes), self.value)
+
+
+class KalmanFilter:
+    """The textbook recursion for :class:`LinearModel`."""
+
+    def __init__(self, mean: np.ndarray, covariance: np.ndarray, model: LinearModel) -> None:
+        self.mean, self.covariance, self.model = mean, covariance, model
+
+    def predict(self, displacement: np.ndarray, variance: np.ndarray) -> None:
+        self.mean = self.mean + displacement
+        self.covariance = self.covariance + np.diag(variance)
+
+    def update(self, strain: np.ndarray) -> float:
+        """Take in a measurement; the logarithm of its marginal likelihood."""
+        H, size = self.model.gain, len(strain)
+        innovation = strain - H @ self.mean
+        S = H @ self.covariance @ H.T + self.model.std**2 * np.eye(size)
+        K = np.linalg.solve(S, H @ self.covariance).T
+        self.mean = self.mean + K @ innovation
+        self.covariance = self.covariance - K @ H @ self.covariance
+        squared = innovation @ np.linalg.solve(S, innovation)
+        return float(-0.5 * (squared + np.linalg.slogdet(S)[1] + size * math.log(2 * math.pi)))
