@@ -1,0 +1,134 @@
+"""From frames on a bus and palm poses to a believed position: four installed nodes, started as processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from support.sweeps import scene_of, stamp_of
+
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.sim.scan import TRAINING_SWEEPS
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+SPEED = 14.0
+TEST_SWEEPS = 4
+
+
+class Hand:
+    """The simulated hand as the test moves it."""
+
+    def __init__(self, probe: Any) -> None:
+        from geometry_msgs.msg import PoseStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from std_msgs.msg import Bool
+
+        self.probe = probe
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.active = probe.listen(Bool, "simulator/sweep_active", kept)
+        self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
+
+    def call(self, service: str) -> Any:
+        from std_srvs.srv import Trigger
+
+        answer = self.probe.call(Trigger, service)
+        assert answer.success, f"{service}: {answer.message}"
+        return answer
+
+    def sweep(self) -> None:
+        self.active.clear()
+        self.call("simulator/sweep")
+        self.probe.until(
+            lambda: True in (seen := [message.data for message in self.active]) and not seen[-1],
+            "the end of a sweep",
+        )
+
+    def localize(self) -> None:
+        """The next sweeps are over hanging material, from unknown places."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        mode = Parameter("mode", value="localize").to_parameter_msg()
+        answer = self.probe.call(
+            SetParameters, "simulator/set_parameters", SetParameters.Request(parameters=[mode])
+        )
+        assert answer.results[0].successful
+
+    def truth_at(self, stamps_ns: list[int]) -> np.ndarray:
+        """Where the palm truly was, (n, 2)."""
+        known = [stamp_of(message) for message in self.truth]
+        places = np.array([[m.pose.position.x, m.pose.position.y] for m in self.truth])
+        return np.stack([np.interp(stamps_ns, known, column) for column in places.T], axis=1)
+
+
+@pytest.fixture
+def system(node_process: Callable[..., Any], simulated_can: dict[str, Any], tmp_path: Any) -> dict[str, Any]:
+    bus = {
+        "interface": simulated_can["interface"],
+        "channel": simulated_can["channel"],
+        "bus_options": [f"port={simulated_can['port']}"],
+    }
+    save_scene(scene_of("bump"), tmp_path / "scene.yaml")
+    simulated = {"speed": SPEED, "load_cell_rate_hz": 20.0, "pose_rate_hz": 15.0}
+    return {
+        "simulator": node_process("simulator_node", {"feature": "bump", **simulated, **bus}),
+        "driver": node_process("driver_node", {"tare_file": tmp_path / "tare.yaml", **bus}),
+        "mapping": node_process(
+            "mapping_node", {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"}
+        ),
+    }
+
+
+def test_what_was_scanned_is_localised_on_from_unknown_places(
+    system: dict[str, Any], node_process: Callable[..., Any], probe: Any, tmp_path: Any
+) -> None:
+    from rclpy.qos import qos_profile_sensor_data
+    from std_srvs.srv import Empty
+
+    from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
+
+    hand = Hand(probe)
+    strains = probe.listen(StrainVectors, "strain", qos_profile_sensor_data)
+    probe.until(lambda: strains, "the driver's strain")
+    statuses = probe.listen(ScanStatus, "mapping/status")
+    for _ in range(TRAINING_SWEEPS):
+        hand.call("simulator/prepare")
+        hand.call("mapping/start_sweep")
+        hand.sweep()
+        hand.call("mapping/end_sweep")
+    probe.until(lambda: statuses and statuses[-1].sweeps == TRAINING_SWEEPS, "the scan's status")
+    assert statuses[-1].coverage > 0.9
+    assert system["mapping"].stop() == 0
+    with ScanStore.open(tmp_path / "scan.db") as store:
+        assert len(store.load()) > 100 * TRAINING_SWEEPS
+
+    system["filter"] = node_process("filter_node", {"scan_file": tmp_path / "scan.db", "cell": 0.5})
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    probe.until(lambda: posteriors, "the filter", timeout_s=60.0)
+    hand.localize()
+    contact_m, errors, believed = 0.024, [], 0
+    for _ in range(TEST_SWEEPS):
+        hand.call("simulator/prepare")
+        probe.call(Empty, "filter/reinitialize_global_localization")
+        posteriors.clear()
+        hand.truth.clear()
+        hand.sweep()
+        last_ns = stamp_of(hand.truth[-1])
+        probe.until(lambda last_ns=last_ns: stamp_of(posteriors[-1]) >= last_ns, "the sweep's last posterior")
+        heard = [m for m in posteriors if stamp_of(m) <= last_ns]
+        assert not any(m.stale for m in heard)
+        truth = hand.truth_at([stamp_of(m) for m in heard])
+        error = np.linalg.norm([m.mean for m in heard] - truth, axis=1)
+        errors.append(error[truth[:, 0] > contact_m].mean())
+        believed += heard[-1].converged
+        assert heard[0].covariance_trace > 1e-4, "it began without knowing the place"
+    assert np.median(errors) < 0.004, f"errors after contact: {errors} m"
+    assert believed >= TEST_SWEEPS / 2
+    for name, process in system.items():
+        if name != "mapping":
+            assert process.stop() == 0, f"{name}: {process.output}"
+        assert "Traceback" not in process.output, name
