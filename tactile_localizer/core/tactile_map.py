@@ -67,7 +67,7 @@ def make_map(
 
     Parameters
     ----------
-    scan : the pairs
+    scan : the pairs; of axes and phalanges that the scene does not name nothing is shown
     scene : its bounds and axes
     nodes : nodes along the longer axis; by default :data:`DEFAULT_NODES`
     neighbours : cells that a node is interpolated from
@@ -79,7 +79,7 @@ def make_map(
     ParameterError
         ``nodes`` or ``neighbours`` is less than 2.
     """
-    shown = min(len(scan.axes), 2)
+    shown = min(scene.dimension, 2)
     nodes = DEFAULT_NODES[shown] if nodes is None else nodes
     for name, value in (("nodes", nodes), ("neighbours", neighbours)):
         if value < 2:
@@ -88,15 +88,22 @@ def make_map(
     step = float(np.max(upper - lower)) / (nodes - 1)
     counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
     grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
-    distance = sweep_distance(scan, shown)
+    scan = Scan(
+        scan.states[:, scene.columns(scan.axes)[:shown]],
+        scan.strain[:, scene.channels(scan.phalanges)],
+        scan.sweep,
+        scene.axis_names[:shown],
+        scene.phalanx_names,
+    )
+    distance = sweep_distance(scan)
     cell = max(step, distance / 2)
-    places, strain = _cell_means(scan.states[:, :shown], scan.strain, lower, cell)
+    places, strain = _cell_means(scan.states, scan.strain, lower, cell)
     if reach is None:
         reach = max(1.5 * distance, cell)
     queries = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
     values = _local_mean(places, strain, queries, neighbours, reach)
     return TactileMap(
-        axes=scan.axes[:shown],
+        axes=scan.axes,
         nodes=grid,
         values=values.reshape(*counts, -1),
         background=np.median(scan.strain, axis=0),
@@ -104,21 +111,15 @@ def make_map(
     )
 
 
-def sweep_distance(scan: Scan, shown: int = 2) -> float:
-    """Typical distance of a pair to the nearest pair of another sweep, m; 0 for a single sweep.
-
-    Parameters
-    ----------
-    scan : the pairs
-    shown : how many of the axes count
-    """
+def sweep_distance(scan: Scan) -> float:
+    """Typical distance of a pair to the nearest of another sweep in the plane, m; 0 for one sweep."""
     distances = []
     for number in scan.sweep_numbers:
         mine = scan.sweep == number
         if mine.all():
             return 0.0
-        tree = cKDTree(scan.states[~mine, :shown])
-        distances.append(tree.query(scan.states[mine, :shown][::10])[0])
+        tree = cKDTree(scan.states[~mine, :2])
+        distances.append(tree.query(scan.states[mine, :2][::10])[0])
     return float(np.median(np.concatenate(distances)))
 
 

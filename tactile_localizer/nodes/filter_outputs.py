@@ -10,15 +10,16 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.msg import Posterior
-from tactile_localizer.nodes import hand_markers, posterior_messages
+from tactile_localizer.nodes import hand_markers, map_messages, posterior_messages
 from tactile_localizer.nodes.parameters import Parameters
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 _KEPT = QoSProfile(
@@ -55,6 +56,7 @@ class FilterOutputs:
         self._particles = publisher(PointCloud2, "~/particles", 10)
         self._markers = publisher(MarkerArray, "~/markers", 10)
         self._map = publisher(PointCloud2, "~/map", _KEPT)
+        self._region = publisher(Marker, "~/feature_region", _KEPT)
 
     def close(self) -> None:
         """Withdraw the topics."""
@@ -63,12 +65,9 @@ class FilterOutputs:
         self._made = []
 
     def publish_map(self, scan: Scan, scene: Scene) -> None:
-        """The scan's pairs as points: how far the strain of each phalanx is from the median, V."""
-        states = scan.states[:, scene.columns(scan.axes)]
-        strain = scan.strain[:, scene.channels(scan.phalanges)]
-        away = (strain - np.median(strain, axis=0)).reshape(len(states), -1, GAUGES)
-        felt = dict(zip(scene.phalanx_names, np.linalg.norm(away, axis=2).T, strict=True))
-        self._map.publish(posterior_messages.cloud(0, states, scene.axis_names, self._frame, **felt))
+        """The tactile map, and the region of the feature where the scene has one."""
+        self._map.publish(map_messages.map_cloud(make_map(scan, scene), scene, self._frame))
+        self._region.publish(map_messages.region_marker(scene, self._frame))
 
     def publish(self, estimate: Estimate, localizer: Localizer, stale: str = "") -> None:
         """An estimate; with a reason, that it is ``stale``."""

@@ -23,6 +23,7 @@ from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
 from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.nodes import palm_pose, stamps
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
+from tactile_localizer.nodes.map_publisher import MapPublisher
 from tactile_localizer.nodes.parameters import Parameter
 from tactile_localizer.nodes.strain_vectors import StrainReader
 
@@ -55,6 +56,7 @@ class MappingNode(ManagedNode):
         self._recorder: SweepRecorder | None = None
         self._pairing: Pairing[Felt] | None = None
         self._status: Any = None
+        self._map: MapPublisher | None = None
         self._made: list[tuple[Callable[[Any], Any], Any]] = []
 
     def configure(self) -> None:
@@ -76,12 +78,15 @@ class MappingNode(ManagedNode):
             depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
         self._status = self.create_publisher(ScanStatus, "~/status", latched)
+        self._map = MapPublisher(self, store.path, of["material_frame"])
+        self._map.refresh()
 
     def activate(self) -> None:
         """Listen to strain and poses, offer the services, and publish the status."""
         of = self.parameters
         self._pairing = Pairing(self._scene.axes, max_gap_s=of["max_gap_s"], patience_s=of["patience_s"])
         self._rate = 0.0
+        self._last_sweep: int | None = None
         self._refusals: dict[str, str] = {}
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -110,6 +115,9 @@ class MappingNode(ManagedNode):
 
     def cleanup(self) -> None:
         """Close the scan file."""
+        if self._map is not None:
+            self._map.close()
+            self._map = None
         if self._recorder is not None:
             recorder, self._recorder = self._recorder, None
             self._attempt_to(recorder.store.close)
@@ -162,8 +170,12 @@ class MappingNode(ManagedNode):
             self._attempt_to(self._recorder.take, pairs)
 
     def _commit(self) -> None:
-        if self._recorder is not None and self._pairing is not None:
-            self._attempt_to(self._recorder.settle, self._pairing.waiting_ns)
+        if self._recorder is None or self._pairing is None:
+            return
+        self._attempt_to(self._recorder.settle, self._pairing.waiting_ns)
+        before, self._last_sweep = self._last_sweep, self._recorder.store.active_sweep
+        if before is not None and before != self._last_sweep and self._map is not None:
+            self._map.refresh()
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Begin a sweep after the newest sample that has come."""

@@ -165,13 +165,16 @@ def test_pose_flag_trace_and_particles_agree_with_the_posterior(start, probe):
 def test_the_map_is_kept_for_late_subscribers(start, probe):
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
+    from visualization_msgs.msg import Marker
 
     start()
     kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     clouds = probe.listen(PointCloud2, "filter/map", kept)
-    probe.until(lambda: clouds, "the map")
-    assert [field.name for field in clouds[0].fields] == ["x", "y", "z", "index", "middle"]
+    regions = probe.listen(Marker, "filter/feature_region", kept)
+    probe.until(lambda: clouds and regions, "the map and the region")
+    assert [field.name for field in clouds[0].fields][:4] == ["x", "y", "z", "felt"]
     assert clouds[0].width > 15_000
+    assert len(regions[0].points) == 5
 
 
 def test_a_phalanx_that_is_missing_is_left_out_and_told_of(start, probe):

@@ -148,6 +148,24 @@ def test_sweeps_are_found_from_the_motion_when_that_is_asked_for(node_process, p
     assert back.stamp_ns[0] > there.stamp_ns[-1]
 
 
+def test_the_map_is_shown_when_a_sweep_has_ended_and_kept_for_late_subscribers(node_process, probe, files):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import PointCloud2
+
+    node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.service("start_sweep")
+    hand.slide(300)
+    hand.wait_for_stamp(300)
+    hand.service("end_sweep")
+    clouds = probe.listen(
+        PointCloud2, "mapping/map", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    probe.until(lambda: clouds, "the map")
+    assert clouds[-1].header.frame_id == "material"
+    assert clouds[-1].width > 0
+
+
 def test_a_second_node_on_the_file_is_refused_and_the_first_goes_on(node_process, probe, files):
     first = node_process("mapping_node", parameters=files)
     hand = Hand(probe)
