@@ -14,6 +14,8 @@ silent, started anew, or slipped by a cycle since its clock drifts, is taken as 
 
 Where the DBC has no counter only time tells cycles apart: a frame later than half the cycle's period,
 which is learned from complete cycles, is of the next one.
+
+The first cycles are withheld until it is sure where a cycle begins (:mod:`~tactile_localizer.io.can_phase`).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ import numpy as np
 
 from tactile_localizer.io.can_cycle import FAULT, MISSING, SATURATED, Counts, Cycle, PhalanxCounts
 from tactile_localizer.io.can_frames import FrameBatch
+from tactile_localizer.io.can_phase import CyclePhase
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.scene import GAUGES
 
@@ -87,15 +90,21 @@ class CycleAssembler:
         self._period_ns = 0
         self._previous_ns = 0
         self._cycle = 0
+        self._phase = CyclePhase()
         self.reset()
 
     def reset(self) -> None:
         """Forget the open cycle and the counters' values, as after a pause of unknown length. Totals stay."""
         self._open = False
         self._first_ns = 0
+        self._last_ns: int | None = None  # of the newest frame used
         self._awaited = 0  # frames that the open cycle still lacks
         self._rows: list[int] = []  # the open cycle's frames in the batch
         self._slots: list[int] = []
+        self._phase.forget()
+        self._forget_counters()
+
+    def _forget_counters(self) -> None:
         for cell in self._cells:
             cell.counter = None
             cell.have = 0
@@ -129,7 +138,7 @@ class CycleAssembler:
                     continue
             cell.have |= bit
             cell.flags |= flag
-            cell.counts.last_ns = stamp_ns
+            cell.counts.last_ns = self._last_ns = stamp_ns
             self._rows.append(row)
             self._slots.append(slot)
             self._awaited -= 1
@@ -152,7 +161,7 @@ class CycleAssembler:
         """Begin a load cell's next sample, closing and opening cycles as needed; or say why there is none."""
         if cell.span == 0 or cell.counter is None:
             self._join(cell, 0, stamp_ns)
-            cell.sequence = counter if cell.span else self._cycle
+            cell.sequence = _next(cell.sequence, counter, cell.span) if cell.span else self._cycle
         else:
             step = (counter - cell.counter) % cell.span or cell.span  # samples since the newest one
             if abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
@@ -162,9 +171,7 @@ class CycleAssembler:
                     return FrameKind.OUT_OF_ORDER
             in_open = cell.have and cell.cycle == self._cycle
             expected = self._cycle + (in_open or not self._open) - cell.cycle
-            ahead = _nearest(
-                step - expected, cell.span
-            )  # cycles by which it is beyond the open, or next, one
+            ahead = _nearest(step - expected, cell.span)  # cycles that it is beyond the open, or next, one
             trusted = -cell.reach < ahead < cell.reach > expected  # else it is taken as it comes
             if trusted and ahead < 0:
                 return FrameKind.OUT_OF_ORDER
@@ -182,6 +189,10 @@ class CycleAssembler:
         if self._open and ahead > 0:
             self._close()
             ahead -= 1
+        pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
+        if self._open and not self._phase.joins(pause_ns):
+            self._close()
+            self._forget_counters()
         if not self._open:
             self._open = True
             self._cycle += 1 + ahead
@@ -189,7 +200,8 @@ class CycleAssembler:
             self._awaited = len(self._cell_of)
             self._strain = np.full(
                 len(self._cells) * GAUGES + 1, np.nan
-            )  # the last takes what has no channel
+            )  # the last is for what has no channel
+            self._phase.begin(pause_ns)
 
     @staticmethod
     def _count_lost(cell: _LoadCell, step: int, advance: int) -> None:
@@ -202,16 +214,22 @@ class CycleAssembler:
 
     def _close(self) -> None:
         self._keep()
-        counts = self.counts
+        self._open = False
+        self._learn_period(incomplete=self._awaited > 0)
+        self._phase.end()
+        if self._phase.sure:
+            self._cycles.append(self._made())
+        else:
+            self.counts.withheld += 1
+
+    def _made(self) -> Cycle:
         status, sequence = array("B"), array("I")
-        incomplete = False
         for p, cell in enumerate(self._cells):
             here = cell.cycle == self._cycle and cell.have != 0
             flags = cell.flags if here else 0
             if here and cell.have == cell.complete:
                 cell.counts.samples += 1
             else:
-                incomplete = True
                 flags |= MISSING
                 cell.counts.missing += 1
                 self._strain[p * GAUGES : (p + 1) * GAUGES] = np.nan
@@ -220,11 +238,9 @@ class CycleAssembler:
                 cell.counts.faults += flags & FAULT != 0
             status.append(flags)
             sequence.append(cell.sequence & 0xFFFFFFFF)
-        counts.cycles += 1
-        counts.incomplete += incomplete
-        self._learn_period(incomplete)
-        self._open = False
-        self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
+        self.counts.cycles += 1
+        self.counts.incomplete += self._awaited > 0
+        return Cycle(self._first_ns, self._strain[:-1], status, sequence)
 
     def _learn_period(self, incomplete: bool) -> None:
         elapsed = self._first_ns - self._previous_ns
@@ -247,6 +263,11 @@ class CycleAssembler:
     def _take(self) -> list[Cycle]:
         cycles, self._cycles = self._cycles, []
         return cycles
+
+
+def _next(sequence: int, counter: int, span: int) -> int:
+    """The first number from ``sequence`` on whose low bits are ``counter``."""
+    return sequence + (counter - sequence) % span
 
 
 def _nearest(difference: int, span: int) -> int:

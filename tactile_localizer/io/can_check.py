@@ -139,7 +139,8 @@ class CanCheck:
                 continue
             own = slice(p * GAUGES, (p + 1) * GAUGES)
             gauges = tuple((np.flatnonzero(self._saturated[own]) + 1).tolist())
-            rate_hz = self._rate(counts.samples)
+            keys = self._protocol.layout.key[self._protocol.layout.phalanx == p]
+            rate_hz = self._rate(min(self._frames[key] for key in keys.tolist()))
             reports.append(
                 PhalanxReport(name, counts, rate_hz, self._lowest[own], self._highest[own], gauges)
             )

@@ -66,10 +66,12 @@ class Counts:
     ----------
     frames : frames by kind; each frame given is in exactly one of them
     cycles, incomplete : cycles made, and those of them with a phalanx missing
+    withheld : cycles not handed out, since it was not sure yet where a cycle begins
     phalanges : totals of each phalanx
     """
 
     frames: list[int]
     cycles: int = 0
     incomplete: int = 0
+    withheld: int = 0
     phalanges: list[PhalanxCounts] = field(default_factory=list)

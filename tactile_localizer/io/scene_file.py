@@ -76,7 +76,10 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     content: dict[str, Any] = {
         "name": scene.name,
         "axes": {
-            axis.name: {"bounds": [float(axis.lower), float(axis.upper)], "motion_std": float(axis.motion_std)}
+            axis.name: {
+                "bounds": [float(axis.lower), float(axis.upper)],
+                "motion_std": float(axis.motion_std),
+            }
             for axis in scene.axes
         },
         "phalanges": {

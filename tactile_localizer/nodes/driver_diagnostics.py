@@ -80,6 +80,7 @@ class DriverDiagnostics:
             "unreadable": status.unreadable,
             "cycles": self._driver.counts.cycles,
             "cycles_incomplete": self._driver.counts.incomplete,
+            "cycles_withheld": self._driver.counts.withheld,
             "queue_bytes": status.queue_used,
             "queue_limit_bytes": status.queue_limit,
             "queue_drops": status.queue_drops,

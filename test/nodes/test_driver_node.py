@@ -11,7 +11,7 @@ from typing import Any
 import can
 import numpy as np
 import pytest
-from support.load_cells import cycle, protocol, strain_of
+from support.load_cells import cycle, number_of, protocol
 
 pytestmark = pytest.mark.ros
 
@@ -36,6 +36,7 @@ def parameters(simulated_can: dict[str, Any], tmp_path: Path) -> dict[str, Any]:
         "bus_options": [f"port={simulated_can['port']}"],
         "tare_file": str(tmp_path / "tare.yaml"),
         "tare_duration_s": 0.2,
+        "cycle_timeout_s": 0.2,  # on a busy machine the test may be put aside between two frames
     }
 
 
@@ -169,8 +170,8 @@ def test_diagnostics_tell_idle_from_well_from_stale_and_count_faults(
     probe.until(sending("middle", "well"), "a phalanx that is well")
     level, _, told_values = values(arrays[-1], "index")
     assert level == DiagnosticStatus.OK
-    assert float(told_values["rate_hz"]) > 5
-    assert float(told_values["age_s"]) < 0.5
+    assert float(told_values["rate_hz"]) > 1
+    assert 0 <= float(told_values["age_s"]) < 0.5  # else it would be stale
 
     hand.silent = {1}
     probe.until(sending("middle", "stale"), "a stale phalanx")
@@ -182,14 +183,14 @@ def test_diagnostics_tell_idle_from_well_from_stale_and_count_faults(
     short = can.Message(arbitration_id=0x102, is_extended_id=False, data=bytes(3))
     for frame in (error, error, short):
         hand.bus.send(frame)
-    probe.until(sending("CAN bus", "2 error, 1 wrong length"), "the count of bad frames")
+    probe.until(sending("CAN bus", "wrong length"), "a warning of bad frames")
     probe.until(sending("index", "saturated", high=True), "a saturated gauge")
     assert values(arrays[-1], "index")[2]["saturated_gauges"] == "1"
     probe.until(lambda: told("index", "stale") and told("middle", "stale"), "both stale, as nothing is sent")
     _, _, counted = values(arrays[-1], "CAN bus")
     assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
     complete = int(values(arrays[-1], "index")[2]["samples"])
-    assert complete == hand.number - sent
+    assert complete + int(counted["cycles_withheld"]) == hand.number - sent
     middle = values(arrays[-1], "middle")[2]
     assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
 
@@ -268,7 +269,8 @@ def test_it_ends_within_a_second_when_told_to(
         return len(strains) > 20
 
     probe.until(flowing, "strain")
-    np.testing.assert_allclose(strains[-1].strain[:8], strain_of(0, strains[-1].sequence[0]), atol=1e-9)
+    number = number_of(0, np.array(strains[-1].strain[:8]))
+    assert number % 16 == strains[-1].sequence[0] % 16  # which may have begun before it was listening
     before = time.monotonic()
     assert node.stop(sig) == 0
     assert time.monotonic() - before < 3.0  # of which the thread takes at most 1

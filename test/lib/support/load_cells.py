@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import can
 import numpy as np
 
+from tactile_localizer.io.can_assembler import CycleAssembler
 from tactile_localizer.io.can_protocol import LoadCellProtocol
 from tactile_localizer.resources import resource_path
 
@@ -45,3 +46,18 @@ def sample(
 def cycle(protocol: LoadCellProtocol, number: int, stamp_ns: int | None = None) -> list[can.Message]:
     """Frames of one sample of every phalanx."""
     return [frame for p in range(len(protocol.phalanges)) for frame in sample(protocol, p, number, stamp_ns)]
+
+
+def warm_up(assembler: CycleAssembler, protocol: LoadCellProtocol) -> CycleAssembler:
+    """Let it see the cycles before number 0, which it withholds; it counts from here."""
+    for n in (-3, -2, -1):
+        assert assembler.feed(protocol.batch(cycle(protocol, n))) == []
+    count_from_here(assembler)
+    return assembler
+
+
+def count_from_here(assembler: CycleAssembler) -> None:
+    """Count frames from here, and let the next sample be number 0."""
+    assembler.counts.frames[:] = [0] * len(assembler.counts.frames)
+    for cell in assembler._cells:
+        cell.sequence = -1

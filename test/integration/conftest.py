@@ -1,0 +1,34 @@
+"""A driver node and the simulated bus that it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+
+@pytest.fixture
+def can_bus(simulated_can: dict[str, Any]) -> Iterator[can.BusABC]:
+    """The hand's end of the simulated bus."""
+    bus = can.Bus(**simulated_can, hop_limit=0)
+    yield bus
+    bus.shutdown()
+
+
+@pytest.fixture
+def driver_process(
+    node_process: Callable[..., Any], simulated_can: dict[str, Any], tmp_path: Path
+) -> Callable[..., Any]:
+    """Start an installed driver on the simulated bus; arguments are parameters."""
+    parameters = {
+        "interface": simulated_can["interface"],
+        "channel": simulated_can["channel"],
+        "bus_options": [f"port={simulated_can['port']}"],
+        "tare_file": str(tmp_path / "tare.yaml"),
+        "cycle_timeout_s": 0.2,  # on a busy machine the test may be put aside between two frames
+        "reconnect_delay_s": 0.02,
+    }
+    return lambda **more: node_process("driver_node", parameters={**parameters, **more})

@@ -1,0 +1,97 @@
+"""A million random frames on the bus of an installed driver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+from can.interfaces.udp_multicast.utils import pack_message
+from support.driver import HAND, Listener, Sender
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+class Fuzz:
+    """Random frames, packed as the simulated bus sends them, and how many of each kind they are."""
+
+    def __init__(self) -> None:
+        self.rng = np.random.default_rng(1)
+        self.known = HAND.layout.key.tolist()
+        self.expected = dict.fromkeys(("unknown_id", "wrong_length", "remote", "error", "looks_good"), 0)
+        self.unreadable = 0
+
+    def datagrams(self, count: int) -> Iterator[bytes]:
+        dice = self.rng.random((count, 2)).tolist()
+        lengths = self.rng.choice([8, 0, 3, 7, 12, 64], count, p=[0.5, 0.1, 0.1, 0.1, 0.1, 0.1]).tolist()
+        identifiers = self.rng.integers(0x200, 0x7FF, count).tolist()
+        noise = self.rng.bytes(64 * count)
+        for i in range(count):
+            if dice[i][0] < 0.01:
+                self.unreadable += 1
+                yield b"\xc1" + noise[64 * i : 64 * i + 20]  # 0xC1 begins nothing in msgpack
+                continue
+            is_known = dice[i][0] < 0.5
+            remote, error = dice[i][1] < 0.1, dice[i][1] > 0.9
+            length = 0 if remote else min(lengths[i], 8) if error else lengths[i]
+            yield self._pack(is_known, remote, error, length, identifiers[i], noise[64 * i : 64 * i + length])
+
+    def _pack(self, is_known: bool, remote: bool, error: bool, length: int, other: int, data: bytes) -> bytes:
+        if error:
+            kind, identifier = "error", 0x04  # bus-off would close the bus, with what waits in it
+        else:
+            kind, identifier = "looks_good", self.known[other % 4] if is_known else other
+            kind = "remote" if remote else "unknown_id" if not is_known else kind
+            kind = "wrong_length" if kind == "looks_good" and length != 8 else kind
+        self.expected[kind] += 1
+        frame = can.Message(
+            arbitration_id=identifier,
+            is_extended_id=False,
+            is_remote_frame=remote,
+            is_error_frame=error,
+            is_fd=length > 8,
+            data=data,
+        )
+        return pack_message(frame)
+
+
+def waiting_bytes(port: int) -> int:
+    """Bytes in the fullest receive queue of a UDP port."""
+    lines = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    return max(int(f[4].split(":")[1], 16) for f in lines if int(f[1].split(":")[1], 16) == port)
+
+
+def test_a_million_random_frames_leave_it_up_with_counts_right_to_the_frame(
+    driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any, simulated_can: dict[str, Any]
+) -> None:
+    node = driver_process(receive_buffer=1 << 22)
+    listener, fuzz = Listener(probe), Fuzz()
+    for _ in range(1000):
+        for datagram in fuzz.datagrams(1000):
+            can_bus._multicast.send(datagram)  # type: ignore[attr-defined]
+        while waiting_bytes(simulated_can["port"]) > 1 << 20:
+            probe.executor.spin_once(timeout_sec=0.001)
+    assert sum(fuzz.expected.values()) + fuzz.unreadable == 1_000_000
+
+    def counted() -> bool:
+        told = listener.counted("CAN bus")
+        found = {kind: int(told[f"frames_{kind}"]) for kind in fuzz.expected if kind != "looks_good"}
+        good = sum(int(told[f"frames_{kind}"]) for kind in ("data", "duplicate", "out_of_order"))
+        return found | {"looks_good": good} == fuzz.expected
+
+    probe.until(counted, "a million frames counted", 60.0)
+    told = listener.counted("CAN bus")
+    assert (told["unreadable"], told["queue_drops"]) == (str(fuzz.unreadable), "0")
+    assert (told["state"], told["reconnects"]) == ("open", "0")
+
+    hand = Sender(can_bus, probe)
+    hand.send(20)  # the counters find their place again, which may cost a sample or two
+    listener.listen(hand)
+    numbers = hand.send(100)
+    probe.until(lambda: len(listener.strains) >= 100, "good data")
+    assert listener.numbers() == [{n} for n in numbers]
+    assert node.running
+    assert "Traceback" not in node.output

@@ -1,0 +1,112 @@
+"""Both ends of a driver node under test: load cells that keep count of what they send, and a listener."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import can
+import numpy as np
+from support.load_cells import cycle, number_of, protocol
+
+HAND = protocol()
+
+
+class Listener:
+    """What a driver node publishes; waits until it is up."""
+
+    def __init__(self, probe: Any) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        self.probe = probe
+        self.strains: list[Any] = []
+        self.diagnostics = probe.listen(DiagnosticArray, "/diagnostics")
+        probe.until(lambda: self.diagnostics, "the driver")
+
+    def listen(self, hand: Sender) -> None:
+        """Hear strain vectors from now on: ``hand`` sends until the first one arrives."""
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        from tactile_localizer.msg import StrainVectors
+
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.strains = self.probe.listen(StrainVectors, "strain", best_effort)
+
+        def heard() -> bool:
+            hand.send(1)
+            return bool(self.strains)
+
+        self.probe.until(heard, "the driver's strain")
+        self.probe.until(lambda: self.numbers()[-1] == {hand.number - 1}, "the last of what was sent")
+        self.strains.clear()
+
+    def counted(self, what: str) -> dict[str, str]:
+        """Values of the newest diagnostics of ``CAN bus`` or of a phalanx."""
+        (status,) = [one for one in self.diagnostics[-1].status if one.name == f"driver_node: {what}"]
+        return {pair.key: pair.value for pair in status.values}
+
+    def drops(self) -> int:
+        """Frames that the driver says were lost."""
+        return sum(int(self.counted(phalanx)["drops"]) for phalanx in ("index", "middle"))
+
+    def reconnects(self, count: int) -> Callable[[], bool]:
+        """Condition: the bus was opened again so often."""
+        return lambda: self.counted("CAN bus")["reconnects"] == str(count)
+
+    def numbers(self) -> list[set[int]]:
+        """Which samples each strain vector is of; fails on voltages that were not sent."""
+        return [
+            {
+                number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
+                for p in range(2)
+                if not message.status[p] & message.MISSING
+            }
+            for message in self.strains
+        ]
+
+
+class Sender:
+    """Sends cycles, numbered on, and keeps count of what it sent, left out and added."""
+
+    def __init__(self, bus: can.BusABC, probe: Any) -> None:
+        self._bus, self._probe = bus, probe
+        self._rng = np.random.default_rng(0)
+        self.number = 0  # of the next cycle
+        self.sent = self.lost = self.garbage = 0
+
+    def send(self, count: int, loss: float = 0.0, silent: bool = False) -> range:
+        """Send cycles, of which all frames of the first and last arrive; returns their numbers.
+
+        ``loss`` is the share of frames left out, and with it garbage follows a tenth of the others;
+        ``silent`` leaves out the second phalanx.
+        """
+        numbers = range(self.number, self.number + count)
+        for n in numbers:
+            at_an_end = n in (numbers[0], numbers[-1])
+            for i, frame in enumerate(cycle(HAND, n)):
+                if (silent and i >= 2) or (self._rng.random() < loss and not at_an_end):
+                    self.lost += 1
+                    continue
+                self._bus.send(frame)
+                self.sent += 1
+                if loss and self._rng.random() < 0.1:
+                    data = self._rng.bytes(8)
+                    self._bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False, data=data))
+                    self.garbage += 1
+            self._probe.executor.spin_once(timeout_sec=0.002)
+        self.number += count
+        return numbers
+
+    def pause(self, cycles: int) -> None:
+        """Cycles that go by unsent, while the bus is closed."""
+        self.number += cycles
+
+    def wait(self, listener: Listener) -> None:
+        """Wait until the driver has told of every frame sent."""
+        expected = (str(self.sent), str(self.garbage))
+
+        def counted() -> bool:
+            told = listener.counted("CAN bus")
+            return (told["frames_data"], told["frames_unknown_id"]) == expected
+
+        self._probe.until(counted, "all frames counted")
