@@ -10,7 +10,7 @@ from scipy import ndimage
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import MeasurementModel, flatten_axes
 from tactile_localizer.core.motion import MotionModel
-from tactile_localizer.core.weights import moments, normalize
+from tactile_localizer.core.weights import moments, normalize, wrap_angle
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
@@ -68,12 +68,17 @@ class GridFilter:
         """See :meth:`BayesFilter.seed`. Deviations below half a cell are taken as half a cell."""
         log_density = np.zeros(self._shape)
         for axis, centres in enumerate(self._centres):
-            scaled = (centres - mean[axis]) / max(std[axis], 0.5 * self._cell[axis])
+            deviation = wrap_angle(centres - mean[axis]) if self._wraps[axis] else centres - mean[axis]
+            scaled = deviation / max(std[axis], 0.5 * self._cell[axis])
             log_density += np.expand_dims(-0.5 * scaled**2, [a for a in range(len(self._shape)) if a != axis])
         self._place(np.exp(log_density - log_density.max()))
 
     def predict(self, displacement: np.ndarray, travel: float) -> None:
         """See :meth:`BayesFilter.predict`."""
+        displacement = np.where(self._wraps, wrap_angle(displacement), displacement)
+        if (np.abs(displacement) > self._cell * self._shape).any():
+            self.reset()
+            return
         self._offset = self._offset + displacement
         cells = np.rint(self._offset / self._cell).astype(int)
         if cells.any():
@@ -91,10 +96,9 @@ class GridFilter:
             log_belief = np.log(self._belief)
         expected = np.where(self._on_feature, -math.inf, featureless)
         _, log_marginal = normalize((log_belief + np.maximum(log_likelihood, expected)).ravel())
-        log_belief += exponent * log_likelihood
-        log_belief -= log_belief.max()
-        self._belief = np.exp(log_belief, out=log_belief)
-        self._belief /= self._belief.sum()
+        log_posterior, log_total = normalize((log_belief + exponent * log_likelihood).ravel())
+        if log_total > -math.inf:
+            self._belief = np.exp(log_posterior).reshape(self._shape)
         return log_marginal
 
     def belief(self) -> Belief:
@@ -111,7 +115,7 @@ class GridFilter:
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`BayesFilter.hypotheses`."""
-        return flatten_axes(self._axes()), self._belief.ravel()
+        return flatten_axes(self._axes()), self._belief.flatten()
 
     def relative_density(self, state: np.ndarray) -> float:
         """Density of the belief at a state (d,), over that of a uniform belief; zero outside the scene."""
@@ -144,7 +148,8 @@ class GridFilter:
     def _diffuse(self, axis: int) -> None:
         """Spread by the pending variance: small ones by a three-point step, which is exact in the variance."""
         mode = "wrap" if self._wraps[axis] else "constant"
-        variance = float(self._pending[axis])
+        # A spread as wide as the axis is as good as any wider one.
+        variance = min(float(self._pending[axis]), float(self._shape[axis]) ** 2)
         if variance <= _THREE_POINT:
             kernel = [0.5 * variance, 1.0 - variance, 0.5 * variance]
             self._belief = ndimage.correlate1d(self._belief, kernel, axis=axis, mode=mode)

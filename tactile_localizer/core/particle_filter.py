@@ -72,7 +72,8 @@ class ParticleFilter:
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
         """See :meth:`BayesFilter.seed`."""
         draws = self._rng.standard_normal((self._most, len(mean)))
-        self._place(np.clip(mean + draws * std, self._lower, self._upper))
+        states = mean + draws * std
+        self._place(np.where(self._wraps, wrap_angle(states), np.clip(states, self._lower, self._upper)))
 
     def predict(self, displacement: np.ndarray, travel: float) -> None:
         """See :meth:`BayesFilter.predict`."""
@@ -90,7 +91,8 @@ class ParticleFilter:
         log_likelihood = np.full(len(self._states), -math.inf)
         log_likelihood[inside] = self._model.log_likelihood(self._states[inside], strain, present)
         prior, _ = normalize(np.where(inside, self._log_weights, -math.inf))
-        self._log_weights, _ = normalize(prior + exponent * log_likelihood)
+        posterior, log_total = normalize(prior + exponent * log_likelihood)
+        self._log_weights = posterior if log_total > -math.inf else prior
         expected = np.where(self._scene.on_feature(self._states), -math.inf, featureless)
         return normalize(prior + np.maximum(log_likelihood, expected))[1]
 
@@ -107,7 +109,7 @@ class ParticleFilter:
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`BayesFilter.hypotheses`."""
-        return self._states, np.exp(self._log_weights)
+        return self._states.copy(), np.exp(self._log_weights)
 
     def _place(self, states: np.ndarray) -> None:
         self._states = states

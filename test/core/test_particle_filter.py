@@ -134,8 +134,11 @@ def test_a_belief_that_has_left_the_scene_begins_anew():
 
 
 def test_when_no_state_explains_the_strain_nothing_is_learned():
-    particles = ParticleFilter(scene(), FlatModel(-math.inf), np.random.default_rng(0), 75)
+    model = linear()
+    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 75, resample_below=0.01)
+    particles.update(model.gain @ [0.02, 0.03], PRESENT, 1.0, NOWHERE)
     before = particles.belief()
+    model.log_likelihood = FlatModel(-math.inf).log_likelihood
     assert particles.update(STRAIN, PRESENT, 1.0, NOWHERE) == -math.inf
     np.testing.assert_allclose(particles.belief().mean, before.mean)
     np.testing.assert_allclose(particles.belief().covariance, before.covariance)
@@ -251,6 +254,23 @@ def test_yaw_wraps_around_as_the_belief_moves_on():
     assert belief.mean[2] == pytest.approx(4.0 - 2 * math.pi, abs=0.02)
     assert math.sqrt(belief.covariance[2, 2]) == pytest.approx(0.05, rel=0.2)
     assert np.abs(particles.hypotheses()[0][:, 2]).max() <= math.pi
+
+
+def test_a_seed_on_the_far_side_of_the_turn_lies_on_both_its_ends():
+    particles = ParticleFilter(scene(3, full_turn=True), FlatModel(), np.random.default_rng(0), 2000)
+    particles.seed(np.array([0.025, 0.025, math.pi]), np.array([0.1, 0.1, 0.1]))
+    belief = particles.belief()
+    assert math.pi - abs(belief.mean[2]) < 0.01
+    assert math.sqrt(belief.covariance[2, 2]) == pytest.approx(0.1, rel=0.1)
+
+
+def test_hypotheses_handed_out_do_not_change_afterwards():
+    particles = ParticleFilter(scene(), FlatModel(), np.random.default_rng(0), 75)
+    states, weights = particles.hypotheses()
+    before = states.copy(), weights.copy()
+    particles.recover(0.5)
+    np.testing.assert_array_equal(states, before[0])
+    np.testing.assert_array_equal(weights, before[1])
 
 
 @pytest.mark.parametrize(
