@@ -13,7 +13,7 @@ from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.featureless import Featureless
-from tactile_localizer.core.fit import held_out_fit
+from tactile_localizer.core.fit import held_out_fit, held_out_log_densities
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.localizer import Localizer
@@ -22,6 +22,7 @@ from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.recovery import Recovery
+from tactile_localizer.core.region import propose_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
@@ -55,6 +56,7 @@ def build_localizer(
         A parameter out of its range.
     """
     parameters = complete_parameters(scan, scene, progress)
+    scene = with_region(scan, scene, parameters)
     model = build_model(scan, scene, configuration, parameters)
     null = build_null(scan, scene, configuration, parameters)
     return Localizer(
@@ -104,11 +106,36 @@ def build_null(
     scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
 ) -> NullModel:
     """The position-blind explanation: featureless where the scene's region says so, or never scanned."""
-    positions, strain = training_pairs(scan, scene)
-    off = ~scene.on_feature(positions)
-    background = Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:]))
     unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
-    return NullModel(strain, scan.sweep, off, background, unknown)
+    return _null(scan, scene, parameters, unknown)
+
+
+def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
+    """The scene with a region proposed from the scan, where it gave none and what lies outside proves featureless.
+
+    It does when held-out sweeps are explained no better there by knowing the position than by the featureless null.
+    """
+    if scene.feature is not None:
+        return scene
+    candidate = dataclasses.replace(scene, feature=propose_region(scan, scene).region)
+    if candidate.feature is None:
+        return scene
+    off = np.flatnonzero(~candidate.on_feature(training_pairs(scan, candidate)[0]))
+    tried, of_map = held_out_log_densities(
+        scan, scene, off, lambda rest: build_model(rest, scene, Configuration(), parameters)
+    )
+    if len(tried) == 0:
+        return scene
+    null = _null(scan, candidate, parameters)
+    present = np.ones(len(scene.phalanges), dtype=bool)
+    of_null = [null.featureless(strain, present) for strain in training_pairs(scan, scene)[1][tried]]
+    return candidate if np.median(of_map - of_null) <= 0.0 else scene
+
+
+def _null(scan: Scan, scene: Scene, parameters: ModelParameters, unknown: float = -np.inf) -> NullModel:
+    positions, strain = training_pairs(scan, scene)
+    background = Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:]))
+    return NullModel(strain, scan.sweep, ~scene.on_feature(positions), background, unknown)
 
 
 def _build_filter(

@@ -24,15 +24,15 @@ from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 
-POSITION_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
-STRAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
-CORRELATION_LENGTHS = (0.0005, 0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02, 0.04)
+POSITION_FACTORS = (0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+STRAIN_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
+CORRELATION_LENGTHS = (0.0005, 0.001, 0.002, 0.003, 0.005, 0.008, 0.014, 0.03)
 """m of travel"""
 
 _STEP = 0.0005
 _LONGEST = 0.06
-_SEGMENTS = 8
-_MOST_CELLS = 2500
+_SEGMENTS = 6
+_MOST_CELLS = 2000
 _UNIFORM = 0.01
 
 Progress = Callable[[str, float], None]
@@ -65,7 +65,7 @@ def choose_parameters(scan: Scan, scene: Scene, progress: Progress | None = None
 
 
 def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[Trial]:
-    """Score candidates by coordinate ascent from the middle of the factors, and return all that were tried.
+    """Score candidates by ascent to the best neighbour from the middle of the factors, and return all that were tried.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
     position_std, strain_std = base_widths(scan, scene)
     segments = held_out_segments(scan, scene)
     trials: dict[tuple[int, int], list[Trial]] = {}
-    best = (POSITION_FACTORS.index(0.7), STRAIN_FACTORS.index(1.4))
-    expected = 14
+    best = (POSITION_FACTORS.index(1.0), STRAIN_FACTORS.index(1.0))
+    expected = 9
 
     def score(place: tuple[int, int]) -> float:
         if place not in trials:
@@ -93,9 +93,9 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
 
     while True:
         around = [
-            (i, j)
-            for i, j in itertools.product(range(best[0] - 1, best[0] + 2), range(best[1] - 1, best[1] + 2))
-            if 0 <= i < len(POSITION_FACTORS) and 0 <= j < len(STRAIN_FACTORS)
+            (best[0] + i, best[1] + j)
+            for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+            if 0 <= best[0] + i < len(POSITION_FACTORS) and 0 <= best[1] + j < len(STRAIN_FACTORS)
         ]
         leader = max(around, key=score)
         if score(leader) <= score(best):
@@ -185,7 +185,7 @@ def _evaluate(
 ) -> list[Trial]:
     """Scores of one pair of widths with every correlation length."""
     extent = scene.upper - scene.lower
-    cell = np.maximum(0.5 * position_std, extent * _MOST_CELLS ** (-1.0 / scene.dimension))
+    cell = np.maximum(0.25 * position_std, extent * _MOST_CELLS ** (-1.0 / scene.dimension))
     scores = {length: [] for length in CORRELATION_LENGTHS}  # type: dict[float, list[float]]
     for segment in segments:
         model = SumOfGaussians(segment.training, scene, position_std, strain_std, precision="float32")
