@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -12,11 +13,14 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from tactile_localizer.core.region import propose_region
+from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.display import INCH_MM, MM
 from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.scan_export import export_scan
 from tactile_localizer.io.scan_store import ScanStore, SweepInfo
+from tactile_localizer.io.scene_file import save_scene, scene_to_dict
 
 NAME = "scan"
 HELP = "look at scan files, mend them, write them in other forms"
@@ -48,7 +52,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export = action("export", "write the pairs as CSV or npz", _export)
     export.add_argument("scan", metavar="SCAN")
     export.add_argument("-o", "--output", required=True, metavar="FILE", help="*.csv or *.npz")
-    plot = action("plot", "draw the tactile map, the sweeps and neighbours' values", _plot)
+    region = action(
+        "region", "propose the feature's region, from where the strain is not featureless", _region
+    )
+    region.add_argument("scan", metavar="SCAN")
+    region.add_argument(
+        "-o", "--output", metavar="SCENE", help="write the scan's scene with the region (YAML)"
+    )
+    plot = action(
+        "plot", "draw the tactile map, the sweeps, neighbours' values and the feature's region", _plot
+    )
     plot.add_argument("scan", metavar="SCAN")
     plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR")
     plot.add_argument("--dpi", type=int, default=120, help="of the pictures (default 120)")
@@ -160,14 +173,40 @@ def _export(args: argparse.Namespace) -> int:
     return 0
 
 
+def _region(args: argparse.Namespace) -> int:
+    with ScanStore.open(args.scan) as store:
+        scan, scene = store.load(), store.scene
+    proposal = propose_region(scan, scene)
+    if proposal.region is None:
+        print(f"{args.scan}: no region: the material is alike everywhere, or differs everywhere")
+        return 0
+    accepted = replace(scene, feature=proposal.region)
+    print(f"{args.scan}: proposed region of the feature, confidence {proposal.confidence:.0%}")
+    limits = zip(scene.axis_names, proposal.region.lower, proposal.region.upper, strict=True)
+    for axis, lower, upper in limits:
+        print(f"  {axis} {_range(axis, lower, upper)}")
+    sides = ", ".join(
+        f"{axis}: [{low:.4f}, {high:.4f}]" for axis, (low, high) in scene_to_dict(accepted)["feature"].items()
+    )
+    print(f"as a line of the scene file, to accept or change:\nfeature: {{{sides}}}")
+    if args.output:
+        save_scene(accepted, args.output)
+        print(f"written to {args.output}")
+    return 0
+
+
 def _plot(args: argparse.Namespace) -> int:
-    from tactile_localizer.evaluation.map_figures import scan_figures  # matplotlib takes a second
+    # matplotlib takes a second, which no other action needs.
+    from tactile_localizer.evaluation.map_figures import scan_figures
+    from tactile_localizer.evaluation.region_figure import region_sheet
 
     with ScanStore.open(args.scan) as store:
         scan, scene, unit = store.load(), store.scene, store.units["strain"]
     try:
         args.output.mkdir(parents=True, exist_ok=True)
-        for name, figure in scan_figures(scan, scene, unit=unit).items():
+        figures = scan_figures(scan, scene, unit=unit)
+        figures["region"] = region_sheet(make_map(scan, scene), scene, propose_region(scan, scene), unit=unit)
+        for name, figure in figures.items():
             path = args.output / f"{name}.png"
             figure.savefig(path, dpi=args.dpi)
             print(path)

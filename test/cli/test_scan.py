@@ -7,8 +7,9 @@ import pytest
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.scan_store import ScanStore
-from tactile_localizer.io.scene_file import save_scene, scene_from_dict
+from tactile_localizer.io.scene_file import load_scene, save_scene, scene_from_dict
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.sim import simulate_scan
 
 SCENE = Scene(
     "sheet",
@@ -163,10 +164,42 @@ def test_an_exported_npz_holds_pairs_and_scene(scan):
         assert list(file["phalanges"]) == ["index", "middle"]
 
 
+def simulated(feature: str) -> None:
+    recorded = simulate_scan(feature, seed=1).to_scan()
+    scene = Scene(
+        feature,
+        (Axis("x", -0.001, 0.0518), Axis("y", -0.001, 0.0518)),
+        (Phalanx("index", (0.0, 0.0127)), Phalanx("middle", (0.0, -0.0127))),
+    )
+    with ScanStore.create(f"{feature}.db", scene) as store:
+        store.begin_sweep()
+        store.append(np.arange(len(recorded)), recorded.states, recorded.strain)
+
+
+def test_a_region_is_proposed_and_written_to_a_scene_when_asked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    simulated("bump")
+    assert main(["scan", "region", "bump.db", "-o", "scene.yaml"]) == 0
+    output = capsys.readouterr().out
+    assert "proposed region of the feature, confidence " in output
+    region = load_scene("scene.yaml").feature
+    assert 0.01 < region.lower[0] < 0.02
+    assert 0.04 < region.upper[0] < 0.05
+    assert f"feature: {{x: [{region.lower[0]:.4f}, {region.upper[0]:.4f}]" in output
+
+
+def test_material_without_a_feature_has_no_region(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    simulated("none")
+    assert main(["scan", "region", "none.db", "-o", "scene.yaml"]) == 0
+    assert "no region" in capsys.readouterr().out
+    assert not (tmp_path / "scene.yaml").exists()
+
+
 def test_plot_draws_every_picture(scan, capsys):
     assert main(["scan", "plot", "scan.db", "-o", "pictures", "--dpi", "30"]) == 0
     drawn = capsys.readouterr().out.split()
-    assert "pictures/map_index.png" in drawn
+    assert {"pictures/map_index.png", "pictures/region.png"} <= set(drawn)
     for name in drawn:
         assert (scan.parent / name).read_bytes().startswith(b"\x89PNG")
 
