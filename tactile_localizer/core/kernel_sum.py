@@ -19,6 +19,7 @@ import numpy as np
 
 from tactile_localizer.core.measurement import flatten_axes
 from tactile_localizer.core.pair_block import REACH, PairBlock
+from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import GAUGES
 
@@ -61,6 +62,7 @@ class KernelSum:
         self.position_std = np.asarray(position_std, dtype=np.float64)
         self._strain_std = np.asarray(strain_std, dtype=np.float64)
         self._dtype = np.dtype(dtype)
+        self._wraps = wraps
         self._strain = strain
         self._centre = strain.mean(axis=0)
         index, unrolled = unroll(positions, wraps, REACH * self.position_std)
@@ -80,12 +82,16 @@ class KernelSum:
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """The sums at states (P, d), m, for a strain (8F,), V, of the phalanges ``present`` (F,) bool.
 
+        A full-turn axis is periodic: any turn of it will do.
+
         Returns
         -------
         sums : (P,) position kernel (one at its centre) times strain kernel (one for the nearest pair)
         density : (P,) the position kernel alone
         log_scale : logarithm of the factor that makes ``sums`` a density over z
         """
+        if self._wraps.any():
+            states = np.where(self._wraps, wrap_angle(states), states)
         scaled = states / self.position_std
         block = self._block_for(scaled.min(axis=0), scaled.max(axis=0))
         if len(block) == 0:
@@ -101,6 +107,7 @@ class KernelSum:
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """The same at every combination of d coordinates: arrays (C1, ..., Cd)."""
         shape = tuple(len(coordinates) for coordinates in axes)
+        axes = [wrap_angle(c) if wraps else c for c, wraps in zip(axes, self._wraps, strict=True)]
         states = flatten_axes(axes)
         scaled = [coordinates / std for coordinates, std in zip(axes, self.position_std, strict=True)]
         block = self._block_for(np.array([c.min() for c in scaled]), np.array([c.max() for c in scaled]))

@@ -1,0 +1,67 @@
+"""The measurement models once more, written as the paper does, pair by pair: slow, plain, for comparison.
+
+And a check that a log-likelihood is a normalised density over the strain, by importance sampling.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy import stats
+from scipy.special import logsumexp
+
+FLOOR = 0.01
+
+
+def background(strain: np.ndarray, strain_std: float) -> list[stats.multivariate_t]:
+    """One frozen Student-t distribution a phalanx."""
+    scale = 2.0 * np.hypot(strain.std(axis=0), strain_std)
+    mean = strain.mean(axis=0)
+    return [
+        stats.multivariate_t(mean[i : i + 8], np.diag(scale[i : i + 8] ** 2), df=3)
+        for i in range(0, strain.shape[1], 8)
+    ]
+
+
+def sum_of_gaussians(
+    positions: np.ndarray,
+    strain: np.ndarray,
+    position_std: np.ndarray,
+    strain_std: float,
+    state: np.ndarray,
+    measured: np.ndarray,
+    conditional: bool = True,
+) -> float:
+    """Log of (S + a b) / (D + a), with position kernels of peak one (paper, Eq. 4)."""
+    near = np.array([-0.5 * np.sum(((state - place) / position_std) ** 2) for place in positions])
+    kernels = np.array([stats.norm.logpdf(measured, felt, strain_std).sum() for felt in strain])
+    extent = np.maximum(np.ptp(positions, axis=0), position_std * math.sqrt(2 * math.pi))
+    typical = len(positions) * np.prod(position_std * math.sqrt(2 * math.pi) / extent)
+    broad = sum(
+        one.logpdf(measured[8 * i : 8 * i + 8]) for i, one in enumerate(background(strain, strain_std))
+    )
+    total = np.logaddexp(logsumexp(near + kernels), math.log(FLOOR * typical) + broad)
+    return float(total - math.log((np.exp(near).sum() if conditional else typical) + FLOOR * typical))
+
+
+def integral(
+    log_density: Callable[[np.ndarray], float],
+    near: Callable[[np.random.Generator], np.ndarray],
+    log_near: Callable[[np.ndarray], float],
+    broad: list[stats.multivariate_t],
+    count: int = 2000,
+) -> float:
+    """Integral of a density over the strain, from samples of an even mixture of ``near`` and ``broad``.
+
+    ``near`` draws a strain and ``log_near`` is the logarithm of its density, written by the test.
+    """
+    rng = np.random.default_rng(0)
+    ratios = []
+    for draw in range(count):
+        measured = near(rng) if draw % 2 else np.concatenate([one.rvs(random_state=rng) for one in broad])
+        log_broad = sum(one.logpdf(measured[8 * i : 8 * i + 8]) for i, one in enumerate(broad))
+        mixture = np.logaddexp(log_near(measured), log_broad) - math.log(2)
+        ratios.append(math.exp(log_density(measured) - mixture))
+    return float(np.mean(ratios))
