@@ -155,6 +155,9 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     except TactileLocalizerError as error:
         rclpy.logging.get_logger("tactile_localizer").error(str(error))
         return 2
+    except RuntimeError:  # rclpy's own, where a signal comes while it prepares to wait
+        if rclpy.ok():
+            raise
     finally:
         if node is not None:
             node.close()
