@@ -46,8 +46,8 @@ demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap
 	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
 
 .PHONY: bench
-bench: build ## Measure speed and accuracy
-	@$(run) tactile-localizer bench --out out/bench
+bench: build ## Measure the speed of everything that benchmarks/ has, into out/bench.json
+	@for script in $$(grep -l __main__ benchmarks/*.py); do echo "$$script"; $(run) python $$script || exit 1; done
 
 .PHONY: soak
 soak: build ## Run the live system under injected faults (MINUTES=30)
