@@ -8,10 +8,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-import os
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterable
@@ -20,17 +16,18 @@ from typing import Any
 
 import can
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from nodes import BEST_EFFORT, BUS, CHANNEL, PORT, Nodes, cpu_s
 from record import record, row
 
 from tactile_localizer.io.can_assembler import CycleAssembler
 from tactile_localizer.io.can_layout import SignalNames, load_dbc, phalanges_of
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import resource_path
 
-ROOT = Path(__file__).parent.parent
 DBC = resource_path("config/loadcells.dbc")
 BATCH = 1024
-CHANNEL, PORT = "239.74.163.2", 43190
 
 
 def recorded_stream(protocol: LoadCellProtocol, cycles: int, rate_hz: float) -> list[can.Message]:
@@ -74,12 +71,6 @@ def decode(cycles: int = 5000, rate_hz: float = 500.0) -> list[dict[str, Any]]:
     ]
 
 
-def cpu_s(pid: int) -> float:
-    """CPU time that a process has taken, s."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def send(rate_hz: float, seconds: float) -> int:
     """Send 2 phalanges' frames at ``rate_hz``, paced by the cycle; returns how many were sent."""
     protocol = LoadCellProtocol.from_dbc(DBC, ("index", "middle"))
@@ -101,84 +92,45 @@ def send(rate_hz: float, seconds: float) -> int:
 class Health:
     """Counts of strain vectors, and what the driver's last diagnostics said."""
 
-    def __init__(self) -> None:
-        import rclpy
-        from diagnostic_msgs.msg import DiagnosticArray
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
-
-        from tactile_localizer.msg import StrainVectors
-
-        rclpy.init()
-        self.node = rclpy.create_node("bench")
+    def __init__(self, nodes: Nodes) -> None:
         self.strains = 0
         self.told: dict[str, str] = {}
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.node.create_subscription(StrainVectors, "strain", self._count, best_effort, raw=True)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._keep, 10)
+        nodes.probe.create_subscription(StrainVectors, "strain", self._count, BEST_EFFORT, raw=True)
+        nodes.probe.create_subscription(DiagnosticArray, "/diagnostics", self._keep, 10)
 
     def _count(self, message: bytes) -> None:
         self.strains += 1
 
-    def _keep(self, array: Any) -> None:
+    def _keep(self, array: DiagnosticArray) -> None:
         for status in array.status:
             if status.name == "driver_node: CAN bus":
                 self.told = {pair.key: pair.value for pair in status.values}
 
-    def spin_until(self, condition: Any, timeout_s: float) -> None:
-        """Spin until ``condition`` holds."""
-        import rclpy
-
-        end_s = time.monotonic() + timeout_s
-        while not condition():
-            if time.monotonic() > end_s:
-                raise SystemExit(f"waited {timeout_s:g} s for the driver; it told {self.told}")
-            rclpy.spin_once(self.node, timeout_sec=0.1)
-
 
 def bus(rate_hz: float = 1000.0, seconds: float = 60.0) -> list[dict[str, Any]]:
     """2 phalanges at 1 kHz over the simulated bus, from one process to the driver to this one."""
-    options = {"interface": "udp_multicast", "channel": CHANNEL, "bus_options": f"['port={PORT}']"}
-    arguments = [part for name, value in options.items() for part in ("-p", f"{name}:={value}")]
-    with tempfile.TemporaryDirectory() as directory:
-        tare = ["-p", f"tare_file:={directory}/tare.yaml"]
-        driver = subprocess.Popen(
-            [sys.executable, ROOT / "scripts" / "driver_node", "--ros-args", *arguments, *tare]
-        )
-        sender = None
-        try:
-            health = Health()
-            health.spin_until(lambda: health.told, 20)
-            before_s = cpu_s(driver.pid)
-            sender = subprocess.Popen(
-                [sys.executable, __file__, "--send", str(rate_hz), "--seconds", str(seconds)],
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-            health.spin_until(lambda: sender.poll() is not None, seconds + 30)
-            taken_s = cpu_s(driver.pid) - before_s
-            sent = int(json.loads(sender.stdout.read())["sent"])  # type: ignore[union-attr]
-            settled = time.monotonic() + 2.5  # two more rounds of diagnostics
-            health.spin_until(lambda: time.monotonic() > settled, 10)
-        finally:
-            for process in (sender, driver):
-                if process is not None and process.poll() is None:
-                    process.send_signal(signal.SIGINT)
-                    process.wait(10)
+    with tempfile.TemporaryDirectory() as directory, Nodes() as nodes:
+        driver = nodes.start_node("driver_node", BUS | {"tare_file": f"{directory}/tare.yaml"})
+        health = Health(nodes)
+        nodes.until(lambda: health.told, "the driver", 20)
+        before_s = cpu_s(driver)
+        sender = nodes.start(__file__, "--send", str(rate_hz), "--seconds", str(seconds))
+        nodes.until(lambda: sender.poll() is not None, "the sender", seconds + 30)
+        taken_s = cpu_s(driver) - before_s
+        sent = int(json.loads(sender.stdout.read())["sent"])  # type: ignore[union-attr]
+        settled_s = time.monotonic() + 2.5  # two more rounds of diagnostics
+        nodes.until(lambda: time.monotonic() > settled_s, "the driver", 10)
     told = health.told
     dropped = int(told["queue_drops"])
     read = sum(int(told[f"frames_{kind.name.lower()}"]) for kind in FrameKind)
+    missed = sent // 4 - int(told["cycles_withheld"]) - health.strains
     what = {"rate_hz": rate_hz, "seconds": seconds, "frames_sent": sent, "phalanges": 2}
     return [
         row("driver: CPU at 2 phalanges, 1 kHz", taken_s / seconds, "cores", "<= 0.5", **what),
         row("driver: frames lost after the socket", sent - dropped - read, "frames", "<= 0", **what),
         row("driver: frames dropped by the kernel's queue", dropped, "frames", **what),
         row("driver: cycles incomplete", int(told["cycles_incomplete"]), "cycles", "<= 0", **what),
-        row(
-            "driver: cycles that a subscriber missed",
-            sent // 4 - int(told["cycles_withheld"]) - health.strains,
-            "cycles",
-            **what,
-        ),
+        row("driver: cycles that a subscriber missed", missed, "cycles", **what),
     ]
 
 
@@ -191,7 +143,6 @@ def main() -> None:
     if args.send:
         print(json.dumps({"sent": send(args.send, args.seconds)}))
         return
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     record([*decode(), *bus(seconds=args.seconds)])
 
 

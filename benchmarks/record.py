@@ -25,6 +25,7 @@ _PACKAGES = ("numpy", "scipy", "python-can", "cantools", "rclpy")
 
 def row(name: str, value: float, unit: str, limit: str | None = None, **more: Any) -> dict[str, Any]:
     """One measurement; ``limit`` such as ``<= 0.5`` says what is asked for."""
+    value = float(value)
     answer: dict[str, Any] = {"name": name, "value": value, "unit": unit}
     if limit is not None:
         relation, bound = limit.split()

@@ -1,0 +1,81 @@
+"""The package's nodes as processes of their own, for as long as a measurement takes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+ROOT = Path(__file__).parent.parent
+CHANNEL, PORT = "239.74.163.2", 43190
+BUS = {"interface": "udp_multicast", "channel": CHANNEL, "bus_options": f"['port={PORT}']"}
+"""Parameters of the simulated bus."""
+
+BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Nodes:
+    """Processes that end with the ``with`` block, and a node of our own, ``probe``, that listens."""
+
+    def __init__(self) -> None:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        rclpy.init()
+        self.probe = rclpy.create_node("bench")
+        self._started: list[subprocess.Popen[str]] = []
+
+    def __enter__(self) -> Nodes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in reversed(self._started):
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self._started:
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+        self.probe.destroy_node()
+        rclpy.try_shutdown()
+
+    def start(self, *command: str | Path) -> subprocess.Popen[str]:
+        """Start a Python program; its standard output can be read."""
+        arguments = [sys.executable, *map(str, command)]
+        self._started.append(subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True))
+        return self._started[-1]
+
+    def start_node(self, name: str, parameters: Mapping[str, Any]) -> subprocess.Popen[str]:
+        """Start one of the package's nodes."""
+        arguments = [part for key, value in parameters.items() for part in ("-p", f"{key}:={value}")]
+        return self.start(ROOT / "scripts" / name, "--ros-args", *arguments)
+
+    def until(self, condition: Callable[[], Any], what: str, timeout_s: float) -> None:
+        """Spin until ``condition`` holds; the program ends where it does not in time."""
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > end_s:
+                raise SystemExit(f"waited {timeout_s:g} s for {what}")
+            rclpy.spin_once(self.probe, timeout_sec=0.1)
+
+    def call(self, kind: Any, service: str) -> Any:
+        """A service's answer."""
+        client = self.probe.create_client(kind, service)
+        self.until(client.service_is_ready, f"service {service}", 30)
+        future = client.call_async(kind.Request())
+        self.until(future.done, f"an answer of {service}", 60)
+        self.probe.destroy_client(client)
+        return future.result()
+
+
+def cpu_s(process: subprocess.Popen[str]) -> float:
+    """CPU time that a process has taken, s."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
