@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -24,11 +25,13 @@ from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.nodes import palm_pose, stamps
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.map_publisher import MapPublisher
+from tactile_localizer.nodes.mapping_diagnostics import MappingDiagnostics
 from tactile_localizer.nodes.parameters import Parameter
 from tactile_localizer.nodes.strain_vectors import StrainReader
 
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.5
+_DIAGNOSTICS_PERIOD_S = 1.0
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file; recording goes on in one that exists"),
@@ -56,6 +59,7 @@ class MappingNode(ManagedNode):
         self._recorder: SweepRecorder | None = None
         self._pairing: Pairing[Felt] | None = None
         self._status: Any = None
+        self._health: Any = None
         self._map: MapPublisher | None = None
         self._made: list[tuple[Callable[[Any], Any], Any]] = []
 
@@ -78,6 +82,8 @@ class MappingNode(ManagedNode):
             depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
         self._status = self.create_publisher(ScanStatus, "~/status", latched)
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = MappingDiagnostics(self.get_name())
         self._map = MapPublisher(self, store.path, of["material_frame"])
         self._map.refresh()
 
@@ -88,6 +94,7 @@ class MappingNode(ManagedNode):
         self._rate = 0.0
         self._last_sweep: int | None = None
         self._refusals: dict[str, str] = {}
+        self._failure = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         for kind, topic, work, qos in (
@@ -99,7 +106,11 @@ class MappingNode(ManagedNode):
             self._made.append((self.destroy_service, self.create_service(Trigger, name, answer)))
         # Time that cannot be set back or stand still, whatever the nodes' clock does.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        for period_s, tick in ((_COMMIT_PERIOD_S, self._commit), (_STATUS_PERIOD_S, self._on_status_due)):
+        for period_s, tick in (
+            (_COMMIT_PERIOD_S, self._commit),
+            (_STATUS_PERIOD_S, self._on_status_due),
+            (_DIAGNOSTICS_PERIOD_S, self._on_diagnostics_due),
+        ):
             self._made.append((self.destroy_timer, self.create_timer(period_s, tick, clock=steady)))
         self._publish_status(self._newest_ns)
 
@@ -121,9 +132,9 @@ class MappingNode(ManagedNode):
         if self._recorder is not None:
             recorder, self._recorder = self._recorder, None
             self._attempt_to(recorder.store.close)
-        if self._status is not None:
-            self.destroy_publisher(self._status)
-            self._status = None
+        for made in filter(None, (self._status, self._health)):
+            self.destroy_publisher(made)
+        self._status = self._health = None
 
     def _detector(self) -> SweepDetector | None:
         of = self.parameters
@@ -183,7 +194,9 @@ class MappingNode(ManagedNode):
         def start(recorder: SweepRecorder) -> str:
             for reason in self._refusals.values():
                 raise ScanError(f"start sweep: {reason}")
-            return f"sweep {recorder.start(self._newest_ns)} begins"
+            number = recorder.start(self._newest_ns)
+            self._failure = ""
+            return f"sweep {number} begins"
 
         return self._answer(response, start)
 
@@ -211,6 +224,16 @@ class MappingNode(ManagedNode):
             (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
             self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
         self._publish_status(self._newest_ns)
+
+    def _on_diagnostics_due(self) -> None:
+        if self._recorder is None or self._pairing is None:
+            return
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.status = [
+            self._diagnostics.status(self._recorder, self._pairing, self._refusals, self._failure)
+        ]
+        self._health.publish(message)
 
     @property
     def _newest_ns(self) -> int:
@@ -242,7 +265,8 @@ class MappingNode(ManagedNode):
         try:
             work(*arguments)
         except ScanError as error:
-            self._complain(str(error))
+            self._failure = str(error)
+            self._complain(self._failure)
             self._publish_status(self._newest_ns)
 
     def _complain(self, text: str) -> None:

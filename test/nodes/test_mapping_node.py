@@ -1,5 +1,6 @@
 """The mapping node records what was felt where, by stamps, and says how it goes."""
 
+import resource
 import signal
 
 import numpy as np
@@ -164,6 +165,57 @@ def test_the_map_is_shown_when_a_sweep_has_ended_and_kept_for_late_subscribers(n
     probe.until(lambda: clouds, "the map")
     assert clouds[-1].header.frame_id == "material"
     assert clouds[-1].width > 0
+
+
+def test_diagnostics_tell_what_is_recorded_and_what_is_lost(node_process, probe, files):
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    told = probe.listen(DiagnosticArray, "/diagnostics", 10)
+
+    def latest():
+        return told[-1].status[0] if told else None
+
+    probe.until(latest, "diagnostics")
+    assert (latest().name, latest().level, latest().message) == (
+        "mapping: scan",
+        DiagnosticStatus.OK,
+        "no sweep under way",
+    )
+    hand.service("start_sweep")
+    hand.slide(100)
+    hand.slide(200, poses=False)
+    hand.slide(100)
+    probe.until(lambda: any(m.status[0].level == DiagnosticStatus.WARN for m in told), "a warning")
+    warning = next(m.status[0] for m in told if m.status[0].level == DiagnosticStatus.WARN)
+    assert "samples without a pose" in warning.message
+    hand.frame = "map"
+    hand.slide(40)
+    probe.until(lambda: latest().level == DiagnosticStatus.ERROR, "an error")
+    assert latest().message.startswith("recording sweep 1: palm_pose: palm pose frame 'map'")
+
+
+def test_a_full_disk_is_told_and_the_node_lives_to_record_when_there_is_room(node_process, probe, files):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    hand.service("start_sweep")
+    hand.slide(100)
+    hand.wait_for_stamp(100)
+    limit = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1000, limit[1]))
+    probe.until(lambda: hand.slide(50) or not hand.statuses[-1].sweep_active, "the end of the sweep")
+    assert "could not write" in process.output
+    assert "Traceback" not in process.output
+    assert not hand.service("start_sweep").success
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limit)
+    assert hand.service("start_sweep").success
+    hand.slide(100)
+    hand.wait_for_stamp(hand.now_ms)
+    assert process.stop() == 0
+    _, sweeps, _ = load(files)
+    assert sweeps[-1].ended
+    assert sweeps[-1].pairs > 0
 
 
 def test_a_second_node_on_the_file_is_refused_and_the_first_goes_on(node_process, probe, files):
