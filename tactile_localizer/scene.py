@@ -91,7 +91,11 @@ class Region:
 
     def contains(self, positions: np.ndarray) -> np.ndarray:
         """Which of ``positions`` (N, d), in phalanx coordinates, lie in the region: (N,) bool."""
-        return np.all((positions >= np.asarray(self.lower)) & (positions <= np.asarray(self.upper)), axis=1)
+        inside = np.ones(len(positions), dtype=bool)
+        # An axis at a time: a reduction over two or three columns is slow.
+        for coordinates, low, high in zip(positions.T, self.lower, self.upper, strict=True):
+            inside &= (coordinates >= low) & (coordinates <= high)
+        return inside
 
 
 @dataclass(frozen=True)
@@ -164,13 +168,20 @@ class Scene:
         return np.array([axis.wraps for axis in self.axes])
 
     def on_feature(self, states: np.ndarray) -> np.ndarray:
-        """At which palm ``states`` (P, d) some phalanx is in the feature's region: (P,) bool; all, where none is known."""
+        """At which ``states`` (P, d) a phalanx is in the feature's region: (P,) bool; all, where none is known."""
         if self.feature is None:
             return np.ones(len(states), dtype=bool)
         on = np.zeros(len(states), dtype=bool)
         for phalanx in self.phalanges:
-            on |= self.feature.contains(states + np.asarray(phalanx.offset))
+            on |= self.feature.contains(self.placed(states, phalanx))
         return on
+
+    def placed(self, states: np.ndarray, phalanx: Phalanx) -> np.ndarray:
+        """Where ``phalanx`` is when the palm is at ``states`` (P, d): (P, d), full turns in [-pi, pi)."""
+        positions = states + np.asarray(phalanx.offset)
+        for axis in np.flatnonzero(self.wraps):
+            positions[:, axis] = (positions[:, axis] + math.pi) % (2.0 * math.pi) - math.pi
+        return positions
 
     def columns(self, names: tuple[str, ...]) -> np.ndarray:
         """Columns of this scene's axes in states on the axes ``names``, (d,) int.

@@ -13,8 +13,9 @@ from tactile_localizer.core.measurement import checked, positive
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import FLOOR, PhalanxKernels, dtype_of, training_pairs
+from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import SceneError
-from tactile_localizer.scene import GAUGES, Region, Scene
+from tactile_localizer.scene import GAUGES, Phalanx, Scene
 
 
 class Featureless:
@@ -55,22 +56,18 @@ class Featureless:
         self._phalanges = []
         for index, phalanx in enumerate(scene.phalanges):
             columns = slice(GAUGES * index, GAUGES * (index + 1))
-            self._phalanges.append(
-                _PhalanxModel(
-                    np.asarray(phalanx.offset),
-                    scene.feature,
-                    PhalanxKernels(
-                        positions + np.asarray(phalanx.offset),
-                        strain[:, columns],
-                        position_std,
-                        strain_std[columns],
-                        scene.wraps,
-                        evaluation=evaluation,
-                        dtype=dtype_of(precision),
-                    ),
-                    _off_feature(positions + np.asarray(phalanx.offset), strain[:, columns], scene, phalanx.name),
-                )
+            places = scene.placed(positions, phalanx)
+            kernels = PhalanxKernels(
+                places,
+                strain[:, columns],
+                position_std,
+                strain_std[columns],
+                scene.wraps,
+                evaluation=evaluation,
+                dtype=dtype_of(precision),
             )
+            off = _off_feature(places, strain[:, columns], scene, phalanx.name)
+            self._phalanges.append(_PhalanxModel(scene, phalanx, kernels, off))
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -105,11 +102,13 @@ class _PhalanxModel:
 
     _PRESENT = np.ones(1, dtype=bool)
 
-    def __init__(self, offset: np.ndarray, region: Region, kernels: PhalanxKernels, off: Normal) -> None:
-        self._offset, self._region, self._kernels, self._off = offset, region, kernels, off
+    def __init__(self, scene: Scene, phalanx: Phalanx, kernels: PhalanxKernels, off: Normal) -> None:
+        assert scene.feature is not None
+        self._scene, self._phalanx, self._region = scene, phalanx, scene.feature
+        self._kernels, self._off = kernels, off
 
     def at_states(self, states: np.ndarray, strain: np.ndarray, field: bool) -> np.ndarray:
-        positions = states + self._offset
+        positions = self._scene.placed(states, self._phalanx)
         total = np.full(len(states), self._log_off(strain))
         on = self._region.contains(positions)
         if on.any():
@@ -124,7 +123,10 @@ class _PhalanxModel:
         return total
 
     def on_axes(self, axes: list[np.ndarray], strain: np.ndarray) -> np.ndarray:
-        moved = [coordinates + offset for coordinates, offset in zip(axes, self._offset, strict=True)]
+        moved = [
+            wrap_angle(coordinates + offset) if wraps else coordinates + offset
+            for coordinates, offset, wraps in zip(axes, self._phalanx.offset, self._scene.wraps, strict=True)
+        ]
         total = np.full(tuple(len(coordinates) for coordinates in axes), self._log_off(strain))
         inside = [
             np.flatnonzero((coordinates >= low) & (coordinates <= high))

@@ -1,0 +1,212 @@
+"""On the feature a phalanx is explained by where it is, off it by one Gaussian: both are densities."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.special import logsumexp
+from support import densities
+from support.scans import density, total_variation
+
+from tactile_localizer.core.featureless import Featureless
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import SceneError
+from tactile_localizer.scene import Axis, Phalanx, Region, Scene
+
+REGION = Region((0.02, -math.inf), (0.04, math.inf))
+SCENE = Scene(
+    "bump",
+    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)),
+    (Phalanx("index", (0.006, 0.0)), Phalanx("middle", (-0.006, 0.0))),
+    REGION,
+)
+INDEX, MIDDLE = np.array([True, False]), np.array([False, True])
+POSITION_STD, STRAIN_STD = np.array([0.002, 0.004]), 0.05
+
+
+def felt(place: np.ndarray) -> np.ndarray:
+    """Strain of a fingertip at (N, 2): a ramp up the feature, the same on both fingers, (N, 8)."""
+    along = np.where(np.abs(place[:, :1] - 0.03) <= 0.01, (place[:, :1] - 0.02) / 0.02, 0.0)
+    return along * np.linspace(0.5, 1.5, 8)
+
+
+def made(seed=0, pairs=600, noise=0.03):
+    rng = np.random.default_rng(seed)
+    states = 0.05 * rng.random((pairs, 2))
+    strain = np.concatenate([felt(states + np.array(p.offset)) for p in SCENE.phalanges], axis=1)
+    return Scan(
+        states,
+        strain + noise * rng.standard_normal(strain.shape),
+        np.arange(pairs) // 60,
+        ("x", "y"),
+        ("index", "middle"),
+    )
+
+
+def model(scan=None, evaluation="exact", scene=SCENE):
+    return Featureless(made() if scan is None else scan, scene, POSITION_STD, STRAIN_STD, evaluation)
+
+
+def off_feature(scan, finger):
+    """Mean and covariance of a finger's strains where it was off the feature, written out."""
+    place = scan.states + np.array(SCENE.phalanges[finger].offset)
+    own = scan.strain[(place[:, 0] < 0.02) | (place[:, 0] > 0.04), 8 * finger : 8 * finger + 8]
+    return own.mean(axis=0), np.cov(own.T, bias=True) * (1 + 1e-3 * np.eye(8))
+
+
+@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
+def test_it_is_the_product_over_phalanges_written_out(evaluation):
+    scan = made()
+    rng = np.random.default_rng(1)
+    states = 0.05 * rng.random((25, 2))
+    measured = scan.strain[17]
+    expected = np.zeros(25)
+    for finger in range(2):
+        offset, own = np.array(SCENE.phalanges[finger].offset), slice(8 * finger, 8 * finger + 8)
+        broad = densities.background(scan.strain[:, own], STRAIN_STD)[0].logpdf(measured[own])
+        mean, covariance = off_feature(scan, finger)
+        off = np.logaddexp(
+            stats.multivariate_normal(mean, covariance).logpdf(measured[own]), math.log(0.01) + broad
+        ) - math.log(1.01)
+        for row, state in enumerate(states):
+            place = state + offset
+            expected[row] += (
+                densities.sum_of_gaussians(
+                    scan.states + offset, scan.strain[:, own], POSITION_STD, STRAIN_STD, place, measured[own]
+                )
+                if 0.02 <= place[0] <= 0.04
+                else off
+            )
+    found = model(scan, evaluation).log_likelihood(states, measured)
+    np.testing.assert_allclose(found, expected, atol=1e-4 if evaluation == "exact" else 0.02)
+
+
+@pytest.mark.parametrize("x", [0.03, 0.0205, 0.01, 0.049])
+def test_both_branches_are_densities_over_the_strain(x):
+    """Dropping a normalisation would shift mass across the region's border."""
+    scan = made()
+    whole, state = model(scan), np.array([x - 0.006, 0.025])
+    place, strain = scan.states + np.array([0.006, 0.0]), scan.strain[:, :8]
+    if 0.02 <= x <= 0.04:
+        log_shares = -0.5 * np.sum(((place - state - np.array([0.006, 0.0])) / POSITION_STD) ** 2, axis=1)
+        log_shares -= logsumexp(log_shares)
+
+        def near(rng):
+            return strain[rng.choice(len(strain), p=np.exp(log_shares))] + STRAIN_STD * rng.standard_normal(8)
+
+        def log_near(measured):
+            squared = np.sum(((measured - strain) / STRAIN_STD) ** 2, axis=1)
+            return logsumexp(log_shares - 0.5 * squared) - 4 * math.log(2 * math.pi * STRAIN_STD**2)
+
+    else:
+        cluster = stats.multivariate_normal(*off_feature(scan, 0))
+
+        def near(rng):
+            return cluster.rvs(random_state=rng)
+
+        log_near = cluster.logpdf
+
+    total = densities.integral(
+        lambda measured: float(
+            whole.log_likelihood(state[None], np.concatenate([measured, np.full(8, np.nan)]), INDEX)[0]
+        ),
+        near,
+        log_near,
+        densities.background(strain, STRAIN_STD),
+    )
+    assert total == pytest.approx(1.0, abs=0.05)
+
+
+def test_whether_a_phalanx_is_on_the_feature_is_decided_by_where_it_is_not_by_the_palm():
+    whole = model()
+    measured = made().strain[0]
+    # Palm at 15 mm: the index at 21 mm is on the feature, the middle at 9 mm is off it.
+    moved = np.array([[0.015, 0.025], [0.016, 0.025], [0.017, 0.025]])
+    assert np.ptp(whole.log_likelihood(moved, measured, MIDDLE)) == 0.0
+    assert np.ptp(whole.log_likelihood(moved, measured, INDEX)) > 0.01
+    # Palm at 45 mm: the index at 51 mm has passed, the middle at 39 mm has not.
+    moved = np.array([[0.043, 0.025], [0.044, 0.025], [0.045, 0.025]])
+    assert np.ptp(whole.log_likelihood(moved, measured, INDEX)) == 0.0
+    assert np.ptp(whole.log_likelihood(moved, measured, MIDDLE)) > 0.01
+
+
+def test_training_pairs_are_placed_by_where_the_phalanx_was():
+    """What a fingertip feels at 30 mm puts the palm 30 mm less its own offset, whichever finger felt it."""
+    whole = model()
+    measured = np.tile(felt(np.array([[0.030, 0.0]])), 2)[0]
+    x = np.linspace(0.0, 0.05, 501)
+    states = np.stack([x, np.full(501, 0.025)], axis=1)
+    for present, offset in ((INDEX, 0.006), (MIDDLE, -0.006)):
+        best = x[np.argmax(whole.log_likelihood(states, measured, present))]
+        assert best + offset == pytest.approx(0.030, abs=0.001)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_silent_phalanx_drops_out_and_the_others_go_on(seed):
+    whole, rng = model(), np.random.default_rng(seed)
+    states, measured = 0.05 * rng.random((20, 2)), made().strain[seed % 600].copy()
+    apart = [whole.log_likelihood(states, measured, present) for present in (INDEX, MIDDLE)]
+    np.testing.assert_allclose(whole.log_likelihood(states, measured), sum(apart), atol=1e-9)
+    measured[:8] = rng.choice([np.nan, np.inf, 1e300])
+    np.testing.assert_allclose(whole.log_likelihood(states, measured, MIDDLE), apart[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("evaluation", ["truncated", "field"])
+def test_the_evaluations_agree(evaluation):
+    scan = made()
+    exact, other = model(scan), model(scan, evaluation)
+    axes = [np.linspace(0, 0.05, 61), np.linspace(0, 0.05, 33)]
+    states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    for row in range(0, 600, 60):
+        measured = scan.strain[row]
+        expected = density(exact.log_likelihood(states, measured))
+        assert total_variation(density(other.log_likelihood(states, measured)), expected) < 2e-3
+        assert total_variation(density(other.log_likelihood_on(axes, measured)).ravel(), expected) < 2e-3
+        many = np.repeat(states, 10, axis=0)
+        assert total_variation(density(other.log_likelihood(many, measured))[::10] * 10, expected) < 2e-3
+
+
+def test_a_finger_that_is_turned_finds_its_region_across_the_seam():
+    """Yaw of phalanx = yaw of palm + offset, taken round the turn."""
+    rng = np.random.default_rng(0)
+    region = Region((-3.0,), (-2.5,))
+    yaw = rng.random((800, 1)) * 2 * math.pi - math.pi
+    feels = 0.02 * rng.standard_normal((800, 8)) + np.exp(-0.5 * ((yaw + 2.75) / 0.1) ** 2)
+    models = []
+    for turn in (0.0, 1.0):
+        scene = Scene("knob", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (turn,)),), region)
+        palm = (yaw - turn + math.pi) % (2 * math.pi) - math.pi
+        models.append(
+            Featureless(Scan(palm, feels, np.arange(800) // 80, ("yaw",), ("index",)), scene, 0.1, 0.05)
+        )
+    place = np.linspace(-math.pi, math.pi - 1e-9, 200)[:, None]
+    palm = (place - 1.0 + math.pi) % (2 * math.pi) - math.pi
+    for measured in (feels[3], np.full(8, 1.0)):
+        np.testing.assert_allclose(
+            models[1].log_likelihood(palm, measured), models[0].log_likelihood(place, measured), atol=0.01
+        )
+        np.testing.assert_allclose(
+            models[1].log_likelihood_on([palm[:, 0]], measured),
+            models[0].log_likelihood(place, measured),
+            atol=0.01,
+        )
+
+
+def test_a_scene_without_a_region_is_refused():
+    plain = Scene("plain", SCENE.axes, SCENE.phalanges)
+    with pytest.raises(SceneError, match="scene plain: expected a feature region for the model featureless"):
+        model(scene=plain)
+
+
+@pytest.mark.parametrize(
+    ("region", "side"), [(Region((-1, -1), (1, 1)), "inside"), (Region((0.5, 0), (0.6, 1)), "outside")]
+)
+def test_a_region_without_both_sides_is_refused(region, side):
+    scene = Scene("plain", SCENE.axes, SCENE.phalanges, region)
+    with pytest.raises(
+        SceneError, match=f"phalanx index on both sides of the feature region, all are {side}"
+    ):
+        model(scene=scene)
