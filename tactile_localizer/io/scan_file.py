@@ -128,8 +128,9 @@ def _open(path: Path, writable: bool) -> sqlite3.Connection:
         connection = _connect(f"{uri}?mode=ro")
         connection.execute("SELECT count(*) FROM sqlite_master")
     except sqlite3.OperationalError:
-        # A write-ahead file needs a folder that can be written; a closed one on a read-only disk does not.
-        if Path(f"{path}-wal").exists():
+        # Sharing a write-ahead log needs a folder that can be written; without a log nothing is shared.
+        log = Path(f"{path}-wal")
+        if log.exists() and log.stat().st_size:
             raise
         connection = _connect(f"{uri}?immutable=1")
     return connection

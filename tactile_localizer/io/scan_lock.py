@@ -50,10 +50,16 @@ class ScanLock:
                 ) from None
             # A writer that has just closed may have removed the file that was opened here.
             if self._is_current(descriptor):
-                os.ftruncate(descriptor, 0)
-                os.write(descriptor, str(os.getpid()).encode())
-                return descriptor
+                break
             os.close(descriptor)
+        try:
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, str(os.getpid()).encode())
+        except OSError:
+            self.path.unlink(missing_ok=True)
+            os.close(descriptor)
+            raise
+        return descriptor
 
     def _is_current(self, descriptor: int) -> bool:
         try:

@@ -206,6 +206,24 @@ def test_a_full_disk_loses_only_what_was_not_committed_and_recording_goes_on_whe
         assert sqlite3.connect(path).execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
+def test_a_lock_that_a_full_disk_refused_is_not_held(tmp_path):
+    path = tmp_path / "scan.db"
+    record(path, sweeps=1)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, limit[1]))
+        with pytest.raises(ScanError, match="expected a folder that can be written"):
+            ScanStore.open(path, writable=True)
+        with ScanStore.open(path) as store:
+            assert len(store.load()) == 10
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        signal.signal(signal.SIGXFSZ, ignored)
+    with ScanStore.open(path, writable=True) as store:
+        assert store.begin_sweep() == 2
+
+
 def test_a_second_writer_is_refused_in_one_line_and_readers_are_not(tmp_path):
     path = tmp_path / "scan.db"
     record(path)
