@@ -7,7 +7,8 @@
     ├── ScanError       a scan file or recording that cannot be read, written or matched to its scene
     ├── CanError        a DBC without the signals, an interface that cannot be opened
     ├── ParameterError  a parameter out of its range or of the wrong kind
-    └── MeasurementError  a strain vector or pose that is not finite or not of the expected shape
+    ├── MeasurementError  a strain vector or pose that is not finite or not of the expected shape
+    └── LiveError       a node of a running system that ended, or did not answer in time
 
 Every message is one line that names the thing, what was expected and what was found. The command
 line prints it after ``error:`` and exits with status 2; a node logs it and refuses the transition.
@@ -36,3 +37,7 @@ class ParameterError(TactileLocalizerError, ValueError):
 
 class MeasurementError(TactileLocalizerError, ValueError):
     """A strain vector or pose that is not finite or not of the expected shape."""
+
+
+class LiveError(TactileLocalizerError):
+    """A node of a running system that ended, or did not answer in time."""

@@ -26,7 +26,8 @@ MAY_IMPORT_LAYERS = {
     "sim": {"core", "io", "sim"},
     "evaluation": {"core", "io", "sim", "evaluation"},
     "nodes": {"core", "io", "sim", "evaluation", "nodes", "msg", "srv"},
-    "cli": {"core", "io", "sim", "evaluation", "cli"},
+    "live": {"core", "io", "sim", "evaluation", "nodes", "live", "msg", "srv"},
+    "cli": {"core", "io", "sim", "evaluation", "live", "cli"},
 }
 """Layers of the package that each may import; ``errors``, ``scene`` and ``resources`` are below them all."""
 

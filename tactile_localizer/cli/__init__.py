@@ -1,7 +1,8 @@
 """The ``tactile-localizer`` command: one module a subcommand, imported only when it is asked for.
 
 A subcommand's module has ``NAME``, ``HELP``, ``add_arguments(parser)`` and ``run(args) -> int``; its name is
-``NAME`` as an identifier (``import`` is in ``import_.py``), and :data:`COMMANDS` lists it.
+``NAME`` as an identifier (``import`` is in ``import_.py``), and :data:`COMMANDS` lists it. ``args`` holds the
+whole command line too, as ``command_line``.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Sequence
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError
 
-COMMANDS: tuple[str, ...] = ("import_", "scan", "simulate", "replay", "can")
+COMMANDS: tuple[str, ...] = ("import_", "scan", "simulate", "replay", "evaluate", "can", "demo")
 """Modules of the subcommands, in the order of the help text."""
 
 
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        args = _parser(arguments).parse_args(arguments)
+        args = _parser(arguments).parse_args(arguments, argparse.Namespace(command_line=arguments))
         status: int = args.run(args)
         sys.stdout.flush()
         return status

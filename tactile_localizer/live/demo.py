@@ -1,0 +1,279 @@
+"""The demonstration: scan a simulated feature, then localise on new sweeps, all nodes live and watched."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import yaml
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from std_srvs.srv import Empty, Trigger
+
+from tactile_localizer.errors import LiveError
+from tactile_localizer.evaluation.live_sweep import LiveSweep, contact_of
+from tactile_localizer.io.bag_writer import BagWriter
+from tactile_localizer.live.domain import Domain, own_domain
+from tactile_localizer.live.heard import TOPICS, Heard
+from tactile_localizer.live.processes import NodeProcess, NodeProcesses
+from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.scan import TRAINING_SWEEPS
+from tactile_localizer.sim.sweep import SPEED_MPS
+
+_FEWEST_SWEEPS = 3
+_STARTUP_S = 30.0
+_LOADING_S = 120.0
+_POLL_S = 0.02
+
+
+@dataclass(frozen=True)
+class DemoSettings:
+    """What is demonstrated.
+
+    Parameters
+    ----------
+    feature : what lies in the material
+    folder : where everything is written; what a demonstration wrote there before is replaced
+    seed : of everything random
+    speed : simulated seconds in a second
+    sweeps : to localise on
+    time_limit_s : no further sweep begins that would end later than this after the start
+    """
+
+    feature: str
+    folder: Path
+    seed: int = 1
+    speed: float = 8.0
+    sweeps: int = 18
+    time_limit_s: float = 80.0
+
+
+class View(Protocol):
+    """Shows how the demonstration goes."""
+
+    def phase(self, text: str) -> None:
+        """Something else begins."""
+
+    def progress(self, done: int, total: int) -> None:
+        """So many sweeps of the phase are done."""
+
+    def show(self, heard: Heard, received: Mapping[str, int], note: str) -> None:
+        """What is heard at the moment; called often."""
+
+    def sweep(self, sweep: LiveSweep) -> None:
+        """A sweep has been localised."""
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What came of it.
+
+    Parameters
+    ----------
+    sweeps : that were localised
+    filter : the filter's last diagnostics of its belief, by name
+    frames_dropped : frames that load cells sent and that are in no strain vector
+    received : messages of each topic
+    """
+
+    sweeps: list[LiveSweep]
+    filter: dict[str, str]
+    frames_dropped: int
+    received: dict[str, int]
+
+
+def run_demo(settings: DemoSettings, view: View) -> DemoResult:
+    """Start the nodes, scan, localise, end the nodes.
+
+    Raises
+    ------
+    LiveError
+        A node ended or did not answer.
+    """
+    logs = _fresh(settings.folder)
+    heard = Heard()
+    with own_domain() as domain:
+        os.environ.update(domain.environment)
+        types = {f"/{topic.lstrip('/')}": heard_of.type_name for topic, heard_of in TOPICS.items()}
+        with (
+            BagWriter(settings.folder / "bag", types) as bag,
+            Watcher(domain.number, bag.write) as watcher,
+            NodeProcesses(logs, domain.environment) as nodes,
+        ):
+            for topic, one in TOPICS.items():
+                watcher.listen(one.kind, topic, one.quality, heard.work_of(topic))
+            demo = _Demo(settings, view, heard, watcher, nodes, domain)
+            demo.start()
+            demo.scan()
+            sweeps = demo.localize()
+            return DemoResult(
+                sweeps, heard.diagnostics["filter: belief"], heard.frames_dropped, dict(watcher.received)
+            )
+
+
+class _Demo:
+    def __init__(
+        self,
+        settings: DemoSettings,
+        view: View,
+        heard: Heard,
+        watcher: Watcher,
+        nodes: NodeProcesses,
+        domain: Domain,
+    ) -> None:
+        self._settings, self._view, self._heard = settings, view, heard
+        self._watcher, self._nodes = watcher, nodes
+        self._begun_s = time.monotonic()
+        self._bus = {
+            "interface": "udp_multicast",
+            "channel": "239.74.163.2",
+            "bus_options": [f"port={domain.can_port}"],
+        }
+        self._simulator = _shipped("simulator") | {
+            "feature": settings.feature,
+            "seed": settings.seed,
+            "speed": settings.speed,
+        }
+        self._scan_file = settings.folder / "scan.db"
+
+    def start(self) -> None:
+        """Start the hand, its driver and the mapping, and wait until they are heard."""
+        self._view.phase("starting simulator, driver and mapping")
+        self._nodes.start("simulator", "simulator_node", self._simulator | self._bus)
+        tare = {"tare_file": str(self._settings.folder / "log" / "tare.yaml")}
+        self._nodes.start("driver", "driver_node", _shipped("driver_node", "driver") | self._bus | tare)
+        scene = resource_path(f"config/scenes/{self._settings.feature}.yaml")
+        self._mapping = self._nodes.start(
+            "mapping",
+            "mapping_node",
+            _shipped("mapping") | {"scan_file": str(self._scan_file), "scene_file": str(scene)},
+        )
+        received = self._watcher.received
+        self._until(
+            lambda: received["strain"] and received["palm_pose"] and received["mapping/status"],
+            "strain, palm poses and the mapping's status",
+            _STARTUP_S,
+        )
+
+    def scan(self) -> None:
+        """Record the training sweeps."""
+        self._view.phase("scanning")
+        for number in range(TRAINING_SWEEPS):
+            self._view.progress(number, TRAINING_SWEEPS)
+            ready_ns = self._prepare()
+            # A node that lags would take the way to here into the sweep.
+            self._until(
+                lambda now=ready_ns: self._heard.status_ns > now, "the mapping to keep up", _STARTUP_S
+            )
+            self._ask("mapping/start_sweep")
+            self._sweep()
+            self._ask("mapping/end_sweep")
+        self._view.progress(TRAINING_SWEEPS, TRAINING_SWEEPS)
+        self._nodes.stop(self._mapping)
+
+    def localize(self) -> list[LiveSweep]:
+        """Localise on sweeps that begin at places which the filter is not told."""
+        self._view.phase("loading the scan")
+        parameters = _shipped("filter") | {"scan_file": str(self._scan_file)}
+        node = self._nodes.start("filter", "filter_node", parameters)
+        self._until(lambda: self._heard.posteriors, "the filter", _LOADING_S, node)
+        mode = SetParameters.Request(parameters=[Parameter("mode", value="localize").to_parameter_msg()])
+        self._watcher.call(SetParameters, "simulator/set_parameters", mode)
+        self._view.phase("localising")
+        sweeps: list[LiveSweep] = []
+        for number in range(self._settings.sweeps):
+            if self._out_of_time(len(sweeps)):
+                break
+            self._view.progress(number, self._settings.sweeps)
+            sweeps.append(self._localize_once(number))
+            self._view.sweep(sweeps[-1])
+        self._wait_for_diagnostics()
+        return sweeps
+
+    def _localize_once(self, number: int) -> LiveSweep:
+        ready_ns = self._prepare()
+        self._until(
+            lambda: self._heard.posteriors[-1].stamp_ns > ready_ns, "the filter to keep up", _STARTUP_S
+        )
+        self._watcher.call(Empty, "filter/reinitialize_global_localization")
+        self._heard.begin_sweep()
+        self._sweep()
+        end_ns = self._heard.truths[-1][0]
+        self._until(lambda: self._heard.posteriors[-1].stamp_ns >= end_ns, "the last posterior", _STARTUP_S)
+        contact = contact_of(
+            self._settings.feature,
+            self._settings.seed,
+            number,
+            self._simulator.get("sweep_speed_mps", SPEED_MPS),
+            self._simulator["load_cell_rate_hz"],
+        )
+        return self._heard.localised(number, end_ns, contact)
+
+    def _out_of_time(self, done: int) -> bool:
+        """Whether another sweep, as long as those so far, would end too late."""
+        now_s = time.monotonic()
+        if done == 0:
+            self._localizing_s = now_s
+        if done < _FEWEST_SWEEPS:
+            return False
+        each_s = (now_s - self._localizing_s) / done
+        return now_s + each_s - self._begun_s > self._settings.time_limit_s
+
+    def _prepare(self) -> int:
+        """Bring the hand to the next sweep's start; returns when it was there, ns."""
+        self._ask("simulator/prepare")
+        return time.time_ns()
+
+    def _sweep(self) -> None:
+        self._heard.active.clear()
+        self._ask("simulator/sweep")
+        self._until(lambda: self._heard.sweep_is_over, "the end of the sweep", _STARTUP_S)
+
+    def _wait_for_diagnostics(self) -> None:
+        """Of all nodes, made after the last sweep."""
+        self._heard.diagnostics.clear()
+        self._until(lambda: self._heard.is_diagnosed, "diagnostics", _STARTUP_S)
+
+    def _ask(self, service: str) -> None:
+        answer = self._watcher.call(Trigger, service)
+        if not answer.success:
+            raise LiveError(f"service {service}: {answer.message}")
+
+    def _until(
+        self, condition: Callable[[], Any], what: str, timeout_s: float, node: NodeProcess | None = None
+    ) -> None:
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            self._nodes.check()
+            self._watcher.check()
+            if time.monotonic() > deadline:
+                raise LiveError(f"waited {timeout_s:g} s for {what}")
+            note = "" if node is None else node.last_line
+            self._view.show(self._heard, self._watcher.received, note)
+            time.sleep(_POLL_S)
+
+
+def _shipped(node: str, file: str = "") -> dict[str, Any]:
+    """A node's parameters as the package ships them."""
+    text = resource_path(f"config/{file or node}.yaml").read_text(encoding="utf-8")
+    return dict(yaml.safe_load(text)[node]["ros__parameters"])
+
+
+def _fresh(folder: Path) -> Path:
+    """Make the folder, without what an earlier demonstration left in it; returns that of the logs."""
+    logs = folder / "log"
+    try:
+        for path in (logs, folder / "bag"):
+            shutil.rmtree(path, ignore_errors=True)
+        for path in (*folder.glob("scan.db*"), *folder.glob("*.png"), folder / "summary.json"):
+            path.unlink(missing_ok=True)
+        logs.mkdir(parents=True)
+    except OSError as error:
+        raise LiveError(f"{folder}: expected a folder that can be written, {error.strerror}") from None
+    return logs

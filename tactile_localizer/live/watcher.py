@@ -1,0 +1,107 @@
+"""A node that watches the others: it hears and records what they publish, and calls their services."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+
+from tactile_localizer.errors import LiveError
+
+Sink = Callable[[str, int, bytes], None]
+"""Takes a topic, the time of receipt (ns) and a serialised message."""
+
+
+class Watcher:
+    """Spins in a thread of its own from the start of the context to its end.
+
+    Parameters
+    ----------
+    domain : ROS domain id
+    sink : given every message of every topic that is listened to; called from the spinning thread
+
+    Attributes
+    ----------
+    received : messages of each topic so far
+    """
+
+    def __init__(self, domain: int, sink: Sink) -> None:
+        self.received: dict[str, int] = {}
+        self._sink = sink
+        self._failure: Exception | None = None
+        self._clients: dict[str, Any] = {}
+        self._context = Context()
+        rclpy.init(args=[], context=self._context, domain_id=domain)
+        self._node = Node("watcher", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name="watcher", daemon=True)
+
+    def __enter__(self) -> Watcher:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+        self._thread.join()
+
+    def check(self) -> None:
+        """Raise what went wrong in the spinning thread, if anything did."""
+        if self._failure is not None:
+            raise self._failure
+
+    def listen(
+        self, kind: Any, topic: str, quality: QoSProfile | int, work: Callable[[Any], None] | None = None
+    ) -> None:
+        """Record a topic; ``work`` is called with each of its messages, from the spinning thread."""
+        name = self._node.resolve_topic_name(topic)
+        self.received[topic] = 0
+
+        def take(raw: bytes) -> None:
+            self.received[topic] += 1
+            self._sink(name, time.time_ns(), raw)
+            if work is not None:
+                work(deserialize_message(raw, kind))
+
+        self._node.create_subscription(kind, topic, take, quality, raw=True)
+
+    def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 20.0) -> Any:
+        """A service's answer.
+
+        Raises
+        ------
+        LiveError
+            The service is not there, or does not answer in time.
+        """
+        if service not in self._clients:
+            self._clients[service] = self._node.create_client(kind, service)
+        client = self._clients[service]
+        if not client.wait_for_service(timeout_s):
+            raise LiveError(f"service {service}: expected it within {timeout_s:g} s, found none")
+        answered = threading.Event()
+        future = client.call_async(request if request is not None else kind.Request())
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(timeout_s):
+            raise LiveError(f"service {service}: expected an answer within {timeout_s:g} s, got none")
+        return future.result()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+        except Exception as error:  # shown by whoever checks, not lost with the thread
+            self._failure = error
