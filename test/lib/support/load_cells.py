@@ -50,7 +50,7 @@ def cycle(protocol: LoadCellProtocol, number: int, stamp_ns: int | None = None) 
 
 def warm_up(assembler: CycleAssembler, protocol: LoadCellProtocol) -> CycleAssembler:
     """Let it see the cycles before number 0, which it withholds; it counts from here."""
-    for n in (-3, -2, -1):
+    for n in (-2, -1):
         assert assembler.feed(protocol.batch(cycle(protocol, n))) == []
     count_from_here(assembler)
     return assembler
