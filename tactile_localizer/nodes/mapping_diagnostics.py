@@ -22,6 +22,7 @@ class MappingDiagnostics:
     def __init__(self, name: str) -> None:
         self._name = name
         self._lost: dict[str, int] = {}
+        self._pairs = 0
 
     def status(
         self, recorder: SweepRecorder, pairing: Pairing[Felt], refusals: Mapping[str, str], failure: str
@@ -42,7 +43,11 @@ class MappingDiagnostics:
         }
         new = {what: count - self._lost.get(what, 0) for what, count in lost.items()}
         self._lost = lost
-        told = ", ".join(f"{count} {what}" for what, count in new.items() if count > 0)
+        found = [f"{count} {what}" for what, count in new.items() if count > 0]
+        if recorder.is_active and recorder.store.pairs == self._pairs and not found:
+            found = ["nothing comes"]
+        self._pairs = recorder.store.pairs
+        told = ", ".join(found)
         trouble = "; ".join(filter(None, [failure, *refusals.values()]))
         doing = f"recording sweep {recorder.number}" if recorder.is_active else "no sweep under way"
         level = DiagnosticStatus.OK

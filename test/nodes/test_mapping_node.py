@@ -184,12 +184,14 @@ def test_diagnostics_tell_what_is_recorded_and_what_is_lost(node_process, probe,
         "no sweep under way",
     )
     hand.service("start_sweep")
+    probe.until(lambda: latest().message == "recording sweep 1: nothing comes", "a warning of silence")
+    assert latest().level == DiagnosticStatus.WARN
     hand.slide(100)
     hand.slide(200, poses=False)
     hand.slide(100)
-    probe.until(lambda: any(m.status[0].level == DiagnosticStatus.WARN for m in told), "a warning")
-    warning = next(m.status[0] for m in told if m.status[0].level == DiagnosticStatus.WARN)
-    assert "samples without a pose" in warning.message
+    probe.until(
+        lambda: any("samples without a pose" in m.status[0].message for m in told), "a warning of gaps"
+    )
     hand.frame = "map"
     hand.slide(40)
     probe.until(lambda: latest().level == DiagnosticStatus.ERROR, "an error")
