@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -168,9 +169,7 @@ class _Demo:
             self._view.progress(number, TRAINING_SWEEPS)
             ready_ns = self._prepare()
             # A node that lags would take the way to here into the sweep.
-            self._until(
-                lambda now=ready_ns: self._heard.status_ns > now, "the mapping to keep up", _STARTUP_S
-            )
+            self._until(partial(self._heard.has_scanned, ready_ns), "the mapping to keep up", _STARTUP_S)
             self._ask("mapping/start_sweep")
             self._sweep()
             self._ask("mapping/end_sweep")

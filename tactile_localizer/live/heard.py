@@ -97,10 +97,9 @@ class Heard:
         self.posteriors = []
         self.truths = self.truths[-1:]
 
-    @property
-    def status_ns(self) -> int:
-        """Stamp of the newest strain that the mapping has told to have taken in, ns."""
-        return 0 if self.status is None else to_ns(self.status.header.stamp)
+    def has_scanned(self, stamp_ns: int) -> bool:
+        """Whether the mapping has told to have taken in a strain of after ``stamp_ns``."""
+        return self.status is not None and to_ns(self.status.header.stamp) > stamp_ns
 
     @property
     def sweep_is_over(self) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from rich.text import Text
 
@@ -10,6 +12,8 @@ from tactile_localizer.scene import Scene
 
 _COLUMNS, _ROWS = 52, 22
 _SHADES = " ·░▒▓"
+_EVEN = 40.0
+"""A cell of this many times the even share of the belief is drawn darkest."""
 
 
 def material_map(scene: Scene, heard: Heard) -> Text:
@@ -23,23 +27,19 @@ def material_map(scene: Scene, heard: Heard) -> Text:
     density = np.zeros((_ROWS, _COLUMNS))
     if len(heard.particles):
         np.add.at(density, _cells(scene, heard.particles[:, :2]), heard.particles[:, 2])
-    peak = density.max() or 1.0
-    shades = np.ceil((len(_SHADES) - 1) * np.sqrt(density / peak)).astype(int)
-    felt = _feature(scene)
-    text = Text()
+    dark = max(float(density.max()), _EVEN / density.size)
+    shades = np.ceil((len(_SHADES) - 1) * np.sqrt(density / dark)).astype(int)
+    styles = np.where(_feature(scene), "yellow on grey19", "yellow")
     marks = _marks(scene, heard)
+    lines = []
     for row in range(_ROWS):
-        for column in range(_COLUMNS):
-            mark = marks.get((row, column))
-            if mark is not None:
-                text.append(*mark)
-            else:
-                style = "yellow" if shades[row, column] else ""
-                text.append(
-                    _SHADES[shades[row, column]], f"{style} on grey19" if felt[row, column] else style
-                )
-        text.append("\n" if row < _ROWS - 1 else "")
-    return text
+        cells = [
+            marks.get((row, column), (_SHADES[shades[row, column]], str(styles[row, column])))
+            for column in range(_COLUMNS)
+        ]
+        runs = itertools.groupby(cells, key=lambda cell: cell[1])
+        lines.append(Text.assemble(*(("".join(mark for mark, _ in run), style) for style, run in runs)))
+    return Text("\n").join(lines)
 
 
 def _marks(scene: Scene, heard: Heard) -> dict[tuple[int, int], tuple[str, str]]:

@@ -1,0 +1,53 @@
+"""A path from outside cannot lead out of the directory that the operator named."""
+
+import pytest
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.confinement import confined
+
+
+@pytest.fixture
+def directory(tmp_path):
+    (tmp_path / "scans" / "old").mkdir(parents=True)
+    (tmp_path / "scans" / "a.db").touch()
+    (tmp_path / "secret.db").touch()
+    return tmp_path / "scans"
+
+
+@pytest.mark.parametrize("path", ["a.db", "old/b.db", "./a.db", "old/../a.db"])
+def test_a_path_in_the_directory_is_taken(directory, path):
+    assert confined(path, str(directory)) == (directory / path).resolve()
+
+
+def test_an_absolute_path_in_the_directory_is_taken(directory):
+    assert confined(str(directory / "a.db"), str(directory)) == directory / "a.db"
+
+
+@pytest.mark.parametrize(
+    "path", ["../secret.db", "/etc/passwd", "old/../../secret.db", "..", ".", "", "~/x", "a\0b"]
+)
+def test_a_path_out_of_the_directory_is_refused(directory, path):
+    if path == "~/x":
+        assert confined(path, str(directory)) == directory / "~" / "x", "no shell, no home"
+        return
+    with pytest.raises(ScanError, match="expected a path in"):
+        confined(path, str(directory))
+
+
+def test_a_link_out_of_the_directory_is_refused(directory):
+    (directory / "link.db").symlink_to(directory.parent / "secret.db")
+    (directory / "up").symlink_to(directory.parent)
+    for path in ("link.db", "up/secret.db"):
+        with pytest.raises(ScanError, match="expected a path in"):
+            confined(path, str(directory))
+
+
+def test_a_directory_that_looks_alike_is_another(directory):
+    (directory.parent / "scans2").mkdir()
+    with pytest.raises(ScanError, match="expected a path in"):
+        confined("../scans2/a.db", str(directory))
+
+
+def test_without_a_directory_there_is_none():
+    with pytest.raises(ScanError, match="scan_directory: expected a directory"):
+        confined("a.db", "")

@@ -1,0 +1,64 @@
+"""The whole demonstration as its user runs it."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from tactile_localizer.io.bag_reader import read_messages
+from tactile_localizer.io.scan_store import ScanStore
+
+pytestmark = pytest.mark.ros
+
+
+def is_alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_an_interrupt_ends_the_demo_and_all_its_processes(process, tmp_path):
+    demo = process(["tactile-localizer", "demo", "--out", tmp_path / "demo", "--speed", "12"])
+    demo.wait_for_line("scanning", timeout_s=60.0)
+    nodes = children(demo.pid)
+    assert len(nodes) == 3
+    assert demo.stop(signal.SIGINT, timeout_s=30.0) == 130
+    assert not any(map(is_alive, nodes))
+    assert "Traceback" not in demo.output
+
+
+@pytest.mark.slow
+def test_the_demo_scans_localises_draws_and_judges_itself(process, tmp_path):
+    folder = tmp_path / "demo"
+    demo = process(["tactile-localizer", "demo", "--out", folder, "--speed", "12", "--sweeps", "3"])
+    status = demo.wait(timeout_s=240.0)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert status == (0 if summary["within_limit"] else 1), demo.output
+    assert summary["error_after_contact_mm"] < 8.0
+    assert len(summary["sweeps"]) == 3
+    assert summary["frames_dropped"] >= 0
+    assert 0 < summary["update_median_us"] <= summary["update_p99_us"]
+    with ScanStore.open(folder / "scan.db") as store:
+        assert len(store.sweeps()) == 21
+        assert store.load().states[:, 0].max() > 0.045
+    heard = read_messages(folder / "bag", {"/filter/posterior": lambda m: m, "/strain": lambda m: m})
+    assert len(heard.by_topic["/filter/posterior"]) > 300
+    assert {"/palm_pose", "/simulator/ground_truth", "/mapping/status", "/diagnostics"} <= set(heard.topics)
+    for picture in ("map", "error", "sweep"):
+        assert (folder / f"{picture}.png").stat().st_size > 10_000
+
+
+def children(pid):
+    """Processes that ``pid`` has started."""
+    return [int(entry) for entry in os.listdir("/proc") if entry.isdigit() and parent_of(entry) == pid]
+
+
+def parent_of(entry):
+    try:
+        with open(f"/proc/{entry}/stat") as stat:
+            return int(stat.read().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0
