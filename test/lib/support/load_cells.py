@@ -58,6 +58,10 @@ def warm_up(assembler: CycleAssembler, protocol: LoadCellProtocol) -> CycleAssem
 
 def count_from_here(assembler: CycleAssembler) -> None:
     """Count frames from here, and let the next sample be number 0."""
-    assembler.counts.frames[:] = [0] * len(assembler.counts.frames)
+    counts = assembler.counts
+    counts.frames[:] = [0] * len(counts.frames)
+    counts.cycles = counts.incomplete = counts.withheld = 0
+    for phalanx in counts.phalanges:
+        phalanx.samples = phalanx.missing = phalanx.gaps = phalanx.drops = 0
     for cell in assembler._cells:
         cell.sequence = -1
