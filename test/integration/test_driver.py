@@ -78,3 +78,24 @@ def test_a_reconnect_and_bus_off_are_survived_and_told(
     assert {n for numbers in listener.numbers() for n in numbers} >= set(sent)
     assert node.running
     assert "Traceback" not in node.output
+
+
+def test_under_simulated_time_the_stamp_is_the_nodes_clock(
+    driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
+) -> None:
+    from builtin_interfaces.msg import Time
+    from rosgraph_msgs.msg import Clock
+
+    driver_process(use_sim_time=True)
+    clock = probe.publisher(Clock, "/clock")
+    listener, hand = Listener(probe), Sender(can_bus, probe)  # diagnostics go on while time stands still
+    listener.listen(hand)
+    assert listener.strains == []
+
+    def stamped() -> bool:
+        clock.publish(Clock(clock=Time(sec=17, nanosec=5)))
+        hand.send(1)
+        return bool(listener.strains) and listener.strains[-1].header.stamp.sec == 17
+
+    probe.until(stamped, "a stamp of simulated time")
+    assert listener.strains[-1].header.stamp.nanosec == 5
