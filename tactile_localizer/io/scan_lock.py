@@ -26,7 +26,7 @@ class ScanLock:
     """
 
     def __init__(self, scan_path: Path) -> None:
-        self.path = Path(f"{scan_path}.lock")
+        self.path = Path(f"{scan_path.resolve()}.lock")  # the same by every name of the file
         try:
             self._descriptor = self._acquire(scan_path)
         except OSError as error:

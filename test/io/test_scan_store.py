@@ -234,6 +234,9 @@ def test_a_second_writer_is_refused_in_one_line_and_readers_are_not(tmp_path):
         ) as refusal:
             ScanStore.open(path, writable=True)
         assert "\n" not in str(refusal.value)
+        (tmp_path / "alias.db").symlink_to(path)
+        with pytest.raises(ScanError, match="expected to be its one writer"):
+            ScanStore.open(tmp_path / "alias.db", writable=True)
         with ScanStore.open(path) as reader:
             assert len(reader.load()) == 20
             with pytest.raises(ScanError, match="expected to be open for writing"):
