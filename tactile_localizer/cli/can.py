@@ -32,7 +32,7 @@ DEFAULTS: dict[str, Any] = {
     "interface": "socketcan",
     "channel": "can0",
     "bus_options": [],
-    "cycle_timeout_s": 0.01,
+    "cycle_timeout_s": 0.03,
     "phalanges": [],
 }
 """The driver's parameters of the same names, where nothing else is said; no phalanges: those of the DBC."""

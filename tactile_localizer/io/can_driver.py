@@ -31,7 +31,7 @@ class DriverSettings:
     """
 
     bus: BusSettings
-    cycle_timeout_s: float = 0.01
+    cycle_timeout_s: float = 0.03
     backoff_s: float = 0.1
     backoff_limit_s: float = 5.0
 

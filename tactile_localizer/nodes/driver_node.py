@@ -56,7 +56,7 @@ PARAMETERS = (
     ),
     Parameter(
         "cycle_timeout_s",
-        0.01,
+        0.03,
         "How long a cycle waits for its frames",
         "s",
         0.0005,

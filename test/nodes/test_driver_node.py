@@ -22,7 +22,7 @@ BAD_PARAMETERS = {
     "no such interface": ({"interface": "socketcan", "channel": "can7"}, "CAN bus socketcan can7: expected"),
     "an unknown interface": ({"interface": "canopener"}, "CAN bus canopener 239.74.163.2: expected"),
     "a wait out of range": ({"cycle_timeout_s": 5.0}, "cycle_timeout_s"),
-    "a wait that is text": ({"cycle_timeout_s": "long"}, "cycle_timeout_s: expected a value such as 0.01"),
+    "a wait that is text": ({"cycle_timeout_s": "long"}, "cycle_timeout_s: expected a value such as 0.03"),
     "an option without a value": ({"bus_options": ["port"]}, "bus option 'port': expected name=value"),
     "a file that is no tare": ({"tare_file": str(Path(__file__))}, "tare file"),
 }
