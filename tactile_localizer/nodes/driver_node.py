@@ -54,14 +54,7 @@ PARAMETERS = (
     Parameter(
         "receive_buffer", 1 << 20, "Kernel's buffer for frames not read yet; 0: default", "byte", 0, 1 << 28
     ),
-    Parameter(
-        "cycle_timeout_s",
-        0.03,
-        "How long a cycle waits for its frames",
-        "s",
-        0.0005,
-        1.0,
-    ),
+    Parameter("cycle_timeout_s", 0.03, "How long a cycle waits for its frames", "s", 0.0005, 1.0),
     Parameter(
         "stale_timeout_s", 0.5, "Silence after which a phalanx is stale in the diagnostics", "s", 0.01, 60.0
     ),
