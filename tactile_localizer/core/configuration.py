@@ -71,7 +71,7 @@ class Configuration:
     recovery: str = "evidence"
     random_particles: int = 10
     update_distance: float = 0.0005
-    convergence_std: float = 0.0025
+    convergence_std: float = 0.004
     convergence_yaw_std: float = 0.1
     convergence_evidence: float = 6.0
     convergence_travel: float = 0.0005
