@@ -61,9 +61,9 @@ def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
     return load_configuration(args.config, model=args.model, filter=args.filter, particles=args.particles)
 
 
-def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the recordings and how to read them."""
-    parser.add_argument("recordings", nargs="+", metavar="RECORDING", help="CSV file, scan file or bag")
+def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -> None:
+    """Declare the recordings, as many as ``count`` says in the terms of argparse, and how to read them."""
+    parser.add_argument("recordings", nargs=count, metavar="RECORDING", help="CSV file, scan file or bag")
     parser.add_argument(
         "--odometry",
         choices=(SIMULATED, EXACT),

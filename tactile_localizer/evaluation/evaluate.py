@@ -16,8 +16,9 @@ from tactile_localizer.evaluation.conditions import Condition
 from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
 from tactile_localizer.evaluation.methods import Method
 from tactile_localizer.evaluation.metrics import timing
-from tactile_localizer.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
+from tactile_localizer.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.evaluation.replay import replay
+from tactile_localizer.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Results:
         return list(dict.fromkeys(condition.name for condition in self.conditions))
 
     def sweeps(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
-        """Outcomes of all sweeps, over all seeds, of one condition or of all; methods have them in one order."""
+        """Outcomes of all sweeps, over all seeds, of one condition or all; in one order for all methods."""
         return [sweep for task in self._of(method, condition) for sweep in task["sweeps"]]
 
     def blanks(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
@@ -55,6 +56,12 @@ class Results:
     def interval(self, method: str, name: str, condition: str | None = None) -> Interval | None:
         """Mean of one number over the sweeps, with its confidence interval."""
         return mean_interval(self.values(method, name, condition))
+
+    def sweep_axis(self, condition: str) -> tuple[str, np.ndarray]:
+        """Name of the axis that a condition's sweeps go along, and middles of the curves' stretches on it."""
+        task = self._of(next(iter(self.methods)), condition)[0]
+        edges = np.array(task["edges_m"])
+        return task["axis"], (edges[:-1] + edges[1:]) / 2
 
     def times(self, method: str) -> tuple[float, float]:
         """Median update time, and the largest 99th percentile of the tasks, us."""
@@ -125,17 +132,24 @@ def localise(
     """Outcomes of a condition's sweeps, of its blank sweeps, and the time that updates took."""
     material = condition.load()
     scene = replace(material.scene, measurement=measurement)
-    localizer = build_localizer(
-        material.scan, scene, configuration, np.random.default_rng(condition.seed)
-    )
+    localizer = build_localizer(material.scan, scene, configuration, np.random.default_rng(condition.seed))
     tracks = replay(localizer, material.recording)
     blanks = replay(localizer, material.blank) if material.blank is not None else []
     axis = sweep_axis(scene, tracks)
     return {
+        "axis": scene.axis_names[axis],
+        "edges_m": bin_edges(scene, axis).tolist(),
         "sweeps": [
             sweep_outcome(scene, track, (int(span[0]), int(span[1])), axis)
             for track, span in zip(tracks, material.contact, strict=True)
         ],
         "blanks": [blank_outcome(track) for track in blanks],
+        "narrow_trace_m2": _narrow_trace(configuration, scene),
         "timing": timing(tracks),
     }
+
+
+def _narrow_trace(configuration: Configuration, scene: Scene) -> float:
+    """Trace of a belief that is just narrow enough for convergence, with all axes at their limit."""
+    yaw, length = configuration.convergence_yaw_std, configuration.convergence_std
+    return sum((yaw if axis.name == "yaw" else length) ** 2 for axis in scene.axes)

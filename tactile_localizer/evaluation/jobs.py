@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from tactile_localizer.resources import PACKAGE
 
 Progress = Callable[[str, float], None]
 
+_PATIENCE_S = 5
 _THAT_MATTER = ("core", "io", "sim", "evaluation", "scene.py")
 """Parts of the package that results depend on."""
 
@@ -42,7 +43,7 @@ class Task:
     arguments: tuple[Any, ...]
     identity: dict[str, Any]
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Name of the result's file: changes with the identity, the function and the package's code."""
         told = json.dumps([self.function.__qualname__, plain(self.identity), source_digest()], sort_keys=True)
@@ -81,21 +82,20 @@ def run_tasks(
     ParameterError
         The dask cluster cannot be reached.
     """
-    files = [folder / f"{task.key}.json" for task in tasks]
-    missing = [place for place, file in enumerate(files) if not file.exists()]
-    done = len(tasks) - len(missing)
+    files = {task.key: folder / f"{task.key}.json" for task in tasks}
+    missing = {task.key: task for task in tasks if not files[task.key].exists()}
+    done = len(files) - len(missing)
     if missing:
         with _backend(workers):
-            results = joblib.Parallel(return_as="generator")(
-                joblib.delayed(task.function)(*task.arguments) for task in (tasks[place] for place in missing)
-            )
-            for place, result in zip(missing, results, strict=True):
-                write_json(files[place], {"task": tasks[place].identity, "result": result})
+            calls = [joblib.delayed(task.function)(*task.arguments) for task in missing.values()]
+            results = joblib.Parallel(return_as="generator")(calls)
+            for (key, task), result in zip(missing.items(), results, strict=True):
+                write_json(files[key], {"task": task.identity, "result": result})
                 done += 1
                 if progress is not None:
-                    progress(text, done / len(tasks))
+                    progress(text, done / len(files))
     # Those just done are read back too, so that all have passed through the same form.
-    return [json.loads(file.read_text(encoding="utf-8"))["result"] for file in files]
+    return [json.loads(files[task.key].read_text(encoding="utf-8"))["result"] for task in tasks]
 
 
 @cache
@@ -123,8 +123,10 @@ def _dask(address: str) -> Iterator[None]:
     except ImportError:
         raise ParameterError("dask: expected dask[distributed], not installed") from None
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=_PATIENCE_S)
     except (OSError, ValueError) as error:
-        raise ParameterError(f"dask {address}: expected a scheduler, {' '.join(str(error).split())}") from None
+        raise ParameterError(
+            f"dask {address}: expected a scheduler, {' '.join(str(error).split())}"
+        ) from None
     with client, joblib.parallel_config("dask", client=client):
         yield

@@ -1,4 +1,4 @@
-"""What is compared: the paper's models in the paper's form, each with the exact filter, and the presets."""
+"""What is compared: the default, the presets, the paper's models as it has them and with the exact filter."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PAPER_PARAMETERS = {
 
 @dataclass(frozen=True)
 class Method:
-    """A configuration under a name; ``measurement`` goes before the parameters that are chosen from the scan."""
+    """A configuration under a name; ``measurement`` goes before parameters that are chosen from the scan."""
 
     name: str
     configuration: Configuration
@@ -39,23 +39,26 @@ class Method:
 
 
 def paper_form(model: str) -> str:
-    """Name of the method that is a model with the paper's particle filter."""
-    return f"{model}-75"
+    """Name of the method that is a model as the paper has it."""
+    return f"{model}-paper"
 
 
 def exact_form(model: str) -> str:
-    """Name of the method that is a model with the exact filter."""
-    return f"{model}-grid"
+    """Name of the method that is the same model and parameters with the exact filter."""
+    return f"{model}-paper-grid"
 
 
 def standard_methods() -> dict[str, Method]:
-    """By name: all models in both forms, the paper's hand-set one, the default and the presets."""
+    """By name: the default, the presets, and the paper's models, each also with the exact filter."""
     methods = [Method("default", Configuration())]
+    methods.append(Method("featureless", Configuration(model="featureless")))
     methods += [Method(preset, load_configuration(preset)) for preset in PRESETS]
-    methods.append(Method("paper", Configuration(**PAPER_FILTER), dict(PAPER_PARAMETERS)))
     for model in MODELS:
-        methods.append(Method(paper_form(model), Configuration(model=model, **PAPER_FILTER)))
-        # A Gaussian at every fine cell would take minutes a sweep, and its neighbours change only between pairs.
+        methods.append(
+            Method(paper_form(model), Configuration(model=model, **PAPER_FILTER), dict(PAPER_PARAMETERS))
+        )
+        # A Gaussian at every fine cell would take minutes a sweep; its neighbours change only between pairs.
         cell = 0.3 if model in ("sum_of_gaussians", "featureless") else 0.6
-        methods.append(Method(exact_form(model), Configuration(model=model, filter="grid", cell=cell)))
+        exact = Configuration(model=model, filter="grid", cell=cell, conditional=False)
+        methods.append(Method(exact_form(model), exact, dict(PAPER_PARAMETERS)))
     return {method.name: method for method in methods}

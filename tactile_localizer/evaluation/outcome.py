@@ -42,6 +42,7 @@ def sweep_outcome(scene: Scene, track: Track, contact: tuple[int, int], axis: in
     covered = squared_mahalanobis(scene, track) <= chi2.ppf(CONFIDENCE, scene.dimension)
     return {
         "number": track.number,
+        "contact_m": _places(track, during, axis),
         "error_m": _mean(errors),
         "error_contact_m": _mean(errors[during]),
         "error_before_m": _mean(errors[before]),
@@ -78,22 +79,28 @@ def _convergence(track: Track, errors: np.ndarray, first: int, last: int) -> dic
         "time_to_convergence_s": None,
         "error_at_convergence_m": None,
         "error_converged_m": _mean(errors[at]),
-        "largest_error_converged_m": float(np.nanmax(errors[at])) if np.isfinite(errors[at]).any() else None,
     }
     if len(at) and known and at[0] < end:
         found["travel_to_convergence_m"] = float(track.travel[at[0]] - track.travel[start])
-        found["time_to_convergence_s"] = float(track.stamp_ns[at[0]] - track.stamp_ns[start]) * 1e-9
+        found["time_to_convergence_s"] = 1e-9 * float(track.stamp_ns[at[0]] - track.stamp_ns[start])
         found["error_at_convergence_m"] = _mean(errors[at[:1]])
     return found
 
 
 def _plain_criteria(when: str, track: Track, part: np.ndarray) -> dict[str, Any]:
-    """What the paper's plain criteria look at (III-D): the lowest trace, and the highest marginal likelihood."""
+    """What the paper's plain criteria look at (III-D): lowest trace, highest marginal likelihood."""
     part = part & track.updated
     return {
         f"lowest_trace_{when}_m2": float(track.trace[part].min()) if part.any() else None,
         f"highest_marginal_{when}": float(track.log_marginal[part].max()) if part.any() else None,
     }
+
+
+def _places(track: Track, part: np.ndarray, axis: int) -> list[float] | None:
+    """Where on the sweep axis a part of the track begins and ends, m."""
+    if track.truth is None or not part.any():
+        return None
+    return [float(place) for place in track.truth[part][[0, -1], axis]]
 
 
 def _binned(scene: Scene, track: Track, values: np.ndarray, axis: int) -> list[float | None]:

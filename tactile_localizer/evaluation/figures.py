@@ -1,0 +1,156 @@
+"""Pictures of an evaluation: the paper's Fig. 5 and 8, errors of all methods, convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tactile_localizer.evaluation.display import MM, label_axis, shown
+from tactile_localizer.evaluation.evaluate import Results, as_array
+from tactile_localizer.evaluation.findings import FEATURELESS, GAUSSIAN, INDEPENDENT, SUM, TENTH_INCH
+
+_SIZE = (4.8, 3.4)
+_LOOKS = {
+    GAUSSIAN: ("Gaussian", "tab:red"),
+    INDEPENDENT: ("Gaussian, fingers apart", "tab:orange"),
+    SUM: ("sum of Gaussians", "tab:blue"),
+    FEATURELESS: ("featureless apart", "tab:green"),
+    "default": ("default", "black"),
+}
+_FIG_5 = {GAUSSIAN: ":", INDEPENDENT: "--", SUM: "-"}
+_FIG_8 = {FEATURELESS: "-", SUM: "--"}
+"""Lines as the paper draws them."""
+_FEWEST = 1 / 3
+"""Share of the sweeps that must be in a stretch for their mean to be drawn."""
+_CONDITIONS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
+
+
+def evaluation_figures(results: Results) -> dict[str, Figure]:
+    """Every picture of an evaluation, by the name of the file that it belongs into."""
+    have = results.methods.keys()
+    figures = {}
+    for condition in results.condition_names:
+        if _FIG_5.keys() <= have:
+            figures[f"fig5_{condition}"] = error_along_sweep(results, condition)
+        if _FIG_8.keys() <= have:
+            figures[f"fig8_{condition}"] = error_and_trace(results, condition)
+    figures["methods"] = errors_of_methods(results)
+    if compared_error(results)[0] == "error_contact_m" and _LOOKS.keys() & have:
+        figures["convergence"] = convergence(results)
+    return figures
+
+
+def error_along_sweep(results: Results, condition: str) -> Figure:
+    """Error as a function of the position on the sweep axis, averaged over the sweeps (paper, Fig. 5)."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    plot = figure.add_subplot()
+    _draw_curves(plot, results, condition, _FIG_5, "error_curve_m", MM)
+    _label(plot, results, condition, "mean error, mm")
+    figure.suptitle(f"{condition}: error along the sweep", fontsize=10)
+    return figure
+
+
+def error_and_trace(results: Results, condition: str) -> Figure:
+    """Error and covariance trace, with and without featureless regions apart (paper, Fig. 8)."""
+    figure = Figure(figsize=(_SIZE[0], 1.6 * _SIZE[1]), layout="constrained")
+    error, trace = figure.subplots(2, 1, sharex=True)
+    for plot, name, scale in ((error, "error_curve_m", MM), (trace, "trace_curve_m2", MM**2)):
+        _draw_curves(plot, results, condition, _FIG_8, name, scale)
+    _label(error, results, condition, "mean error, mm", named=False)
+    _label(trace, results, condition, "mean covariance trace, mm²", inches=False)
+    figure.suptitle(f"{condition}: featureless regions apart", fontsize=10)
+    return figure
+
+
+def errors_of_methods(results: Results) -> Figure:
+    """Mean error of every method on every condition, with its confidence interval."""
+    names, conditions = list(results.methods), results.condition_names
+    quantity, what = compared_error(results)
+    figure = Figure(figsize=(1.3 * _SIZE[0], 1.2 + 0.34 * len(names)), layout="constrained")
+    plot = figure.add_subplot()
+    for shift, condition in enumerate(conditions):
+        rows = np.arange(len(names)) + 0.22 * (shift - (len(conditions) - 1) / 2)
+        found = [results.interval(method, quantity, condition) or (np.nan,) * 3 for method in names]
+        mean, low, high = MM * np.array(found).T
+        colour = _CONDITIONS[shift % len(_CONDITIONS)]
+        plot.errorbar(
+            mean,
+            rows,
+            xerr=[mean - low, high - mean],
+            fmt="o",
+            ms=4,
+            capsize=2,
+            color=colour,
+            label=condition,
+        )
+    plot.axvline(TENTH_INCH * MM, color="0.4", ls="--", lw=1, label="0.1 inch")
+    plot.set_yticks(range(len(names)), names, fontsize=8)
+    plot.invert_yaxis()
+    plot.set_xlim(left=0)
+    plot.set_xlabel(f"mean error {what}, mm")
+    plot.grid(axis="x", color="0.9")
+    plot.legend(fontsize=8)
+    return figure
+
+
+def convergence(results: Results) -> Figure:
+    """Share of the sweeps that have converged, over the travel since contact."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    plot = figure.add_subplot()
+    for method in (m for m in _LOOKS if m in results.methods):
+        travel = np.sort(results.values(method, "travel_to_convergence_m")) * MM
+        travel = travel[np.isfinite(travel)]
+        share = np.arange(len(travel) + 1) / max(len(results.sweeps(method)), 1)
+        label, colour = _LOOKS[method]
+        along = np.concatenate([[min([_EARLIEST, *travel])], travel, [_LATEST]])
+        plot.step(along, [*share, share[-1]], where="post", label=label, color=colour)
+    plot.axvline(0.0, color="0.6", lw=0.8)
+    plot.set_xlim(_EARLIEST, _LATEST)
+    plot.set_ylim(0.0, 1.02)
+    plot.set_xlabel("travel since contact, mm")
+    plot.set_ylabel("share of sweeps converged")
+    plot.grid(color="0.9")
+    plot.legend(fontsize=8)
+    return figure
+
+
+_EARLIEST, _LATEST = -10.0, 30.0
+
+
+def compared_error(results: Results) -> tuple[str, str]:
+    """Name of the error to compare by, and in words: that from contact on, or of whole sweeps."""
+    known = any(np.isfinite(results.values(m, "error_contact_m")).any() for m in results.methods)
+    return (
+        ("error_contact_m", "from contact to the feature's end") if known else ("error_m", "over the sweep")
+    )
+
+
+def _draw_curves(
+    plot: Axes, results: Results, condition: str, lines: Mapping[str, str], name: str, scale: float
+) -> None:
+    axis, centres = results.sweep_axis(condition)
+    for method, style in lines.items():
+        curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method, condition)])
+        counts = np.isfinite(curves).sum(axis=0)
+        drawn = counts >= max(1.0, _FEWEST * len(curves))
+        mean = np.nansum(curves[:, drawn], axis=0) / counts[drawn]
+        label, colour = _LOOKS[method]
+        plot.plot(shown(axis, centres[drawn]), scale * mean, style, color=colour, label=label)
+    sweeps = results.sweeps(next(iter(lines)), condition)
+    contacts = [sweep["contact_m"] for sweep in sweeps if sweep["contact_m"] is not None]
+    if contacts:
+        first, last = shown(axis, np.mean(contacts, axis=0))
+        plot.axvspan(first, last, color="0.93", zorder=0, label="feature felt (mean)")
+
+
+def _label(
+    plot: Axes, results: Results, condition: str, what: str, *, inches: bool = True, named: bool = True
+) -> None:
+    label_axis(plot, "x", results.sweep_axis(condition)[0], inches=inches, label=named)
+    plot.set_ylim(bottom=0)
+    plot.set_ylabel(what)
+    plot.grid(color="0.9")
+    plot.legend(fontsize=7)

@@ -1,0 +1,101 @@
+"""`evaluate` tries methods on features or own recordings and writes tables, pictures and a report."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.waiting import wait_until
+
+from tactile_localizer.cli import main
+from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.resources import resource_path
+
+TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
+OWN = "evaluate test.csv --scan scan.db --scene scene.yaml --seeds 2 --methods fast own.yaml"
+
+
+@pytest.fixture(scope="module")
+def bump(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("bump")
+    scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
+    save_scene(scene, folder / "scene.yaml")
+    (folder / "own.yaml").write_text("filter: particle\nparticles: 40\n")
+    assert main(["simulate", "bump", "-o", str(folder), "--test", "2"]) == 0
+    files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
+    assert main(["import", "csv", *files]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(bump: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(bump)
+    return bump
+
+
+def without_times(document: dict) -> dict:
+    tasks = {name: [{**task, "timing": None} for task in of] for name, of in document["tasks"].items()}
+    return {**document, "tasks": tasks, "tables": None}
+
+
+def test_own_recordings_are_evaluated_on_an_own_scan(folder: Path, capsys) -> None:
+    assert main([*OWN.split(), "-o", "out"]) == 0
+    printed = capsys.readouterr().out
+    assert "bump, mm" in printed
+    assert "out/report.html" in printed
+    document = json.loads(Path("out/evaluate.json").read_text())
+    assert list(document["methods"]) == ["fast", "own"]
+    assert len(document["tasks"]["own"]) == 2
+    assert "test.csv --scan scan.db" in Path("out/report.html").read_text()
+    assert Path("out/methods.png").stat().st_size > 5000
+
+
+def test_the_number_of_workers_makes_no_difference(folder: Path) -> None:
+    documents = []
+    for jobs in ("1", "2"):
+        assert main([*OWN.split(), "-o", f"jobs{jobs}", "--jobs", jobs]) == 0
+        documents.append(without_times(json.loads(Path(f"jobs{jobs}/evaluate.json").read_text())))
+    assert documents[0] == documents[1]
+
+
+def test_an_interrupted_run_goes_on_where_it_was(folder: Path) -> None:
+    command = [sys.executable, "-c", "import sys; from tactile_localizer.cli import main; sys.exit(main())"]
+    arguments = [*OWN.split(), "--seeds", "5", "-o", "again"]
+    tasks = Path("again/tasks")
+    running = subprocess.Popen([*command, *arguments])
+    try:
+        wait_until(lambda: len(list(tasks.glob("*.json"))) > 6, "some results", 60)
+        running.terminate()
+        running.wait(30)
+    finally:
+        running.kill()
+    before = {file: file.stat().st_mtime_ns for file in tasks.glob("*.json")}
+    assert 6 < len(before) < 15
+    assert main(arguments) == 0
+    assert len(list(tasks.glob("*.json"))) == 15
+    assert all(file.stat().st_mtime_ns == written for file, written in before.items())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("--sweeps 0", "--sweeps: expected at least 1, got 0"),
+        ("--seeds 0", "--seeds: expected at least 1, got 0"),
+        ("--blanks -1", "--blanks: expected at least 0, got -1"),
+        ("--jobs 0", "jobs: expected at least 1"),
+        ("--methods none.yaml", "none.yaml: expected a configuration file"),
+        ("test.csv", "recordings: expected --scan with them"),
+        ("--scan scan.db", "scan.db: expected recordings to localise on it"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused_in_one_line(
+    folder: Path, capsys, arguments: str, message: str
+) -> None:
+    assert main(["evaluate", *arguments.split()]) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.err.count("\n") == 1

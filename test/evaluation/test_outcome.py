@@ -1,0 +1,104 @@
+"""How one sweep went: before contact, on the feature, and when it was believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactile_localizer.evaluation.outcome import BINS, blank_outcome, sweep_axis, sweep_outcome
+from tactile_localizer.evaluation.replay import Track
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene("sheet", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)), (Phalanx("index", (0.0, 0.0)),))
+N = 50
+
+
+def track() -> Track:
+    """50 samples 1 mm apart along x, 10 ms each: off by 10 mm until sample 20, by 1 mm from then on."""
+    truth = np.column_stack([0.0005 + 0.001 * np.arange(N), np.full(N, 0.02)])
+    error = np.where(np.arange(N) < 20, 0.010, 0.001)
+    std = np.where(np.arange(N) < 20, 0.010, 0.001)
+    return Track(
+        number=4,
+        row=np.arange(N),
+        stamp_ns=np.arange(N, dtype=np.int64) * 10**7,
+        mean=truth + np.column_stack([np.zeros(N), error]),
+        covariance=std[:, None, None] ** 2 * np.eye(2),
+        converged=(np.arange(N) >= 25) & (np.arange(N) < 45),
+        updated=np.ones(N, bool),
+        evidence=np.zeros(N),
+        log_marginal=np.linspace(10.0, 59.0, N),
+        reason=("",) * N,
+        truth=truth,
+        travel=0.001 * np.arange(N),
+        seconds=np.full(N, 1e-4),
+        refused=0,
+    )
+
+
+def test_errors_are_told_apart_by_contact() -> None:
+    outcome = sweep_outcome(SCENE, track(), (20, 39), axis=0)
+    assert outcome["error_before_m"] == pytest.approx(0.010)
+    assert outcome["error_contact_m"] == pytest.approx(0.001)
+    assert outcome["error_m"] == pytest.approx((20 * 0.010 + 30 * 0.001) / N)
+    assert outcome["contact_m"] == pytest.approx([0.0205, 0.0395])
+    assert outcome["trace_before_m2"] == pytest.approx(2e-4)
+    assert outcome["nees_contact"] == pytest.approx(0.5)
+    assert outcome["coverage"] == 1.0
+
+
+def test_convergence_is_counted_from_contact() -> None:
+    outcome = sweep_outcome(SCENE, track(), (20, 39), axis=0)
+    assert outcome["converged"]
+    assert not outcome["converged_before"]
+    assert outcome["travel_to_convergence_m"] == pytest.approx(0.005)
+    assert outcome["time_to_convergence_s"] == pytest.approx(0.05)
+    assert outcome["error_at_convergence_m"] == pytest.approx(0.001)
+
+
+def test_convergence_before_contact_is_false_and_after_the_feature_too_late() -> None:
+    early = sweep_outcome(SCENE, track(), (30, 39), axis=0)
+    assert early["converged_before"]
+    assert early["travel_to_convergence_m"] == pytest.approx(-0.005)
+    late = sweep_outcome(SCENE, track(), (5, 20), axis=0)
+    assert not late["converged"]
+    assert late["travel_to_convergence_m"] is None
+
+
+def test_what_the_plain_criteria_look_at_is_kept_for_each_part() -> None:
+    outcome = sweep_outcome(SCENE, track(), (20, 39), axis=0)
+    assert outcome["highest_marginal_before"] == pytest.approx(29.0)
+    assert outcome["highest_marginal_contact"] == pytest.approx(49.0)
+    assert outcome["lowest_trace_before_m2"] == pytest.approx(2e-4)
+    assert outcome["lowest_trace_contact_m2"] == pytest.approx(2e-6)
+    blank = blank_outcome(track())
+    assert blank["converged"]
+    assert blank["lowest_trace_blank_m2"] == pytest.approx(2e-6)
+
+
+def test_curves_follow_the_sweep_axis_and_the_travel_after_contact() -> None:
+    outcome = sweep_outcome(SCENE, track(), (20, 39), axis=0)
+    curve = outcome["error_curve_m"]
+    assert len(curve) == BINS
+    assert curve[0] == pytest.approx(0.010)
+    assert curve[-1] == pytest.approx(0.001)
+    after = outcome["error_after_contact_m"]
+    assert after[0] == pytest.approx(0.001)
+    assert after[7] == pytest.approx(0.001)
+    assert after[8] is None  # past the feature's end
+
+
+def test_a_sweep_without_contact_has_only_a_before() -> None:
+    outcome = sweep_outcome(SCENE, track(), (-1, -1), axis=0)
+    assert outcome["error_contact_m"] is None
+    assert outcome["contact_m"] is None
+    assert outcome["error_before_m"] == pytest.approx(outcome["error_m"])
+
+
+def test_the_sweep_axis_is_the_one_that_the_sweeps_span() -> None:
+    along_x = track()
+    along_y = replace(along_x, truth=along_x.truth[:, ::-1].copy())
+    assert sweep_axis(SCENE, [along_x]) == 0
+    assert sweep_axis(SCENE, [along_y]) == 1
