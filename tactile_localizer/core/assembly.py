@@ -13,7 +13,7 @@ from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.featureless import Featureless
-from tactile_localizer.core.fit import held_out_fit, held_out_log_densities
+from tactile_localizer.core.fit import HeldOutFit, held_out_fit, held_out_log_densities
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.localizer import Localizer
@@ -21,6 +21,7 @@ from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.particle_filter import ParticleFilter
+from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery
 from tactile_localizer.core.region import propose_region
 from tactile_localizer.core.scan import Scan
@@ -76,6 +77,7 @@ def build_localizer(
             )
         ),
         Recovery() if configuration.recovery == "evidence" else None,
+        PhalanxHealth(scene, model, null),
         configuration.update_distance,
         parameters.correlation_length,
     )
@@ -121,7 +123,7 @@ def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
     if candidate.feature is None:
         return scene
     off = np.flatnonzero(~candidate.on_feature(training_pairs(scan, candidate)[0]))
-    tried, of_map = held_out_log_densities(
+    tried, of_map, _ = held_out_log_densities(
         scan, scene, off, lambda rest: build_model(rest, scene, Configuration(), parameters)
     )
     if len(tried) == 0:
@@ -132,7 +134,7 @@ def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
     return candidate if np.median(of_map - of_null) <= 0.0 else scene
 
 
-def _null(scan: Scan, scene: Scene, parameters: ModelParameters, unknown: float = -np.inf) -> NullModel:
+def _null(scan: Scan, scene: Scene, parameters: ModelParameters, unknown: HeldOutFit | None = None) -> NullModel:
     positions, strain = training_pairs(scan, scene)
     background = Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:]))
     return NullModel(strain, scan.sweep, ~scene.on_feature(positions), background, unknown)

@@ -4,9 +4,9 @@ For one measurement the strain distances ``||z - z_n||^2`` do not depend on the 
 once. What differs between states is the position kernel, summed
 
 - ``exact``: directly, over all pairs: the reference;
-- ``truncated``: directly, over the pairs within :data:`~.pair_block.REACH` of the box that the states occupy;
+- ``truncated``: directly, over the pairs within :data:`~.kernel_grid.REACH` of the box that holds the states;
 - ``field``: over the same pairs, after spreading their weights on a grid on which the kernel is separable,
-  so that the sum becomes a few small matrix products (:class:`~.pair_block.KernelGrid`); directly, where a
+  so that the sum becomes a few small matrix products (:class:`~.kernel_grid.KernelGrid`); directly, where a
   grid fine enough would have so many nodes that it is more work.
 """
 
@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.core.kernel_grid import REACH
 from tactile_localizer.core.measurement import flatten_axes
-from tactile_localizer.core.pair_block import REACH, PairBlock
+from tactile_localizer.core.pair_block import PairBlock
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import GAUGES
@@ -27,6 +28,8 @@ EVALUATIONS = ("field", "truncated", "exact")
 _MARGIN = 2.0
 """Standard deviations that a block serves beyond the states it was made for, so that it lasts for updates."""
 _WORTH_SHRINKING = 0.5
+"""Share of the pairs that a smaller block must come down to, to be worth making."""
+_ROWS = 2**15
 _NODES_A_PAIR = 100
 """Nodes of a grid that cost, at each state, as much as one pair directly: a product is cheap."""
 _MOST_NODES = 2**26
@@ -69,7 +72,8 @@ class KernelSum:
         order = np.argsort(unrolled[:, 0], kind="stable")
         self._index = index[order]
         self._positions = unrolled[order] / self.position_std
-        self._lower, self._upper = self._positions.min(axis=0) - REACH, self._positions.max(axis=0) + REACH
+        self._first, self._last = self._positions.min(axis=0), self._positions.max(axis=0)
+        self._lower, self._upper = self._first - REACH, self._last + REACH
         self._block: PairBlock | None = None
         log_widths = np.log(self._strain_std).reshape(-1, GAUGES).sum(axis=1)
         self._log_constants = -0.5 * GAUGES * math.log(2.0 * math.pi) - log_widths
@@ -86,7 +90,7 @@ class KernelSum:
 
         Returns
         -------
-        sums : (P,) position kernel (one at its centre) times strain kernel (one for the nearest pair)
+        sums : (P,) position kernel (one at its centre) times strain kernel, but for its scale
         density : (P,) the position kernel alone
         log_scale : logarithm of the factor that makes ``sums`` a density over z
         """
@@ -118,7 +122,7 @@ class KernelSum:
             return sums.reshape(shape), density.reshape(shape), log_scale
         weights, log_scale = self._weights(block, strain, present)
         sums = block.grid.on_axes(scaled, block.grid.spread(weights))
-        return sums, block.density(states / self.position_std).reshape(shape), log_scale
+        return sums, np.maximum(block.grid.on_axes(scaled, block.count), 0.0), log_scale
 
     def _weights(self, block: PairBlock, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
         weights, log_scale = block.strain_weights((strain - self._centre) / self._strain_std, present)
@@ -128,29 +132,37 @@ class KernelSum:
         """The pairs within reach of the box, kept while they serve and are not far too many."""
         if self.evaluation == "exact":
             if self._block is None:
-                self._block = self._make_block(self._lower - 2 * REACH, self._upper + 2 * REACH)
+                self._block = self._make_block(self._lower, self._upper)
             return self._block
         wanted_lower = np.clip(lower - _MARGIN, self._lower, self._upper)
         wanted_upper = np.clip(upper + _MARGIN, self._lower, self._upper)
-        block = self._block
-        if block is None or not block.serves(np.maximum(lower, self._lower), np.minimum(upper, self._upper)):
-            block = self._make_block(wanted_lower, wanted_upper)
-        else:
-            share = np.prod((wanted_upper - wanted_lower) / np.maximum(block.upper - block.lower, 1e-300))
-            if share < _WORTH_SHRINKING:
-                block = self._make_block(wanted_lower, wanted_upper)
-        self._block = block
+        needed, block = self._volume(wanted_lower, wanted_upper), self._block
+        # Beyond reach of the whole scan there is nothing to serve.
+        if (
+            block is None
+            or not block.serves(np.maximum(lower, self._lower), np.minimum(upper, self._upper))
+            or needed < _WORTH_SHRINKING * self._volume(block.lower, block.upper)
+        ):
+            if needed >= _WORTH_SHRINKING * self._volume(self._lower, self._upper):
+                wanted_lower, wanted_upper = self._lower, self._upper
+            block = self._block = self._make_block(wanted_lower, wanted_upper)
         return block
+
+    def _volume(self, lower: np.ndarray, upper: np.ndarray) -> float:
+        """Volume that the pairs of a block for this box take up: a measure of their number."""
+        sides = np.minimum(upper + REACH, self._last) - np.maximum(lower - REACH, self._first)
+        return float(np.prod(np.maximum(sides, 1e-3)))
 
     def _make_block(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
         first, last = np.searchsorted(self._positions[:, 0], [lower[0] - REACH, upper[0] + REACH])
         near = self._positions[first:last]
         keep = np.all((near >= lower - REACH) & (near <= upper + REACH), axis=1)
         rows = self._index[first:last][keep]
-        # A channel at a time: a large map is never held twice.
         strain = np.empty((self._strain.shape[1], len(rows)), dtype=self._dtype)
-        for channel, (centre, std) in enumerate(zip(self._centre, self._strain_std, strict=True)):
-            strain[channel] = (self._strain[rows, channel] - centre) / std
+        # Some rows at a time: a large map is never held twice.
+        for start in range(0, len(rows), _ROWS):
+            part = self._strain[rows[start : start + _ROWS]]
+            strain[:, start : start + _ROWS] = ((part - self._centre) / self._strain_std).T
         return PairBlock(near[keep], strain, lower, upper)
 
 

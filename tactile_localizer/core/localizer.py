@@ -12,6 +12,7 @@ from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import checked
 from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.null_model import NullModel
+from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import MeasurementError
@@ -29,7 +30,10 @@ class Estimate:
     trace : sum of the variances
     converged, reason : whether the position may be believed, and why or why not
     evidence : nats gathered for the believed place
-    log_marginal : log P(z_t | z_1:t-1) at the last update, nats; NaN before the first
+    log_marginal : log P(z_t | z_1:t-1) at the last update, nats
+    log_null : how well that strain is explained without knowing the position, nats
+    weight : share of an independent measurement that this strain counted for; zero where it was not weighed
+    trusted : (F,) bool, phalanges that do not contradict the others
     effective_sample_size, hypotheses : of the particles or cells
     travel : m since the belief was last spread over the whole scene
     updated : whether this strain was weighed; otherwise the last belief was only moved along
@@ -43,6 +47,9 @@ class Estimate:
     reason: str
     evidence: float
     log_marginal: float
+    log_null: float
+    weight: float
+    trusted: np.ndarray
     effective_sample_size: float
     hypotheses: int
     travel: float
@@ -63,6 +70,7 @@ class Localizer:
     null : the position-blind explanation that evidence is measured against
     convergence : decides when the position may be believed
     recovery : spreads a contradicted belief; ``None``: never
+    health : tells which phalanges to trust
     update_distance : m of travel between two weighed strains
     correlation_length : m of travel that make one independent measurement
     """
@@ -74,6 +82,7 @@ class Localizer:
         null: NullModel,
         convergence: Convergence,
         recovery: Recovery | None,
+        health: PhalanxHealth,
         update_distance: float,
         correlation_length: float,
     ) -> None:
@@ -82,6 +91,7 @@ class Localizer:
         self._null = null
         self._convergence = convergence
         self._recovery = recovery
+        self._health = health
         self._update_distance = update_distance
         self._correlation_length = correlation_length
         self._motion = MotionModel(scene)
@@ -131,6 +141,7 @@ class Localizer:
             self._pending_travel += self._motion.travel(step)
         self._last_position = position
         updated = self._belief is None or self._pending_travel >= self._update_distance
+        self._weight = 0.0
         if updated:
             self._weigh(strain, here)
         return self._estimate(stamp_ns, updated)
@@ -139,24 +150,30 @@ class Localizer:
         if self._recovery is not None:
             self._recovery.reset()
         self._convergence.reset()
+        self._health.reset()
         self._stamp_ns: int | None = None
         self._last_position: np.ndarray | None = None
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
         self._travel = 0.0
         self._belief: Belief | None = None
-        self._log_marginal = float("nan")
+        self._log_marginal = self._log_null = float("nan")
+        self._weight = 0.0
 
     def _weigh(self, strain: np.ndarray, present: np.ndarray) -> None:
         travel = self._pending_travel
         if travel > 0.0:
             self.filter.predict(self._pending, travel)
         counted = max(travel, self._update_distance)
-        weight = min(1.0, counted / self._correlation_length)
-        self._log_marginal = self.filter.update(strain, present, weight, self._null.featureless(strain, present))
+        used = self._used(present)
+        self._weight = min(1.0, counted / self._correlation_length)
+        featureless = self._null.featureless(strain, used)
+        self._log_marginal = self.filter.update(strain, used, self._weight, featureless)
+        self._log_null = self._null.log_density(strain, used)
         self._belief = self.filter.belief()
-        log_ratio = self._log_marginal - self._null.log_density(strain, present)
-        self._convergence.update(self._belief, log_ratio, weight, travel)
+        log_ratio = self._log_marginal - self._log_null
+        self._convergence.update(self._belief, log_ratio, self._weight, travel)
+        self._health.update(*self.filter.hypotheses(), strain, present, travel)
         if self._recovery is not None:
             fraction = self._recovery.fraction(log_ratio, counted)
             if fraction > 0.0:
@@ -164,6 +181,11 @@ class Localizer:
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
+
+    def _used(self, present: np.ndarray) -> np.ndarray:
+        """Phalanges that are present and trusted; the present ones, where no trusted one is left."""
+        used = present & self._health.trusted
+        return used if used.any() else present
 
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
@@ -182,6 +204,9 @@ class Localizer:
             reason=convergence.reason,
             evidence=convergence.evidence,
             log_marginal=self._log_marginal,
+            log_null=self._log_null,
+            weight=self._weight,
+            trusted=self._health.trusted.copy(),
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
             travel=self._travel + self._pending_travel,

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tactile_localizer.core.background import Background
+from tactile_localizer.core.fit import HeldOutFit
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.scene import GAUGES
 
@@ -32,9 +33,7 @@ class NullModel:
     sweep : (N,) int, sweep of each pair
     featureless : (N,) bool, pairs that are known not to touch the feature (the paper's Lambda)
     background : the broad background of the measurement model, a lower limit for the unknown
-    unknown : log-density of a strain of all phalanges on unknown material (:func:`~.fit.held_out_fit`); of fewer
-        phalanges it counts in proportion
-
+    unknown : log-density of a strain on unknown material; ``None``: the background alone
     """
 
     def __init__(
@@ -43,13 +42,13 @@ class NullModel:
         sweep: np.ndarray,
         featureless: np.ndarray,
         background: Background,
-        unknown: float = -math.inf,
+        unknown: HeldOutFit | None = None,
     ) -> None:
         if np.count_nonzero(featureless) < _FEWEST:
             featureless = np.ones(len(strain), dtype=bool)
         strain, sweep = strain[featureless], sweep[featureless]
         self._background = background
-        self._unknown = unknown
+        self._unknown = unknown if unknown is not None else HeldOutFit.unknown(strain.shape[1] // GAUGES)
         numbers, index = np.unique(sweep, return_inverse=True)
         counts = np.bincount(index).astype(np.float64)
         means = (
@@ -80,5 +79,5 @@ class NullModel:
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain by the better of the two explanations."""
-        unknown = max(self._unknown * float(np.mean(present)), self._background.log_density(strain, present))
+        unknown = max(self._unknown.of(present), self._background.log_density(strain, present))
         return max(self.featureless(strain, present), unknown)

@@ -13,7 +13,7 @@ from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.resampling import resampler
 from tactile_localizer.core.weights import effective_sample_size, moments, normalize, wrap_angle
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import Scene
+from tactile_localizer.scene import Region, Scene
 
 
 class ParticleFilter:
@@ -63,6 +63,7 @@ class ParticleFilter:
         self._random = random_particles
         self._adaptive = adaptive
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
+        self._bounds = Region(tuple(self._lower), tuple(self._upper))
         self.reset()
 
     def reset(self) -> None:
@@ -84,7 +85,7 @@ class ParticleFilter:
     def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
         """See :meth:`BayesFilter.update`."""
         self._resample_if_needed()
-        inside = np.all((self._states >= self._lower) & (self._states <= self._upper), axis=1)
+        inside = self._bounds.contains(self._states)
         if not inside.any():
             self.reset()
             inside = np.ones(len(self._states), dtype=bool)
@@ -93,8 +94,10 @@ class ParticleFilter:
         prior, _ = normalize(np.where(inside, self._log_weights, -math.inf))
         posterior, log_total = normalize(prior + exponent * log_likelihood)
         self._log_weights = posterior if log_total > -math.inf else prior
-        expected = np.where(self._scene.on_feature(self._states), -math.inf, featureless)
-        return normalize(prior + np.maximum(log_likelihood, expected))[1]
+        if featureless > -math.inf:
+            off = ~self._scene.on_feature(self._states)
+            log_likelihood[off] = np.maximum(log_likelihood[off], featureless)
+        return normalize(prior + log_likelihood)[1]
 
     def belief(self) -> Belief:
         """See :meth:`BayesFilter.belief`."""

@@ -18,6 +18,8 @@ from tactile_localizer.scene import GAUGES, Scene
 
 FLOOR = 0.01
 """Share of the broad background in the density, at a typical density of the scan."""
+_SAFE = 600.0
+"""Difference of logarithms whose exponential neither overflows nor underflows."""
 
 
 class PhalanxKernels:
@@ -67,9 +69,11 @@ class PhalanxKernels:
     ) -> np.ndarray:
         floor = FLOOR * self._typical
         log_floor = math.log(floor) + self.background.log_density(strain, present)
-        with np.errstate(divide="ignore"):
-            log_sum = np.log(sums) + log_scale
-        total = np.logaddexp(log_sum, log_floor)
+        if abs(log_floor - log_scale) < _SAFE:
+            total = np.log(sums + math.exp(log_floor - log_scale)) + log_scale
+        else:
+            with np.errstate(divide="ignore"):
+                total = np.logaddexp(np.log(sums) + log_scale, log_floor)
         scanned = density if self._conditional else self._typical
         return total - np.log(scanned + floor)
 
