@@ -68,9 +68,14 @@ def _versions() -> dict[str, str]:
     return versions
 
 
+_DETAILS = {"p99_us": "p99", "peak_mb": "MB", "ratio_to_floor": "floors", "tv_to_exact": "TV to exact"}
+
+
 def _print(rows: Sequence[dict[str, Any]]) -> None:
-    table = Table("measurement", "value", "asked for", "met")
+    details = {key: head for key, head in _DETAILS.items() if any(key in one for one in rows)}
+    table = Table("measurement", "value", *details.values(), "asked for", "met")
     for one in rows:
         met = {True: "yes", False: "NO"}.get(one.get("met"), "")
-        table.add_row(one["name"], f"{one['value']:.4g} {one['unit']}", one.get("limit", ""), met)
+        more = [f"{one[key]:.3g}" if key in one else "" for key in details]
+        table.add_row(one["name"], f"{one['value']:.4g} {one['unit']}", *more, one.get("limit", ""), met)
     Console().print(table)

@@ -81,9 +81,10 @@ class PairBlock:
         log_scale : logarithm of what they were divided by
         """
         exponents, offset = self._exponents(strain, present)
-        shift = float(exponents.max()) - HEADROOM
-        exponents -= exponents.dtype.type(shift)
-        return np.exp(exponents, out=exponents), offset + shift
+        nearest = float(exponents.max())
+        exponents -= exponents.dtype.type(nearest)
+        exponents += exponents.dtype.type(HEADROOM)
+        return np.exp(exponents, out=exponents), offset + nearest - HEADROOM
 
     def _exponents(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
         """-||z - z_n||^2 / 2 of every pair but for an offset: (M,) and the offset."""

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.pair_block import REACH, KernelGrid, PairBlock
+from tactile_localizer.core.kernel_grid import REACH
+from tactile_localizer.core.pair_block import HEADROOM, PairBlock
 from tactile_localizer.scene import GAUGES
 
 
@@ -17,62 +18,6 @@ def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Gaussian kernel of unit width, written out: (P, M)."""
     difference = states[:, None, :] - positions[None, :, :]
     return np.exp(-0.5 * np.sum(difference**2, axis=2))
-
-
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_grid_follows_a_lone_pair_wherever_it_lies_between_nodes(dimension, seed):
-    rng = np.random.default_rng(seed)
-    anchor = np.zeros((1, dimension))
-    pair = rng.random((1, dimension)) * 3
-    grid = KernelGrid(np.concatenate([anchor, pair]), np.dtype(float))
-    direction = rng.standard_normal((50, dimension))
-    distance = rng.random((50, 1)) * np.sqrt(10)  # 5 nats below the peak
-    states = pair + direction / np.linalg.norm(direction, axis=1, keepdims=True) * distance
-    summed = grid.at_states(states, grid.spread(np.array([0.0, 1.0])))
-    error = np.log(summed) - np.log(kernel(states, pair)[:, 0])
-    assert np.abs(error).max() < 0.006
-
-
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_the_grid_sums_on_axes_what_it_sums_at_states(dimension):
-    rng = np.random.default_rng(0)
-    positions = rng.random((40, dimension)) * 5
-    grid = KernelGrid(positions, np.dtype(float))
-    field = grid.spread(rng.random(40))
-    axes = [np.sort(rng.random(3 + axis)) * 5 for axis in range(dimension)]
-    states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
-    on_axes = grid.on_axes(axes, field)
-    assert on_axes.shape == tuple(3 + axis for axis in range(dimension))
-    np.testing.assert_allclose(on_axes.ravel(), grid.at_states(states, field), rtol=1e-12)
-
-
-def test_long_axes_leave_out_only_what_is_negligible():
-    rng = np.random.default_rng(0)
-    positions = rng.random((300, 2)) * [300.0, 4.0]
-    grid = KernelGrid(positions, np.dtype(float))
-    weights = rng.random(300)
-    states = rng.random((50, 2)) * [300.0, 4.0]
-    np.testing.assert_allclose(
-        grid.at_states(states, grid.spread(weights)),
-        kernel(states, positions) @ weights,
-        rtol=5e-3,
-        atol=1e-5,
-    )
-
-
-def test_many_states_on_a_large_grid_need_no_more_memory_than_few():
-    import tracemalloc
-
-    rng = np.random.default_rng(0)
-    grid = KernelGrid(rng.random((30, 3)) * [4.0, 12.0, 12.0], np.dtype(float))
-    field = grid.spread(np.ones(30))
-    states = rng.random((20_000, 3)) * 4
-    tracemalloc.start()
-    grid.at_states(states, field)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 150e6
 
 
 @given(
@@ -88,7 +33,8 @@ def test_strain_kernels_do_not_cancel_or_underflow(seed, scale, away, dtype):
     measured = strain[:, 3].astype(float) + rng.standard_normal(2 * GAUGES) + away * scale
     weights, log_scale = block_of(rng.random((30, 2)), strain).strain_weights(measured, np.ones(2, bool))
     squared = np.sum((strain.astype(float) - measured[:, None]) ** 2, axis=0)
-    assert weights.max() == pytest.approx(1.0, abs=0.02)
+    assert np.log(weights.max()) == pytest.approx(HEADROOM, abs=0.02)
+    weights, log_scale = weights / np.exp(HEADROOM), log_scale + HEADROOM
     assert log_scale == pytest.approx(-0.5 * squared.min(), rel=1e-5, abs=0.01)
     expected = np.exp(-0.5 * (squared - squared.min()))
     # float32 holds squared distances to seven digits: where they are large, small weights are uncertain.
@@ -108,7 +54,7 @@ def test_strains_of_float32_are_compared_in_float32_and_as_exactly():
     short, short_scale = block_of(positions, strain.astype(np.float32)).strain_weights(measured, present)
     assert short.dtype == np.float32
     assert short_scale == pytest.approx(scale, abs=1e-3)
-    np.testing.assert_allclose(short, exact, atol=1e-3)
+    np.testing.assert_allclose(short, exact, atol=1e-3 * np.exp(HEADROOM))
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -120,7 +66,7 @@ def test_an_absent_phalanx_is_as_if_it_were_not_there(seed):
         np.where(np.arange(16) < 8, measured, 0.0), np.array([True, False])
     )
     alone = block_of(positions, strain[:GAUGES]).strain_weights(measured[:GAUGES], np.ones(1, bool))
-    np.testing.assert_allclose(both[0], alone[0], atol=1e-9)
+    np.testing.assert_allclose(both[0], alone[0], rtol=1e-9)
     assert both[1] == pytest.approx(alone[1], abs=1e-9)
 
 
@@ -133,13 +79,3 @@ def test_the_direct_sum_is_the_sum_written_out(seed, dimension):
     np.testing.assert_allclose(
         block.direct_sum(states, weights), kernel(states, positions) @ weights, rtol=1e-10
     )
-
-
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_the_tabulated_density_is_the_sum_of_the_position_kernels(dimension):
-    rng = np.random.default_rng(0)
-    positions = rng.random((200, dimension)) * 4
-    block = block_of(positions, rng.standard_normal((GAUGES, 200)))
-    states = rng.random((100, dimension)) * 6 - 1
-    exact = kernel(states, positions).sum(axis=1)
-    assert np.abs(block.density(states) - exact).max() < 1e-3 * exact.max()

@@ -1,0 +1,151 @@
+"""Our particle filter beside those of four packages, on the same model: predict, weigh, resample.
+
+The packages bring the filter; the model is what their user would write in numpy and scipy: strain distances
+shared between the particles, then position kernels. All run in one process, in an environment of their own
+(``.venv-bench``, from ``requirements/bench.txt``), an update each in turn, so that noise hits all alike.
+
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/peers.py``.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import hashlib
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+ENVIRONMENT = ROOT / ".venv-bench"
+REQUIREMENTS = ROOT / "requirements" / "bench.txt"
+SPEED_UPS = {75: 4.0, 1_000: 50.0, 10_000: 100.0}
+"""Times faster than every peer that we want to be, by particles."""
+ROUNDS = {75: 200, 1_000: 40, 10_000: 6}
+OURS_A_ROUND = {75: 2, 1_000: 6, 10_000: 20}
+
+
+def environment() -> Path:
+    """The interpreter of the peers' environment, made where it is missing or out of date."""
+    python, stamp = ENVIRONMENT / "bin" / "python", ENVIRONMENT / ".complete"
+    want = hashlib.sha256(REQUIREMENTS.read_bytes()).hexdigest()
+    if not (stamp.exists() and stamp.read_text() == want):
+        print(f"making {ENVIRONMENT.name} with the packages to compare with (a minute or two)", flush=True)
+        subprocess.run([sys.executable, "-m", "venv", "--clear", ENVIRONMENT], check=True)
+        pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        subprocess.run([*pip, "-r", REQUIREMENTS, "scipy>=1.11", "pyyaml"], check=True)
+        stamp.write_text(want)
+    return python
+
+
+def compare() -> list[dict[str, Any]]:
+    """Rows of ours and of every peer, by the number of particles."""
+    import numpy as np
+    from peer_filters import PEERS, PlainModel
+    from workload import (
+        PAIRS,
+        POSITION_STD,
+        PRESENT,
+        STRAIN_STD,
+        Stopwatch,
+        bump_scan,
+        bump_scene,
+        floor_us,
+        peak_mb,
+        tv_to_exact,
+    )
+
+    from tactile_localizer.core.particle_filter import ParticleFilter
+    from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+
+    scan, scene = bump_scan(), bump_scene()
+    floor = floor_us(scan)
+    plain, model = (
+        PlainModel(scan, POSITION_STD, STRAIN_STD),
+        SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD),
+    )
+    rows = []
+
+    def ours(particles: int) -> Stopwatch:
+        mine = ParticleFilter(scene, model, np.random.default_rng(0), particles, resample_below=1.0)
+
+        def run(displacement: np.ndarray, strain: np.ndarray) -> None:
+            mine.predict(displacement, float(np.hypot(*displacement)))
+            mine.update(strain, PRESENT, 1.0, -math.inf)
+
+        return Stopwatch(run, lambda _: mine.reset(), every_step=True)
+
+    def peer(make: Callable[..., Any], particles: int) -> Stopwatch:
+        theirs = make(plain, scene, particles)
+        return Stopwatch(theirs.step, lambda _: theirs.spread(), every_step=True)
+
+    for particles, rounds in ROUNDS.items():
+        own = ours(particles)
+        watches = {name: peer(make, particles) for name, make in PEERS.items()}
+        for _ in range(5):
+            own.step()
+        own.times.clear()
+        for _ in range(rounds):
+            for _ in range(OURS_A_ROUND[particles]):
+                own.step()
+            for watch in watches.values():
+                watch.step()
+        slowest_of_ours = own.median_us
+        for name, watch in {"tactile_localizer": own, **watches}.items():
+            likelihood = model.log_likelihood if watch is own else plain.log_likelihood
+            fresh = ours(particles) if watch is own else peer(PEERS[name], particles)
+            rows.append(
+                {
+                    "name": f"{name}: {particles} particles, beside the others",
+                    "value": watch.median_us,
+                    "unit": "us",
+                    "particles": particles,
+                    "pairs": PAIRS,
+                    "median_us": watch.median_us,
+                    "p99_us": watch.p99_us,
+                    "peak_mb": peak_mb(fresh.step),
+                    "ratio_to_floor": watch.median_us / floor,
+                    "tv_to_exact": tv_to_exact(scan, scene, likelihood, converged=False),
+                    "samples": len(watch.times),
+                    "numpy": np.__version__,
+                    "times_ours": watch.median_us / slowest_of_ours,
+                }
+            )
+    return rows
+
+
+def main() -> None:
+    """Measure in the peers' environment, record in this one."""
+    if sys.argv[1:] == ["--measure"]:
+        sys.path[:0] = [str(ROOT)]
+        json.dump(compare(), sys.stdout)
+        return
+    from record import record, row
+
+    command = [environment(), __file__, "--measure"]
+    measured = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, cwd=ROOT).stdout)
+    rows = [row(one.pop("name"), one.pop("value"), one.pop("unit"), **one) for one in measured]
+    measured_rows = list(rows)
+    for particles, wanted in SPEED_UPS.items():
+        peers = [one for one in measured_rows if one["particles"] == particles and one["times_ours"] != 1.0]
+        fastest = min(peers, key=lambda one: one["times_ours"])
+        rows.append(
+            row(
+                f"times faster than the fastest peer, {particles} particles",
+                fastest["times_ours"],
+                "x",
+                f">= {wanted:g}",
+                peer=fastest["name"].partition(":")[0],
+            )
+        )
+    record(rows)
+
+
+if __name__ == "__main__":
+    main()

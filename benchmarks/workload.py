@@ -1,0 +1,178 @@
+"""What the core is measured on: simulated scans of the paper's size and larger, test sweeps, a stopwatch."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Axis, Scene
+from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim.sweep import SIDE_M
+
+PAIRS = 16_321
+"""The paper's N."""
+POSITION_STD = 0.0254 * np.sqrt(0.0075)
+"""Square root of the paper's S_x, m."""
+STRAIN_STD = np.sqrt(0.001)
+"""Square root of the paper's S_z, V."""
+UPDATE_M = 0.0005
+PRESENT = np.ones(2, dtype=bool)
+_CONVERGED_STD = 0.0012
+_KINDS = 4
+
+
+def bump_scene(tiles: tuple[int, int] = (1, 1)) -> Scene:
+    """The simulated bump's scene, or one of several such squares side by side, without a region."""
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    axes = tuple(
+        Axis(axis.name, axis.lower, axis.upper + (count - 1) * SIDE_M, axis.motion_std)
+        for axis, count in zip(scene.axes, tiles, strict=True)
+    )
+    return replace(scene, axes=axes) if tiles == (1, 1) else replace(scene, axes=axes, feature=None)
+
+
+def bump_scan(tiles: tuple[int, int] = (1, 1)) -> Scan:
+    """16,321 pairs for each square; further squares are other scans, or have other signs of gauges."""
+    rng = np.random.default_rng(0)
+    squares = [_paper_sized(seed) for seed in range(1, min(_KINDS, tiles[0] * tiles[1]) + 1)]
+    parts = []
+    for square in range(tiles[0] * tiles[1]):
+        of = squares[square % len(squares)]
+        signs = rng.choice([-1.0, 1.0], of.strain.shape[1]) if square else 1.0
+        shift = SIDE_M * np.array(np.divmod(square, tiles[1]))
+        parts.append(
+            Scan(of.states + shift, of.strain * signs, of.sweep + 100 * square, of.axes, of.phalanges)
+        )
+    return Scan(
+        np.concatenate([part.states for part in parts]),
+        np.concatenate([part.strain for part in parts]),
+        np.concatenate([part.sweep for part in parts]),
+        parts[0].axes,
+        parts[0].phalanges,
+    )
+
+
+def _paper_sized(seed: int) -> Scan:
+    scan = simulate_scan("bump", seed, sweeps=22).to_scan()
+    return scan.select(np.unique(np.linspace(0, len(scan) - 1, PAIRS).astype(int)))
+
+
+def steps() -> Iterator[tuple[np.ndarray | None, np.ndarray, np.ndarray]]:
+    """Updates along the test sweeps, half a millimetre apart, for ever.
+
+    Yields
+    ------
+    displacement (2,) since the last, or ``None`` at the start of a sweep; true state (2,); strain (16,)
+    """
+    test = simulate_scan("bump", 1, "test")
+    while True:
+        for sweep in test.slices():
+            last = None
+            for row in range(sweep.start, sweep.stop):
+                here = test.odometry[row]
+                if last is None or np.hypot(*(here - last)) >= UPDATE_M:
+                    yield None if last is None else here - last, test.truth[row], test.strain[row]
+                    last = here
+
+
+class Stopwatch:
+    """Times of one thing, s.
+
+    Parameters
+    ----------
+    run : what is timed; called with a displacement (2,) and a strain (16,)
+    prepare : brings it to where it is measured, untimed; called with the true state (2,)
+    every_step : whether to prepare before each update, or only where a sweep starts
+    """
+
+    def __init__(
+        self,
+        run: Callable[[np.ndarray, np.ndarray], object],
+        prepare: Callable[[np.ndarray], object],
+        every_step: bool,
+    ) -> None:
+        self._run, self._prepare, self._every_step = run, prepare, every_step
+        self._steps = steps()
+        self._warm = 0
+        self.times: list[float] = []
+
+    def step(self) -> None:
+        """One update; the first two after a preparation for a whole sweep are not counted."""
+        displacement, truth, strain = next(self._steps)
+        if displacement is None or self._every_step:
+            self._prepare(truth)
+            self._warm = 0 if self._every_step else 2
+        begin = time.perf_counter()
+        self._run(np.zeros(2) if displacement is None else displacement, strain)
+        taken = time.perf_counter() - begin
+        if self._warm:
+            self._warm -= 1
+        else:
+            self.times.append(taken)
+
+    @property
+    def median_us(self) -> float:
+        """Median, microseconds."""
+        return 1e6 * float(np.median(self.times))
+
+    @property
+    def p99_us(self) -> float:
+        """99th percentile, microseconds."""
+        return 1e6 * float(np.quantile(self.times, 0.99))
+
+
+def converged_std() -> np.ndarray:
+    """Spread of a converged belief, (2,) m."""
+    return np.full(2, _CONVERGED_STD)
+
+
+def floor_us(scan: Scan) -> float:
+    """One read of the training strains, the fastest of two ways, microseconds."""
+    strain = np.ascontiguousarray(scan.strain.T)
+    ones = np.ones(len(strain))
+    times: list[list[float]] = [[], []]
+    for _ in range(200):
+        for taken, read in zip(times, (strain.sum, lambda: ones @ strain), strict=True):
+            begin = time.perf_counter()
+            read()
+            taken.append(time.perf_counter() - begin)
+    return 1e6 * float(min(np.median(taken) for taken in times))
+
+
+def peak_mb(build_and_run: Callable[[], object]) -> float:
+    """Most memory that Python and numpy held at once meanwhile, MB."""
+    tracemalloc.start()
+    try:
+        build_and_run()
+        return tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def tv_to_exact(
+    scan: Scan, scene: Scene, log_likelihood: Callable[[np.ndarray, np.ndarray], np.ndarray], converged: bool
+) -> float:
+    """Largest total variation of weights from those of the exact sum, over thirty strains at 75 states."""
+    exact = SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD, evaluation="exact")
+    rng, worst = np.random.default_rng(0), 0.0
+    source = steps()
+    for _ in range(30):
+        for _ in range(17):
+            _, truth, strain = next(source)
+        spread = truth + _CONVERGED_STD * rng.standard_normal((75, 2))
+        uniform = scene.lower + rng.random((75, 2)) * (scene.upper - scene.lower)
+        states = np.clip(spread, scene.lower, scene.upper) if converged else uniform
+        found, expected = (
+            np.exp(v - v.max())
+            for v in (log_likelihood(states, strain), exact.log_likelihood(states, strain))
+        )
+        worst = max(worst, 0.5 * float(np.abs(found / found.sum() - expected / expected.sum()).sum()))
+    return worst
