@@ -147,9 +147,9 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         node = make()
         if node.parameters["autostart"] and not node.start():
             return 2
-        executor = _executor(node)
-        executor.add_node(node)
-        executor.spin()
+        with _executor(node) as executor:
+            executor.add_node(node)
+            executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except TactileLocalizerError as error:
