@@ -98,9 +98,13 @@ def test_the_command_line_starts_without_ros() -> None:
         f"{path.name} imports {name}"
         for path in modules("cli")
         for name in imported(path, lazily=False)
-        if is_ros(name)
+        if is_ros(name) or layer_of(name) in {"live", "nodes"}
     }
     assert wrong == set()
+
+
+def test_every_folder_of_the_package_is_a_layer() -> None:
+    assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} == set(MAY_IMPORT_LAYERS)
 
 
 def test_the_core_reads_no_clock_and_has_no_global_random_state() -> None:
