@@ -57,6 +57,19 @@ def simulated_can() -> dict[str, Any]:
 
 
 @pytest.fixture
+def place(simulated_can: dict[str, Any], tmp_path: Path) -> Any:
+    """A :class:`support.scenarios.Place`: a scan of the bump, and two simulated buses."""
+    from support.scenarios import Place
+    from support.sweeps import write_scan
+
+    write_scan(tmp_path / "bump.db")
+    ports = simulated_can["port"], simulated_can["port"] + 100
+    bus = {name: simulated_can[name] for name in ("interface", "channel")}
+    buses = [{**bus, "bus_options": [f"port={port}"]} for port in ports]
+    return Place(tmp_path, tmp_path / "bump.db", buses)
+
+
+@pytest.fixture
 def process() -> Iterator[Callable[..., Process]]:
     """Start a command: ``process([...])`` is a :class:`support.processes.Process`, ended with the test."""
     started: list[Process] = []

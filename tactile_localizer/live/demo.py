@@ -148,7 +148,7 @@ class _Demo:
         self._view.phase("starting simulator, driver and mapping")
         self._nodes.start("simulator", "simulator_node", self._simulator | self._bus)
         tare = {"tare_file": str(self._settings.folder / "log" / "tare.yaml")}
-        self._nodes.start("driver", "driver_node", _shipped("driver_node", "driver") | self._bus | tare)
+        self._nodes.start("driver", "driver_node", _shipped("driver") | self._bus | tare)
         scene = resource_path(f"config/scenes/{self._settings.feature}.yaml")
         self._mapping = self._nodes.start(
             "mapping",
@@ -258,10 +258,10 @@ class _Demo:
             time.sleep(_POLL_S)
 
 
-def _shipped(node: str, file: str = "") -> dict[str, Any]:
+def _shipped(name: str) -> dict[str, Any]:
     """A node's parameters as the package ships them."""
-    text = resource_path(f"config/{file or node}.yaml").read_text(encoding="utf-8")
-    return dict(yaml.safe_load(text)[node]["ros__parameters"])
+    text = resource_path(f"config/{name}.yaml").read_text(encoding="utf-8")
+    return dict(yaml.safe_load(text)["/**"]["ros__parameters"])
 
 
 def _fresh(folder: Path) -> Path:

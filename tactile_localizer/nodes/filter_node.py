@@ -64,7 +64,7 @@ class FilterNode(ManagedNode):
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._offered = [self._outputs.close, partial(self.destroy_publisher, self._health)]
         self._outputs.publish_map(self._scan, self._tracker.localizer.scene)
-        self._diagnostics = FilterDiagnostics(self.get_name())
+        self._diagnostics = FilterDiagnostics(self.get_fully_qualified_name().lstrip("/"))
 
     def activate(self) -> None:
         """Listen; the belief begins anew."""

@@ -511,6 +511,6 @@ def test_the_shipped_parameter_file_holds_the_recommended_choices():
     from tactile_localizer.nodes.filter_parameters import PARAMETERS
     from tactile_localizer.resources import resource_path
 
-    shipped = yaml.safe_load(resource_path("config/filter.yaml").read_text())["filter"]["ros__parameters"]
+    shipped = yaml.safe_load(resource_path("config/filter.yaml").read_text())["/**"]["ros__parameters"]
     defaults = {parameter.name: parameter.default for parameter in PARAMETERS}
     assert shipped == {name: defaults[name] for name in shipped}

@@ -48,10 +48,16 @@ class SlidingHand:
     ----------
     probe : a :class:`support.probe.Probe`
     sweep : what is felt
+    phalanges : that are felt with
+    topics : of the strain and of the poses
     """
 
     def __init__(
-        self, probe: Any, sweep: SimulatedSweep, phalanges: tuple[str, ...] = ("index", "middle")
+        self,
+        probe: Any,
+        sweep: SimulatedSweep,
+        phalanges: tuple[str, ...] = ("index", "middle"),
+        topics: tuple[str, str] = ("strain", "palm_pose"),
     ) -> None:
         from geometry_msgs.msg import PoseStamped
         from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -61,8 +67,8 @@ class SlidingHand:
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._Pose, self._Strain = PoseStamped, StrainVectors
         self._probe, self._phalanges = probe, phalanges
-        self._poses = probe.publisher(PoseStamped, "palm_pose", 100)
-        self._strains = probe.publisher(StrainVectors, "strain", best_effort)
+        self._poses = probe.publisher(PoseStamped, topics[1], 100, timeout_s=60.0)
+        self._strains = probe.publisher(StrainVectors, topics[0], best_effort)
         self.sweep = sweep
         self.offset_ns = START_NS
         self.next = 0

@@ -1,0 +1,11 @@
+"""A robot that localises: the load cells' driver and the filter.
+
+ros2 launch tactile_localizer bringup.launch.py scan_file:=scan.db namespace:=left
+"""
+
+from tactile_localizer.nodes.launching import DRIVER, FILTER, nodes
+
+
+def generate_launch_description():
+    """Driver and filter."""
+    return nodes(DRIVER, FILTER)

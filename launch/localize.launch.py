@@ -1,0 +1,11 @@
+"""The filter alone, where the driver runs already.
+
+ros2 launch tactile_localizer localize.launch.py scan_file:=scan.db
+"""
+
+from tactile_localizer.nodes.launching import FILTER, nodes
+
+
+def generate_launch_description():
+    """The filter."""
+    return nodes(FILTER)

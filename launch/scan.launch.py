@@ -1,0 +1,11 @@
+"""A robot that records a training scan: the load cells' driver and the mapping.
+
+ros2 launch tactile_localizer scan.launch.py scan_file:=scan.db scene_file:=scene.yaml
+"""
+
+from tactile_localizer.nodes.launching import DRIVER, MAPPING, nodes
+
+
+def generate_launch_description():
+    """Driver and mapping."""
+    return nodes(DRIVER, MAPPING)

@@ -1,0 +1,196 @@
+"""Nodes that run together, and what is seen of them: described once, launched or started as processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from support.probe import Probe
+from support.processes import node_command
+from support.sweeps import SlidingHand, unseen_sweep
+
+from tactile_localizer.resources import resource_path
+
+_BUS = ("interface", "channel", "bus_options")
+_ACCEPTED = {
+    "simulator": (*_BUS, "feature", "speed", "mode"),
+    "driver": (*_BUS, "dbc", "phalanges"),
+    "mapping": ("scan_file", "scene_file"),
+    "filter": ("scan_file", "scene_file", "scan_directory"),
+}
+"""Launch arguments that become parameters of each node."""
+
+
+@dataclass(frozen=True)
+class Started:
+    """Some nodes in one namespace.
+
+    Parameters
+    ----------
+    launch_file : that starts them; empty: they stand for hardware, and no launch file does
+    nodes : their names
+    arguments : launch arguments; ``namespace``, ``pose_topic`` and parameters of the nodes
+    """
+
+    launch_file: str
+    nodes: Sequence[str]
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+
+    def launch_arguments(self) -> list[tuple[str, str]]:
+        """As a launch file takes them."""
+        return [(name, str(value)) for name, value in self.arguments.items()]
+
+    def commands(self) -> list[list[str]]:
+        """The command lines that the launch file amounts to."""
+        return [
+            node_command(
+                f"{node}_node",
+                {name: self.arguments[name] for name in _ACCEPTED[node] if name in self.arguments},
+                {"palm_pose": self.arguments["pose_topic"]} if self._is_remapped(node) else None,
+                f"/{self.arguments['namespace']}" if "namespace" in self.arguments else None,
+                [resource_path(f"config/{node}.yaml")],
+            )
+            for node in self.nodes
+        ]
+
+    def _is_remapped(self, node: str) -> bool:
+        return node in ("mapping", "filter") and "pose_topic" in self.arguments
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a scenario happens: a folder for its files, a scan of the bump in it, two simulated buses."""
+
+    folder: Path
+    scan_file: Path
+    buses: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What runs, and what must be seen.
+
+    Parameters
+    ----------
+    name : for people
+    started : what runs
+    check : looks at it through a probe; fails when it does not see what it should
+    """
+
+    name: str
+    started: Callable[[Place], Sequence[Started]]
+    check: Callable[[Probe, Place], None]
+
+
+def _simulated(place: Place) -> Sequence[Started]:
+    return [Started("simulate.launch.py", ("simulator", "driver"), place.buses[0])]
+
+
+def _hardware(place: Place) -> Started:
+    """Load cells and an arm."""
+    return Started("", ("simulator",), place.buses[0])
+
+
+def _see_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
+    from geometry_msgs.msg import PoseStamped
+    from rclpy.qos import qos_profile_sensor_data
+
+    from tactile_localizer.msg import StrainVectors
+
+    strains = probe.listen(StrainVectors, f"{namespace}strain", qos_profile_sensor_data)
+    poses = probe.listen(PoseStamped, f"{namespace}palm_pose")
+    probe.until(lambda: len(strains) > 50 and len(poses) > 20, "strain and poses", 30.0)
+    assert list(strains[-1].phalanges) == ["index", "middle"]
+    assert np.isfinite(strains[-1].strain).all()
+    return strains
+
+
+def _scanning(place: Place) -> Sequence[Started]:
+    files = {"scan_file": place.folder / "new.db", "scene_file": resource_path("config/scenes/bump.yaml")}
+    return [
+        _hardware(place),
+        Started("scan.launch.py", ("driver", "mapping"), {**files, **place.buses[0]}),
+    ]
+
+
+def _see_a_sweep_recorded(probe: Probe, place: Place) -> None:
+    from tactile_localizer.msg import ScanStatus
+
+    statuses = probe.listen(ScanStatus, "mapping/status")
+    _see_strain_and_poses(probe, place)
+    _call(probe, "simulator/prepare")
+    _call(probe, "mapping/start_sweep")
+    _call(probe, "simulator/sweep")
+    probe.until(lambda: statuses and statuses[-1].samples > 100, "pairs in the scan")
+    _call(probe, "mapping/end_sweep")
+    assert statuses[-1].scan_file == str(place.folder / "new.db")
+
+
+def _localizing(place: Place) -> Sequence[Started]:
+    arguments = {"scan_file": place.scan_file, **place.buses[0]}
+    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments)]
+
+
+def _see_a_belief(probe: Probe, place: Place, namespace: str = "") -> None:
+    from tactile_localizer.msg import Posterior
+
+    posteriors = probe.listen(Posterior, f"{namespace}filter/posterior", 1000)
+    probe.until(lambda: posteriors, "the belief at rest", 60.0)
+    _call(probe, f"{namespace}simulator/prepare")
+    _call(probe, f"{namespace}simulator/sweep")
+    probe.until(lambda: posteriors[-1].travel > 0.02, "a belief that moves with the hand")
+    assert not posteriors[-1].stale
+
+
+def _two_hands(place: Place) -> Sequence[Started]:
+    return [
+        Started(
+            "simulate.launch.py",
+            ("simulator", "driver", "filter"),
+            {"namespace": hand, "mode": "localize", "scan_file": place.scan_file, "speed": 2.0, **bus},
+        )
+        for hand, bus in zip(("left", "right"), place.buses, strict=True)
+    ]
+
+
+def _see_two_beliefs(probe: Probe, place: Place) -> None:
+    _see_a_belief(probe, place, "left/")
+    strains = {hand: _see_strain_and_poses(probe, place, f"{hand}/") for hand in ("left", "right")}
+    left, right = (np.array([m.strain for m in strains[hand][-50:]]) for hand in ("left", "right"))
+    assert np.abs(left.mean(axis=0) - right.mean(axis=0)).max() > 0.01, "one holds the material, one does not"
+    _see_a_belief(probe, place, "right/")
+
+
+def _on_an_arm(place: Place) -> Sequence[Started]:
+    arguments = {"scan_file": place.scan_file, "pose_topic": "arm/tool_pose", "namespace": "hand"}
+    return [Started("localize.launch.py", ("filter",), arguments)]
+
+
+def _see_a_belief_from_the_arms_topic(probe: Probe, place: Place) -> None:
+    from tactile_localizer.msg import Posterior
+
+    posteriors = probe.listen(Posterior, "hand/filter/posterior", 1000)
+    hand = SlidingHand(probe, unseen_sweep(), topics=("hand/strain", "hand/arm/tool_pose"))
+    probe.until(lambda: probe.node.count_publishers("hand/filter/posterior"), "the filter")
+    probe.until(lambda: hand.slide(1) or posteriors, "the first belief")
+    hand.slide(40)
+    probe.until(lambda: posteriors[-1].travel > 0.008, "a belief that moves with the arm")
+
+
+SCENARIOS = (
+    Scenario("simulated hand and its driver", _simulated, _see_strain_and_poses),
+    Scenario("a robot that scans", _scanning, _see_a_sweep_recorded),
+    Scenario("a robot that localises", _localizing, _see_a_belief),
+    Scenario("two hands", _two_hands, _see_two_beliefs),
+    Scenario("an arm that calls its pose otherwise", _on_an_arm, _see_a_belief_from_the_arms_topic),
+)
+
+
+def _call(probe: Probe, service: str) -> None:
+    from std_srvs.srv import Trigger
+
+    answer = probe.call(Trigger, service)
+    assert answer.success, f"{service}: {answer.message}"
