@@ -26,6 +26,8 @@ ROSDEP_KEYS = {
     "scipy": "python3-scipy",
 }
 
+ROS_PACKAGE = r"\w+_(msgs|srvs|interfaces)|rclpy|launch|launch_ros|ament_index_python|tf2_\w+"
+
 
 def requirements(file: str) -> list[str]:
     lines = (ROOT / "requirements" / file).read_text().splitlines()
@@ -41,6 +43,16 @@ def test_rosdep_and_pip_ask_for_the_same_libraries() -> None:
     by_pip = {ROSDEP_KEYS[re.split(r"[<>=]", line)[0]] for line in requirements("runtime.txt")}
     by_rosdep = {depend.text for depend in PACKAGE_XML.iter("exec_depend")}
     assert by_pip == {key for key in by_rosdep if key is not None and key.startswith("python3-")}
+
+
+def test_every_ros_package_that_is_imported_is_declared() -> None:
+    sources = [*(ROOT / "tactile_localizer").rglob("*.py"), *(ROOT / "launch").glob("*.py")]
+    lines = re.compile(r"^\s*(?:from|import) (\w+)", re.MULTILINE)
+    imported = {name for path in sources for name in lines.findall(path.read_text(encoding="utf-8"))}
+    ros = {name for name in imported if re.fullmatch(ROS_PACKAGE, name)}
+    declared = {depend.text for kind in ("depend", "exec_depend") for depend in PACKAGE_XML.iter(kind)}
+    assert "rclpy" in ros
+    assert ros <= declared
 
 
 def test_every_requirement_has_a_floor_and_a_ceiling() -> None:
