@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.kernel_grid import REACH
+from tactile_localizer.core.kernel_grid import REACH, box
 from tactile_localizer.core.measurement import flatten_axes
 from tactile_localizer.core.pair_block import PairBlock
 from tactile_localizer.core.weights import wrap_angle
@@ -25,11 +25,12 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import GAUGES
 
 EVALUATIONS = ("field", "truncated", "exact")
-_MARGIN = 2.0
+_MARGIN = 3.0
 """Standard deviations that a block serves beyond the states it was made for, so that it lasts for updates."""
-_WORTH_SHRINKING = 0.5
+_WORTH_SHRINKING = 0.3
 """Share of the pairs that a smaller block must come down to, to be worth making."""
-_ROWS = 2**15
+_ROWS = 512
+"""Strains transposed at once: they stay in the processor's cache, and a large map is never held twice."""
 _NODES_A_PAIR = 100
 """Nodes of a grid that cost, at each state, as much as one pair directly: a product is cheap."""
 _MOST_NODES = 2**26
@@ -72,9 +73,9 @@ class KernelSum:
         order = np.argsort(unrolled[:, 0], kind="stable")
         self._index = index[order]
         self._positions = unrolled[order] / self.position_std
-        self._first, self._last = self._positions.min(axis=0), self._positions.max(axis=0)
-        self._lower, self._upper = self._first - REACH, self._last + REACH
+        self._first, self._last = box(self._positions)
         self._block: PairBlock | None = None
+        self._held = 0.0
         log_widths = np.log(self._strain_std).reshape(-1, GAUGES).sum(axis=1)
         self._log_constants = -0.5 * GAUGES * math.log(2.0 * math.pi) - log_widths
 
@@ -97,7 +98,7 @@ class KernelSum:
         if self._wraps.any():
             states = np.where(self._wraps, wrap_angle(states), states)
         scaled = states / self.position_std
-        block = self._block_for(scaled.min(axis=0), scaled.max(axis=0))
+        block = self._block_for(*box(scaled))
         if len(block) == 0:
             return np.zeros(len(states)), np.zeros(len(states)), 0.0
         weights, log_scale = self._weights(block, strain, present)
@@ -130,23 +131,20 @@ class KernelSum:
 
     def _block_for(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
         """The pairs within reach of the box, kept while they serve and are not far too many."""
-        if self.evaluation == "exact":
-            if self._block is None:
-                self._block = self._make_block(self._lower, self._upper)
-            return self._block
-        wanted_lower = np.clip(lower - _MARGIN, self._lower, self._upper)
-        wanted_upper = np.clip(upper + _MARGIN, self._lower, self._upper)
-        needed, block = self._volume(wanted_lower, wanted_upper), self._block
-        # Beyond reach of the whole scan there is nothing to serve.
+        block, exact = self._block, self.evaluation == "exact"
         if (
-            block is None
-            or not block.serves(np.maximum(lower, self._lower), np.minimum(upper, self._upper))
-            or needed < _WORTH_SHRINKING * self._volume(block.lower, block.upper)
+            block is not None
+            and block.serves(lower, upper)
+            and (exact or self._volume(lower - _MARGIN, upper + _MARGIN) >= _WORTH_SHRINKING * self._held)
         ):
-            if needed >= _WORTH_SHRINKING * self._volume(self._lower, self._upper):
-                wanted_lower, wanted_upper = self._lower, self._upper
-            block = self._block = self._make_block(wanted_lower, wanted_upper)
-        return block
+            return block
+        lower, upper = lower - _MARGIN, upper + _MARGIN
+        everywhere = np.full_like(lower, np.inf)
+        if exact or self._volume(lower, upper) >= _WORTH_SHRINKING * self._volume(-everywhere, everywhere):
+            lower, upper = -everywhere, everywhere
+        self._held = self._volume(lower, upper)
+        self._block = self._make_block(lower, upper)
+        return self._block
 
     def _volume(self, lower: np.ndarray, upper: np.ndarray) -> float:
         """Volume that the pairs of a block for this box take up: a measure of their number."""
@@ -156,10 +154,11 @@ class KernelSum:
     def _make_block(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
         first, last = np.searchsorted(self._positions[:, 0], [lower[0] - REACH, upper[0] + REACH])
         near = self._positions[first:last]
-        keep = np.all((near >= lower - REACH) & (near <= upper + REACH), axis=1)
+        keep = np.ones(len(near), dtype=bool)
+        for coordinates, low, high in zip(near.T, lower - REACH, upper + REACH, strict=True):
+            keep &= (coordinates >= low) & (coordinates <= high)
         rows = self._index[first:last][keep]
         strain = np.empty((self._strain.shape[1], len(rows)), dtype=self._dtype)
-        # Some rows at a time: a large map is never held twice.
         for start in range(0, len(rows), _ROWS):
             part = self._strain[rows[start : start + _ROWS]]
             strain[:, start : start + _ROWS] = ((part - self._centre) / self._strain_std).T

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from tactile_localizer.core.kernel_grid import Density, KernelGrid
+from tactile_localizer.core.kernel_grid import REACH, Density, KernelGrid, box
 from tactile_localizer.scene import GAUGES
 
 HEADROOM = 64.0
@@ -26,7 +26,7 @@ class PairBlock:
     ----------
     positions : (M, d) where the pairs were felt
     strain : (8F, M) whitened strains, channels first: the product with one measurement reads memory in order
-    lower, upper : (d,) the box of states that this block serves
+    lower, upper : (d,) the box of states that this block serves; infinite where there are no more pairs
     """
 
     def __init__(
@@ -46,7 +46,8 @@ class PairBlock:
     @cached_property
     def nodes(self) -> int:
         """How many nodes the grid has, or would have."""
-        return math.prod(KernelGrid.shape_for(self.positions))
+        low, high = box(self.positions)
+        return math.prod(KernelGrid.shape_for(high - low))
 
     @cached_property
     def grid(self) -> KernelGrid:
@@ -61,7 +62,9 @@ class PairBlock:
     @cached_property
     def density(self) -> Density:
         """The sum of the position kernels alone, for states in the box; made when first needed."""
-        return Density(self.grid, self.count, self.lower, self.upper)
+        low, high = box(self.positions)
+        lower, upper = np.maximum(self.lower, low - REACH), np.minimum(self.upper, high + REACH)
+        return Density(self.grid, self.count, lower, upper)
 
     def serves(self, lower: np.ndarray, upper: np.ndarray) -> bool:
         """Whether the box ``lower`` (d,) to ``upper`` (d,) lies inside this block's."""

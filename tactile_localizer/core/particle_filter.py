@@ -26,7 +26,7 @@ class ParticleFilter:
     rng : the only source of randomness
     particles : how many; the paper uses 75
     resampling : one of :data:`~.resampling.RESAMPLERS`
-    resample_below : resample when the effective sample size falls below this share of the particles; 1: every step
+    resample_below : resample when the effective sample size falls below this share of particles; 1: always
     random_particles : replace this many by uniformly random ones at each update, as the paper does (10)
     adaptive : choose the number of particles by KLD sampling, up to ``particles``
 
@@ -62,6 +62,8 @@ class ParticleFilter:
         self._resample_below = resample_below
         self._random = random_particles
         self._adaptive = adaptive
+        self._states: np.ndarray
+        self._log_weights: np.ndarray
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
         self._bounds = Region(tuple(self._lower), tuple(self._upper))
         self.reset()
@@ -85,13 +87,7 @@ class ParticleFilter:
     def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
         """See :meth:`BayesFilter.update`."""
         self._resample_if_needed()
-        inside = self._bounds.contains(self._states)
-        if not inside.any():
-            self.reset()
-            inside = np.ones(len(self._states), dtype=bool)
-        log_likelihood = np.full(len(self._states), -math.inf)
-        log_likelihood[inside] = self._model.log_likelihood(self._states[inside], strain, present)
-        prior, _ = normalize(np.where(inside, self._log_weights, -math.inf))
+        log_likelihood, prior = self._weigh(strain, present)
         posterior, log_total = normalize(prior + exponent * log_likelihood)
         self._log_weights = posterior if log_total > -math.inf else prior
         if featureless > -math.inf:
@@ -99,13 +95,26 @@ class ParticleFilter:
             log_likelihood[off] = np.maximum(log_likelihood[off], featureless)
         return normalize(prior + log_likelihood)[1]
 
+    def _weigh(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Log-likelihoods and prior log-weights, (P,) each; outside the bounds a weight is zero."""
+        inside = self._bounds.contains(self._states)
+        if not inside.any():
+            self.reset()
+            inside = self._bounds.contains(self._states)
+        if inside.all():
+            return self._model.log_likelihood(self._states, strain, present), self._log_weights
+        log_likelihood = np.zeros(len(self._states))
+        log_likelihood[inside] = self._model.log_likelihood(self._states[inside], strain, present)
+        prior, _ = normalize(np.where(inside, self._log_weights, -math.inf))
+        return log_likelihood, prior
+
     def belief(self) -> Belief:
         """See :meth:`BayesFilter.belief`."""
         mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
         return Belief(mean, covariance, effective_sample_size(self._log_weights), len(self._states))
 
     def recover(self, fraction: float) -> None:
-        """See :meth:`BayesFilter.recover`: the lightest particles make room, each random one of average weight."""
+        """See :meth:`BayesFilter.recover`: the lightest make room, each random one has average weight."""
         count = min(int(self._rng.binomial(len(self._states), fraction)), len(self._states) - 1)
         if count:
             self._replace_lightest(count)
@@ -150,8 +159,8 @@ class ParticleFilter:
     def _regularization(self, weights: np.ndarray) -> np.ndarray:
         """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.
 
-        A regularised particle filter (Musso, Oudjane and Le Gland, 2001): half the bandwidth that is optimal for
-        a Gaussian belief, which vanishes as the particles grow in number.
+        A regularised particle filter (Musso, Oudjane and Le Gland, 2001): half the bandwidth that is optimal
+        for a Gaussian belief, which vanishes as the particles grow in number.
         """
         d = self._scene.dimension
         bandwidth = 0.5 * (4.0 / ((d + 2.0) * len(weights))) ** (1.0 / (d + 4.0))
