@@ -49,7 +49,8 @@ class Axis:
             raise SceneError(f"axis {self.name!r}: expected one of {', '.join(AXIS_NAMES)}")
         if not (math.isfinite(self.lower) and math.isfinite(self.upper) and self.lower < self.upper):
             raise SceneError(
-                f"axis {self.name}: expected finite bounds with lower < upper, got [{self.lower}, {self.upper}]"
+                f"axis {self.name}: expected finite bounds with lower < upper, "
+                f"got [{self.lower}, {self.upper}]"
             )
         if self.name == "yaw" and (
             self.extent > 2 * math.pi + 1e-9 or (self.wraps and abs(self.lower + math.pi) > 1e-9)
@@ -175,7 +176,8 @@ class Scene:
         return positions
 
     def phalanges_on_feature(self, states: np.ndarray) -> np.ndarray:
-        """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, where none is known."""
+        """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, where none is
+        known."""
         on = np.ones((len(states), len(self.phalanges)), dtype=bool)
         if self.feature is not None:
             for index, phalanx in enumerate(self.phalanges):
@@ -207,7 +209,7 @@ class Scene:
         SceneError
             The scene names a phalanx that the strain vector does not have.
         """
-        columns = []
+        columns: list[int] = []
         for phalanx in self.phalanx_names:
             if phalanx not in names:
                 raise SceneError(

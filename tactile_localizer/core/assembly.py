@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from tactile_localizer.core.featureless import Featureless
 from tactile_localizer.core.fit import HeldOutFit, held_out_fit, held_out_log_densities
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
+from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
@@ -68,7 +69,9 @@ def build_localizer(
             ConvergenceCriteria(
                 std=np.array(
                     [
-                        configuration.convergence_yaw_std if axis.name == "yaw" else configuration.convergence_std
+                        configuration.convergence_yaw_std
+                        if axis.name == "yaw"
+                        else configuration.convergence_std
                         for axis in scene.axes
                     ]
                 ),
@@ -79,7 +82,33 @@ def build_localizer(
         Recovery() if configuration.recovery == "evidence" else None,
         PhalanxHealth(scene, model, null),
         configuration.update_distance,
-        parameters.correlation_length,
+        float(parameters.correlation_length or 0.0),
+    )
+
+
+def build_identifier(
+    candidates: Mapping[str, tuple[Scan, Scene]],
+    configuration: Configuration,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> FeatureIdentifier:
+    """Localizers for several scans, by name, whose evidence can be compared.
+
+    A narrower kernel promises a higher density whether or not it is right, so all candidates share the widest
+    of their kernel widths and the longest of their correlation lengths.
+    """
+    chosen = [complete_parameters(scan, scene, progress) for scan, scene in candidates.values()]
+    common = ModelParameters(
+        position_std=np.max([parameters.position_std for parameters in chosen], axis=0),
+        strain_std=np.max([parameters.strain_std for parameters in chosen], axis=0),
+        correlation_length=max(float(parameters.correlation_length or 0.0) for parameters in chosen),
+        neighbours=max(parameters.neighbours for parameters in chosen),
+    )
+    return FeatureIdentifier(
+        {
+            name: build_localizer(scan, with_parameters(scene, common), configuration, rng)
+            for name, (scan, scene) in candidates.items()
+        }
     )
 
 
@@ -101,7 +130,9 @@ def build_model(
         return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional, **common)
     if configuration.model == "featureless":
         return Featureless(scan, scene, *widths, **common)
-    return Gaussian(scan, scene, parameters.neighbours, independent=configuration.model == "gaussian_independent")
+    return Gaussian(
+        scan, scene, parameters.neighbours, independent=configuration.model == "gaussian_independent"
+    )
 
 
 def build_null(
@@ -113,9 +144,11 @@ def build_null(
 
 
 def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
-    """The scene with a region proposed from the scan, where it gave none and what lies outside proves featureless.
+    """The scene with a region proposed from the scan, where it gave none and what lies outside proves
+    featureless.
 
-    It does when held-out sweeps are explained no better there by knowing the position than by the featureless null.
+    It does when held-out sweeps are explained no better there by knowing the position than by the featureless
+    null.
     """
     if scene.feature is not None:
         return scene
@@ -134,7 +167,9 @@ def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
     return candidate if np.median(of_map - of_null) <= 0.0 else scene
 
 
-def _null(scan: Scan, scene: Scene, parameters: ModelParameters, unknown: HeldOutFit | None = None) -> NullModel:
+def _null(
+    scan: Scan, scene: Scene, parameters: ModelParameters, unknown: HeldOutFit | None = None
+) -> NullModel:
     positions, strain = training_pairs(scan, scene)
     background = Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:]))
     return NullModel(strain, scan.sweep, ~scene.on_feature(positions), background, unknown)
@@ -148,7 +183,9 @@ def _build_filter(
     rng: np.random.Generator,
 ) -> BayesFilter:
     if configuration.filter == "grid":
-        return GridFilter(scene, model, configuration.cell * np.broadcast_to(parameters.position_std, scene.dimension))
+        return GridFilter(
+            scene, model, configuration.cell * np.broadcast_to(parameters.position_std, scene.dimension)
+        )
     return ParticleFilter(
         scene,
         model,

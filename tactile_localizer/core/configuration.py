@@ -43,7 +43,8 @@ class Configuration:
     resampling : scheme (:mod:`.resampling`)
     resample_below : resample when the effective sample size falls below this share; 1: every step
     adaptive : choose the number of particles by KLD sampling, up to ``particles``
-    recovery : ``evidence``: spread a contradicted belief; ``constant``: the paper's ``random_particles`` at each
+    recovery : ``evidence``: spread a contradicted belief; ``constant``: the paper's ``random_particles`` at
+    each
         update (particle filter only); ``none``
     random_particles : of the constant recovery; the paper has 10 of 75
     update_distance : m of travel between two weighed strains
@@ -71,7 +72,7 @@ class Configuration:
     recovery: str = "evidence"
     random_particles: int = 10
     update_distance: float = 0.0005
-    convergence_std: float = 0.004
+    convergence_std: float = 0.005
     convergence_yaw_std: float = 0.1
     convergence_evidence: float = 6.0
     convergence_travel: float = 0.0005
@@ -80,7 +81,13 @@ class Configuration:
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")
-        for name in ("cell", "update_distance", "convergence_std", "convergence_yaw_std", "convergence_evidence"):
+        for name in (
+            "cell",
+            "update_distance",
+            "convergence_std",
+            "convergence_yaw_std",
+            "convergence_evidence",
+        ):
             if not getattr(self, name) > 0:
                 raise ParameterError(f"{name}: expected a positive number, got {getattr(self, name)}")
         if self.convergence_travel < 0:

@@ -1,8 +1,8 @@
 """When the position may be believed: a narrow belief *and* evidence, both sustained over travelled distance.
 
-The paper (III-D) found that a narrow belief alone, or a high likelihood alone, signals convergence before the hand
-touches anything: a measurement unlike everything still prefers something. Evidence compares how well the believed
-place explains the strain with the best position-blind explanation (:class:`~.null_model.NullModel`).
+The paper (III-D) found that a narrow belief alone, or a high likelihood alone, signals convergence before the
+hand touches anything: a measurement unlike everything still prefers something. Evidence compares how well the
+believed place explains the strain with the best position-blind explanation (:class:`~.null_model.NullModel`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ class ConvergenceCriteria:
 
     Parameters
     ----------
-    std : (d,) m (yaw: rad); the belief is narrow when the mean of its variances over ``std**2`` is at most one
+    std : (d,) m (yaw: rad); the belief is narrow when the mean of its variances over ``std**2`` is at most
+    one
     evidence : nats that the place must have gathered over the position-blind explanation
     sustain : m of travel over which both must hold
     """
@@ -33,10 +34,10 @@ class ConvergenceCriteria:
 class Convergence:
     """Gathers evidence along the travel and decides, with the reason.
 
-    The evidence rises while the believed place explains what is felt better than featureless or unknown material,
-    stays where both do equally well (past the feature, where the motion alone carries the position), and falls
-    where the believed place is contradicted. It is kept between zero and three times the threshold, so that old
-    evidence cannot outvote a contradiction for long.
+    The evidence rises while the believed place explains what is felt better than featureless or unknown
+    material, stays where both do equally well (past the feature, where the motion alone carries the
+    position), and falls where the believed place is contradicted. It is kept between zero and three times the
+    threshold, so that old evidence cannot outvote a contradiction for long.
     """
 
     _MOST = 3.0

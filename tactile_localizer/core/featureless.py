@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,13 @@ from tactile_localizer.scene import GAUGES, Phalanx, Scene
 
 
 class Featureless:
-    """A product over phalanges: a sum of Gaussians where the phalanx is on the feature, one Gaussian where it is not.
+    """A product over phalanges: a sum of Gaussians where the phalanx is on the feature, one Gaussian where it
+    is not.
 
-    The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is, and
-    its training pairs are placed by where it was. Both branches are densities over the phalanx's strain on the same
-    scale: the sum of Gaussians in its conditional form, both with the broad background as their floor.
+    The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is,
+    and its training pairs are placed by where it was. Both branches are densities over the phalanx's strain
+    on the same scale: the sum of Gaussians in its conditional form, both with the broad background as their
+    floor.
 
     Parameters
     ----------
@@ -47,7 +48,9 @@ class Featureless:
         precision: str = "float64",
     ) -> None:
         if scene.feature is None:
-            raise SceneError(f"scene {scene.name}: expected a feature region for the model featureless, found none")
+            raise SceneError(
+                f"scene {scene.name}: expected a feature region for the model featureless, found none"
+            )
         positions, strain = training_pairs(scan, scene)
         position_std = positive("position_std", position_std, scene.dimension)
         strain_std = positive("strain_std", strain_std, strain.shape[1])
@@ -112,15 +115,19 @@ class _PhalanxModel:
         total = np.full(len(states), self._log_off(strain))
         on = self._region.contains(positions)
         if on.any():
-            at_states: Callable[[np.ndarray], np.ndarray] = lambda p: self._kernels.at_states(p, strain, self._PRESENT)  # noqa: E731
-            if field:
-                width = self._kernels.kernels.position_std
-                total[on] = interpolated(
-                    positions[on], width, at_states, lambda axes: self._kernels.on_axes(axes, strain, self._PRESENT)
-                )
-            else:
-                total[on] = at_states(positions[on])
+            total[on] = self._on_feature(positions[on], strain, field)
         return total
+
+    def _on_feature(self, positions: np.ndarray, strain: np.ndarray, field: bool) -> np.ndarray:
+        def at_states(points: np.ndarray) -> np.ndarray:
+            return self._kernels.at_states(points, strain, self._PRESENT)
+
+        def on_axes(axes: list[np.ndarray]) -> np.ndarray:
+            return self._kernels.on_axes(axes, strain, self._PRESENT)
+
+        if not field:
+            return at_states(positions)
+        return interpolated(positions, self._kernels.kernels.position_std, at_states, on_axes)
 
     def on_axes(self, axes: list[np.ndarray], strain: np.ndarray) -> np.ndarray:
         moved = [
@@ -139,7 +146,9 @@ class _PhalanxModel:
 
     def _log_off(self, strain: np.ndarray) -> float:
         background = self._kernels.background.log_density(strain, self._PRESENT)
-        return float(np.logaddexp(self._off.log_density(strain), math.log(FLOOR) + background) - math.log1p(FLOOR))
+        return float(
+            np.logaddexp(self._off.log_density(strain), math.log(FLOOR) + background) - math.log1p(FLOOR)
+        )
 
 
 def _off_feature(positions: np.ndarray, strain: np.ndarray, scene: Scene, name: str) -> Normal:

@@ -50,15 +50,20 @@ def held_out_log_densities(
                 alone.append([model.log_likelihood(state, strain, present)[0] for present in single])
             else:
                 alone.append([together[-1]])
-    return np.array(tried, dtype=np.intp), np.array(together), np.array(alone).reshape(len(tried), len(single))
+    return (
+        np.array(tried, dtype=np.intp),
+        np.array(together),
+        np.array(alone).reshape(len(tried), len(single)),
+    )
 
 
 @dataclass(frozen=True)
 class HeldOutFit:
     """Log-densities, nats, that all but 5 % of held-out strains on the feature reach at their true positions.
 
-    A strain that the believed place explains worse is no more like the scanned material than its worst explained
-    samples; evidence is therefore counted from here. ``together`` of all phalanges, ``alone`` (F,) of each by itself.
+    A strain that the believed place explains worse is no more like the scanned material than its worst
+    explained samples; evidence is therefore counted from here. ``together`` of all phalanges, ``alone`` (F,)
+    of each by itself.
     """
 
     together: float
@@ -70,7 +75,8 @@ class HeldOutFit:
         return cls(-np.inf, np.full(phalanges, -np.inf))
 
     def of(self, present: np.ndarray) -> float:
-        """The limit for the phalanges that are ``present`` (F,); some of several in proportion to their own."""
+        """The limit for the phalanges that are ``present`` (F,); some of several in proportion to their
+        own."""
         if present.all():
             return self.together
         if not np.isfinite(self.together):

@@ -36,7 +36,8 @@ class Shrinkage:
     share : lambda, chosen by the log-likelihood of held-out sweeps
     scale : c, chosen so that the median squared Mahalanobis distance of held-out strains is that of a normal
         distribution
-    before, after : that median without and with the regularisation, over its expected value; infinite where the
+    before, after : that median without and with the regularisation, over its expected value; infinite where
+    the
         sample covariance is singular
     """
 
@@ -49,9 +50,9 @@ class Shrinkage:
 class Gaussian:
     """N(z; mean, covariance) over the k training pairs nearest to the state.
 
-    Distances between states are Euclidean in the scene's axes divided by their extents. With k at or below the
-    number of channels the sample covariance is singular, and just above it far too small; it is shrunk towards the
-    covariance of held-out residuals, by as much as held-out sweeps ask for (:class:`Shrinkage`).
+    Distances between states are Euclidean in the scene's axes divided by their extents. With k at or below
+    the number of channels the sample covariance is singular, and just above it far too small; it is shrunk
+    towards the covariance of held-out residuals, by as much as held-out sweeps ask for (:class:`Shrinkage`).
 
     Parameters
     ----------
@@ -114,10 +115,11 @@ class Gaussian:
     def _distance(
         self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray, share: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k): (P,) each.
+        """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k): (P,)
+        each.
 
-        ``strain`` is one vector (8F,), or one a row (P, 8F). In channels whitened by the target T the covariance is
-        lambda I plus a matrix of rank k, so k x k systems serve (Woodbury).
+        ``strain`` is one vector (8F,), or one a row (P, 8F). In channels whitened by the target T the
+        covariance is lambda I plus a matrix of rank k, so k x k systems serve (Woodbury).
         """
         factor = np.linalg.cholesky(self._target[np.ix_(columns, columns)])
         inverse = solve_triangular(factor, np.eye(len(columns)), lower=True)
@@ -144,7 +146,8 @@ class Gaussian:
     def _held_out(
         self, positions: np.ndarray, strain: np.ndarray, sweep: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals of samples predicted from the other sweeps, with the neighbours' rows and the samples' strains."""
+        """Residuals of samples predicted from the other sweeps, with the neighbours' rows and the samples'
+        strains."""
         if len(np.unique(sweep)) == 1:
             sweep = np.arange(len(sweep)) * 8 // len(sweep)
         chosen = np.unique(np.linspace(0, len(positions) - 1, _HELD_OUT).astype(int))
@@ -187,4 +190,6 @@ class Gaussian:
 
 def _blocks(covariance: np.ndarray) -> np.ndarray:
     """Only the blocks of 8 x 8 on the diagonal: no covariance between phalanges."""
-    return block_diag(*(covariance[i : i + GAUGES, i : i + GAUGES] for i in range(0, len(covariance), GAUGES)))
+    return block_diag(
+        *(covariance[i : i + GAUGES, i : i + GAUGES] for i in range(0, len(covariance), GAUGES))
+    )

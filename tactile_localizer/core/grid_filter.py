@@ -23,9 +23,10 @@ _WORTH_DIFFUSING = 0.02
 class GridFilter:
     """Probability of every cell of the state space; the accuracy limit of any number of particles.
 
-    The cells ride along with the palm: a displacement moves all of them, and only when they have moved by half
-    their size are the probabilities shifted by a whole cell. Motion below a cell's size is so represented exactly,
-    without the smearing of interpolation. Probability that leaves the scene's bounds is lost.
+    The cells ride along with the palm: a displacement moves all of them, and only when they have moved by
+    half their size are the probabilities shifted by a whole cell. Motion below a cell's size is so
+    represented exactly, without the smearing of interpolation. Probability that leaves the scene's bounds is
+    lost.
 
     Parameters
     ----------
@@ -58,6 +59,9 @@ class GridFilter:
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
         self._on_feature = scene.on_feature(flatten_axes(self._centres)).reshape(self._shape)
+        self._belief: np.ndarray
+        self._offset: np.ndarray
+        self._pending: np.ndarray
         self.reset()
 
     def reset(self) -> None:
@@ -146,7 +150,8 @@ class GridFilter:
             self._belief = np.full(self._shape, 1.0 / moved.size)
 
     def _diffuse(self, axis: int) -> None:
-        """Spread by the pending variance: small ones by a three-point step, which is exact in the variance."""
+        """Spread by the pending variance: small ones by a three-point step, which is exact in the
+        variance."""
         mode = "wrap" if self._wraps[axis] else "constant"
         # A spread as wide as the axis is as good as any wider one.
         variance = min(float(self._pending[axis]), float(self._shape[axis]) ** 2)

@@ -15,7 +15,8 @@ NONE = "none of them"
 
 @dataclass(frozen=True)
 class Identification:
-    """Probabilities of the candidates and of :data:`NONE`, which sum to one, and each candidate's own estimate."""
+    """Probabilities of the candidates and of :data:`NONE`, which sum to one, and each candidate's own
+    estimate."""
 
     probabilities: dict[str, float]
     estimates: dict[str, Estimate]
@@ -27,12 +28,14 @@ class Identification:
 
 
 class FeatureIdentifier:
-    """Runs a localizer for each candidate feature and weighs them against each other and against none of them.
+    """Runs a localizer for each candidate feature and weighs them against each other and against none of
+    them.
 
-    A candidate's evidence is the tempered log-marginal of its own belief: densities over the same strain, which compare. *None*
-    explains a strain as well as the candidates' nulls do on average: as featureless, or as badly as a map explains the
-    worst of its own held-out sweeps. Small differences, as there are on featureless material, do not count. What is
-    remembered is bounded, so that a change of material is noticed.
+    A candidate's evidence is the tempered log-marginal of its own belief: densities over the same strain,
+    which compare. *None* explains a strain as well as the candidates' nulls do on average: as featureless, or
+    as badly as a map explains the worst of its own held-out sweeps. Small differences, as there are on
+    featureless material, do not count. What is remembered is bounded, so that a change of material is
+    noticed.
 
     Parameters
     ----------
@@ -69,7 +72,9 @@ class FeatureIdentifier:
         if weight > 0.0:
             none = float(np.mean([estimate.log_null for estimate in values]))
             steps = np.array([*(estimate.log_marginal for estimate in values), none])
-            self._log_odds += weight * np.clip(steps - steps.max() + self._TOLERANCE, -self._LARGEST_STEP, 0.0)
+            self._log_odds += weight * np.clip(
+                steps - steps.max() + self._TOLERANCE, -self._LARGEST_STEP, 0.0
+            )
             self._log_odds = np.maximum(self._log_odds - self._log_odds.max(), -self._MOST)
         probabilities = np.exp(normalize(self._log_odds)[0])
         return Identification(dict(zip(self._names, map(float, probabilities), strict=True)), estimates)

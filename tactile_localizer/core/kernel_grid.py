@@ -11,8 +11,10 @@ NODES_PER_STD = 6
 """Grid nodes a standard deviation of the position kernel, an axis."""
 REACH = 5.3
 """Standard deviations beyond which a position kernel is left out: it is below exp(-5.3^2 / 2) = 8e-7."""
-_BANDED_ABOVE = 4
-"""Axes longer than this many kernel widths are worth a sparse matrix."""
+_BAND = 12.0
+"""Standard deviations beyond which a kernel is left out on long axes: below exp(-72), nothing beside any floor."""
+_BANDED_ABOVE = 3
+"""Axes longer than this many bands are worth a sparse matrix."""
 _TINY = np.float32(1e-30)
 """Weights below are left out: denormal numbers are slow."""
 _MOST_INT32 = 2**31 - 1
@@ -106,7 +108,7 @@ class KernelGrid:
     def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray | sparse.csr_array:
         """Kernel between coordinates (C,) and an axis's nodes, (C, G): banded where most of it is nothing."""
         nodes = self._nodes[axis]
-        width = 2 * math.ceil(REACH * NODES_PER_STD) + 1
+        width = 2 * math.ceil(_BAND * NODES_PER_STD) + 1
         if len(nodes) < _BANDED_ABOVE * width:
             return self._dense(coordinates, axis)
         place = coordinates - self._low[axis]

@@ -1,4 +1,5 @@
-"""The localizer: strains and palm positions in, a believed position out. Live nodes, replay and benchmarks share it."""
+"""The localizer: strains and palm positions in, a believed position out. Live nodes, replay and benchmarks
+share it."""
 
 from __future__ import annotations
 
@@ -60,8 +61,8 @@ class Localizer:
     """Feeds a Bayes filter by travelled distance and decides when it may be believed.
 
     The filter is given only displacements of the palm. Consecutive strains are correlated: one is weighed
-    each ``update_distance`` of travel, with its likelihood raised to the share of ``correlation_length`` that was
-    travelled. A hand at rest learns nothing new. The first strain counts as one update distance.
+    each ``update_distance`` of travel, with its likelihood raised to the share of ``correlation_length`` that
+    was travelled. A hand at rest learns nothing new. The first strain counts as one update distance.
 
     Parameters
     ----------
@@ -95,6 +96,11 @@ class Localizer:
         self._update_distance = update_distance
         self._correlation_length = correlation_length
         self._motion = MotionModel(scene)
+        self._stamp_ns: int | None = None
+        self._last_position: np.ndarray | None = None
+        self._belief: Belief | None = None
+        self._pending: np.ndarray = np.zeros(scene.dimension)
+        self._pending_travel = 0.0
         self._restart()
 
     def reset(self) -> None:
@@ -130,7 +136,9 @@ class Localizer:
         """
         position = np.asarray(position, dtype=np.float64)
         if position.shape != (self.scene.dimension,) or not np.isfinite(position).all():
-            raise MeasurementError(f"position: expected {self.scene.dimension} finite numbers, got {position}")
+            raise MeasurementError(
+                f"position: expected {self.scene.dimension} finite numbers, got {position}"
+            )
         strain, here = checked(strain, len(self.scene.phalanges), present)
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self.reset()
@@ -151,12 +159,12 @@ class Localizer:
             self._recovery.reset()
         self._convergence.reset()
         self._health.reset()
-        self._stamp_ns: int | None = None
-        self._last_position: np.ndarray | None = None
+        self._stamp_ns = None
+        self._last_position = None
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
         self._travel = 0.0
-        self._belief: Belief | None = None
+        self._belief = None
         self._log_marginal = self._log_null = float("nan")
         self._weight = 0.0
 

@@ -24,11 +24,14 @@ class Normal:
         self.mean = mean
         self.covariance = covariance
         self._factor = np.linalg.cholesky(covariance)
-        self._log_constant = -0.5 * len(mean) * math.log(2 * math.pi) - float(np.log(np.diag(self._factor)).sum())
+        self._log_constant = -0.5 * len(mean) * math.log(2 * math.pi) - float(
+            np.log(np.diag(self._factor)).sum()
+        )
 
     @classmethod
     def fitted(cls, samples: np.ndarray) -> Normal:
-        """From the sample moments of (N, D), with :data:`RIDGE` of each channel's variance on the diagonal."""
+        """From the sample moments of (N, D), with :data:`RIDGE` of each channel's variance on the
+        diagonal."""
         covariance = np.atleast_2d(np.cov(samples.T, bias=True))
         return cls(samples.mean(axis=0), covariance + ridge(covariance, samples))
 

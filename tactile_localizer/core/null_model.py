@@ -23,9 +23,10 @@ class NullModel:
     """How well a strain is explained without knowing the position.
 
     Two explanations, of which the better counts. *Featureless*: a training sweep's own Gaussian over the
-    featureless material, or that of a new sweep, whose mean differs from sweep to sweep. *Unknown*: material that
-    was never scanned, which explains anything as well as the map explains the worst of its own held-out sweeps. Whatever the belief explains better than both speaks for its position; small idiosyncrasies of
-    one sweep over featureless material do not, because the null may have them too.
+    featureless material, or that of a new sweep, whose mean differs from sweep to sweep. *Unknown*: material
+    that was never scanned, which explains anything as well as the map explains the worst of its own held-out
+    sweeps. Whatever the belief explains better than both speaks for its position; small idiosyncrasies of one
+    sweep over featureless material do not, because the null may have them too.
 
     Parameters
     ----------
@@ -60,7 +61,9 @@ class NullModel:
         within = deviation.T @ deviation / len(strain)
         shift = means - self._centre
         between = (shift * counts[:, None]).T @ shift / len(strain)
-        ridge = np.diag(_RIDGE * (np.diag(within) + np.diag(between)) + (1e-6 * np.abs(strain).max(axis=0)) ** 2 + 1e-24)
+        ridge = np.diag(
+            _RIDGE * (np.diag(within) + np.diag(between)) + (1e-6 * np.abs(strain).max(axis=0)) ** 2 + 1e-24
+        )
         self._known = Normal(np.zeros(strain.shape[1]), within + ridge)
         # The mean of a new sweep is as uncertain as those of the known ones differ, and a little more.
         self._new = Normal(self._centre, within + between * (1.0 + 1.0 / len(numbers)) + ridge)
@@ -75,7 +78,9 @@ class NullModel:
             known, new = self._known, self._new
         # The known sweeps share one covariance: their densities are that of the deviation from each mean.
         of_known = known.log_density(strain - self._means[:, columns])
-        return float(np.logaddexp(logsumexp(of_known) - math.log(len(of_known)), new.log_density(strain)) - _LOG_2)
+        return float(
+            np.logaddexp(logsumexp(of_known) - math.log(len(of_known)), new.log_density(strain)) - _LOG_2
+        )
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain by the better of the two explanations."""

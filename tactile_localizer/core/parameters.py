@@ -18,7 +18,8 @@ class ModelParameters:
 
     Parameters
     ----------
-    position_std : kernel width in position, one number or one an axis, m (yaw: rad); the paper's S_x is its square
+    position_std : kernel width in position, one number or one an axis, m (yaw: rad); the paper's S_x is its
+    square
     strain_std : kernel width in strain, one number or one a channel, V; the paper's S_z is its square
     correlation_length : m of travel that make one independent measurement
     neighbours : nearest pairs of the Gaussian models; the paper has 8
@@ -46,13 +47,19 @@ class ModelParameters:
         for name, value in values.items():
             _require_positive(name, value)
         if not isinstance(parameters.neighbours, int):
-            raise ParameterError(f"measurement neighbours: expected a whole number, got {parameters.neighbours!r}")
+            raise ParameterError(
+                f"measurement neighbours: expected a whole number, got {parameters.neighbours!r}"
+            )
         return parameters
 
     @property
     def complete(self) -> bool:
         """Whether nothing is left to choose."""
-        return None not in (self.correlation_length,) and self.position_std is not None and self.strain_std is not None
+        return (
+            None not in (self.correlation_length,)
+            and self.position_std is not None
+            and self.strain_std is not None
+        )
 
     def filled_from(self, chosen: ModelParameters) -> ModelParameters:
         """These parameters, with what is missing taken from ``chosen``."""

@@ -1,8 +1,9 @@
-"""Which phalanges can be trusted: one that contradicts what the belief expects of it is left out until it is well.
+"""Which phalanges can be trusted: one that contradicts what the belief expects of it is left out until it is
+well.
 
-A load cell that is stuck, swapped, scaled or drifting still sends plausible numbers. Its own evidence gives it away: at the
-believed place the map says what that phalanx should feel, and the null model says how well its strain is explained
-without the map.
+A load cell that is stuck, swapped, scaled or drifting still sends plausible numbers. Its own evidence gives
+it away: at the believed place the map says what that phalanx should feel, and the null model says how well
+its strain is explained without the map.
 """
 
 from __future__ import annotations
@@ -72,14 +73,17 @@ class PhalanxHealth:
             self._average[index] += gain * (float(np.clip(log_ratio, -20.0, 20.0)) - self._average[index])
         self._decide()
 
-    def _log_ratio(self, states: np.ndarray, on_feature: np.ndarray, strain: np.ndarray, alone: np.ndarray) -> float:
+    def _log_ratio(
+        self, states: np.ndarray, on_feature: np.ndarray, strain: np.ndarray, alone: np.ndarray
+    ) -> float:
         """How much better the believed places explain one phalanx's strain than the null does, nats."""
         expected = np.where(on_feature, -np.inf, self._null.featureless(strain, alone))
         by_belief = np.maximum(self._model.log_likelihood(states, strain, alone), expected)
         return normalize(by_belief)[1] - math.log(len(states)) - self._null.log_density(strain, alone)
 
     def _decide(self) -> None:
-        """Leave out the worst phalanx that contradicts, if another one does not; take back those that are well."""
+        """Leave out the worst phalanx that contradicts, if another one does not; take back those that are
+        well."""
         self.trusted |= self._average > self._WELL
         suspects = self.trusted & (self._average < self._SICK)
         if suspects.any() and (self.trusted & (self._average > self._SICK)).any():

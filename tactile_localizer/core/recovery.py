@@ -1,8 +1,9 @@
 """Recovery: spread the belief again when what is felt contradicts it.
 
-Augmented Monte Carlo localisation (Thrun, Burgard and Fox, "Probabilistic Robotics", 8.3.5) injects random particles when
-a fast average of the likelihood falls below a slow one. Here the reference is not the past but the null model: a belief
-that explains the strain worse than featureless or unknown material would is in the wrong place.
+Augmented Monte Carlo localisation (Thrun, Burgard and Fox, "Probabilistic Robotics", 8.3.5) injects random
+particles when a fast average of the likelihood falls below a slow one. Here the reference is not the past but
+the null model: a belief that explains the strain worse than featureless or unknown material would is in the
+wrong place.
 """
 
 from __future__ import annotations

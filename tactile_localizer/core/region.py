@@ -1,9 +1,9 @@
 """The feature's region (the paper's Gamma) proposed from the data, where a scene does not give it.
 
-Featureless material is what most of a phalanx's strains have in common: a tight cluster, found robustly. The region is
-the box around the places where the strain leaves that cluster. Material that is featured everywhere, such as woven cloth,
-has a cluster too; whether what lies outside a proposed box is featureless is for held-out sweeps to say
-(:func:`~.assembly.with_region`).
+Featureless material is what most of a phalanx's strains have in common: a tight cluster, found robustly. The
+region is the box around the places where the strain leaves that cluster. Material that is featured
+everywhere, such as woven cloth, has a cluster too; whether what lies outside a proposed box is featureless is
+for held-out sweeps to say (:func:`~.assembly.with_region`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
-from tactile_localizer.core.normal import Normal, ridge
+from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
 from tactile_localizer.scene import GAUGES, Region, Scene
@@ -25,7 +25,8 @@ _CORE = 0.25
 _STARTS = 30
 _SUBSAMPLE = 1500
 _INSIDE = 1.0 - 1e-6
-"""Probability of a normal cluster within which strains count as featureless; beyond it they touch something."""
+"""Probability of a normal cluster within which strains count as featureless; beyond it they touch
+something."""
 _CELLS = 24
 
 

@@ -1,11 +1,11 @@
 """Parameters of the material chosen by data: what localises held-out sweeps best.
 
-The paper specifies S_x and S_z by hand (III-C). Here each candidate is judged by what it is for: every sweep in turn is
-left out of the map and localised on it from nowhere by the exact grid filter; the score is the mean logarithm of the
-posterior density at the true position, over that of a uniform belief, in nats. The logarithm is a proper score: a belief
-that is wrong loses, and so does one that is needlessly wide or falsely narrow. So the same score chooses the kernel
-widths and how strongly consecutive strains are tempered, among the candidates whose 95 % regions held the truth often
-enough.
+The paper specifies S_x and S_z by hand (III-C). Here each candidate is judged by what it is for: every sweep
+in turn is left out of the map and localised on it from nowhere by the exact grid filter; the score is the
+mean logarithm of the posterior density at the true position, over that of a uniform belief, in nats. The
+logarithm is a proper score: a belief that is wrong loses, and so does one that is needlessly wide or falsely
+narrow. So the same score chooses the kernel widths and how strongly consecutive strains are tempered, among
+the candidates whose 95 % regions held the truth often enough.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import GAUGES, Scene
 
 POSITION_FACTORS = (0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
-"""Shares of the sweeps' spacing. Not wider: leaving a sweep out doubles the gap that the kernels have to bridge, and
-asks for kernels that would be too wide for the whole scan."""
+"""Shares of the sweeps' spacing. Not wider: leaving a sweep out doubles the gap that the kernels have to
+bridge, and asks for kernels that would be too wide for the whole scan."""
 STRAIN_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
 CORRELATION_LENGTHS = (0.001, 0.002, 0.003, 0.005, 0.008, 0.014, 0.03)
 """m of travel"""
@@ -39,7 +39,8 @@ _SEGMENTS = 12
 _MOST_CELLS = 2000
 _UNIFORM = 0.01
 _HONEST = 0.98
-"""Coverage asked of 95 % regions: new sweeps differ more from the scan than its own sweeps from each other."""
+"""Coverage asked of 95 % regions: new sweeps differ more from the scan than its own sweeps from each
+other."""
 _PENALTY = 30.0
 """nats a unit of coverage that is missing: a candidate that covers 0.90 has to be 1.5 nats better."""
 
@@ -58,13 +59,15 @@ class Trial:
 
     @property
     def merit(self) -> float:
-        """The score, if the candidate is honest about its uncertainty; otherwise how far from it, as a penalty."""
+        """The score, if the candidate is honest about its uncertainty; otherwise how far from it, as a
+        penalty."""
         return self.score if self.coverage >= _HONEST else self.score - _PENALTY * (_HONEST - self.coverage)
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of one held-out sweep: displacements (T, d), travels (T,), strains (T, 8F) and true states (T, d)."""
+    """A stretch of one held-out sweep: displacements (T, d), travels (T,), strains (T, 8F) and true states
+    (T, d)."""
 
     displacements: np.ndarray
     travels: np.ndarray
@@ -79,7 +82,8 @@ def choose_parameters(scan: Scan, scene: Scene, progress: Progress | None = None
 
 
 def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[Trial]:
-    """Score candidates by ascent to the best neighbour from the middle of the factors, and return all that were tried.
+    """Score candidates by ascent to the best neighbour from the middle of the factors, and return all that
+    were tried.
 
     Parameters
     ----------
@@ -102,7 +106,9 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
             if progress is not None:
                 progress("choosing kernel widths by leaving sweeps out", min(len(trials) / expected, 0.99))
             factors = POSITION_FACTORS[place[0]], STRAIN_FACTORS[place[1]]
-            trials[place] = _evaluate(segments, scene, factors, position_std * factors[0], strain_std * factors[1])
+            trials[place] = _evaluate(
+                segments, scene, factors, position_std * factors[0], strain_std * factors[1]
+            )
         return max(trial.merit for trial in trials[place])
 
     while True:
@@ -121,10 +127,11 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
 
 
 def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Scales of the scan that the factors multiply: spacing of the sweeps (d,) and disagreement between them (8F,).
+    """Scales of the scan that the factors multiply: spacing of the sweeps (d,) and disagreement between them
+    (8F,).
 
-    The spacing is the median distance from a pair to the nearest one of another sweep, in shares of the scene's
-    extents; the disagreement the median difference of their strains, a channel.
+    The spacing is the median distance from a pair to the nearest one of another sweep, in shares of the
+    scene's extents; the disagreement the median difference of their strains, a channel.
     """
     states, strain, sweep = scan.states[:, scene.columns(scan.axes)], scan.strain, divided(scan.sweep)
     strain = strain[:, scene.channels(scan.phalanges)]
@@ -157,7 +164,9 @@ def held_out_segments(scan: Scan, scene: Scene) -> list[Segment]:
         rows = np.flatnonzero(sweep == number)
         states = scan.states[rows][:, columns]
         training = scan.select(sweep != number)
-        travelled = np.concatenate([[0.0], np.cumsum([motion.travel(step) for step in np.diff(states, axis=0)])])
+        travelled = np.concatenate(
+            [[0.0], np.cumsum([motion.travel(step) for step in np.diff(states, axis=0)])]
+        )
         for start in np.linspace(0.0, max(travelled[-1] - _LONGEST, 0.0), per_sweep):
             marks = np.arange(start, min(start + _LONGEST, travelled[-1]), _STEP)
             index = np.unique(np.searchsorted(travelled, marks))
@@ -169,8 +178,8 @@ def held_out_segments(scan: Scan, scene: Scene) -> list[Segment]:
             segments.append(Segment(displacements, travels, strain, states[index], training))
     if not segments:
         raise ScanError(
-            f"scan: expected a sweep of at least {10 * _STEP * 1e3:.0f} mm to choose parameters by, found none; "
-            "give position_std, strain_std and correlation_length in the scene"
+            f"scan: expected a sweep of at least {10 * _STEP * 1e3:.0f} mm to choose parameters by, "
+            "found none; give position_std, strain_std and correlation_length in the scene"
         )
     return segments
 
@@ -181,7 +190,9 @@ class _Recorded:
     def __init__(self, maps: list[np.ndarray]) -> None:
         self._maps = iter(maps)
 
-    def log_likelihood(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None) -> np.ndarray:
+    def log_likelihood(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
         raise NotImplementedError("the grid filter asks for whole axes")
 
     def log_likelihood_on(
@@ -210,7 +221,9 @@ def _evaluate(
     trials = []
     for length, parts in results.items():
         score, coverage = np.concatenate(parts).mean(axis=0)
-        trials.append(Trial(*factors, ModelParameters(position_std, strain_std, length), float(score), float(coverage)))
+        trials.append(
+            Trial(*factors, ModelParameters(position_std, strain_std, length), float(score), float(coverage))
+        )
     return trials
 
 

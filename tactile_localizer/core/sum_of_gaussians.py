@@ -29,8 +29,8 @@ class PhalanxKernels:
 
     where S is the sum over pairs of position kernel times strain kernel, D the sum of the position kernel
     alone and b the :class:`Background`. ``a`` is :data:`FLOOR` times the D of an evenly spread scan: where
-    nothing was scanned, the background is all that is known. ``conditional=False`` is the paper's form, in which
-    P(x) is taken as constant: D is then that of an evenly spread scan everywhere.
+    nothing was scanned, the background is all that is known. ``conditional=False`` is the paper's form, in
+    which P(x) is taken as constant: D is then that of an evenly spread scan everywhere.
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ class SumOfGaussians:
     scan, scene : the training pairs and what is modelled
     position_std : square root of the diagonal of Sigma_x, one number or one an axis, m (yaw: rad)
     strain_std : square root of the diagonal of Sigma_z, one number or one a channel, V
-    conditional : divide by the scan's own density in x, right where the scan is uneven; ``False``: the paper's
+    conditional : divide by the scan's own density in x, right where the scan is uneven; ``False``: the
+    paper's
         joint form with constant P(x)
     evaluation : ``field``, ``truncated`` or ``exact`` (:mod:`.kernel_sum`)
     precision : ``float64`` or ``float32``

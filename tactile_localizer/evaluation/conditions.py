@@ -129,8 +129,8 @@ class RecordedCondition:
         for array in (self.scan.states, self.scan.strain, self.scan.sweep):
             digest.update(np.ascontiguousarray(array).data)
         for sweep in self.recording.sweeps:
-            for array in (sweep.stamp_ns, sweep.position, sweep.strain, sweep.status, sweep.truth):
-                digest.update(b"" if array is None else np.ascontiguousarray(array).data)
+            for known in (sweep.stamp_ns, sweep.position, sweep.strain, sweep.status, sweep.truth):
+                digest.update(b"" if known is None else np.ascontiguousarray(known).data)
         return {
             "name": self.name,
             "seed": self.seed,

@@ -1,0 +1,69 @@
+"""Choices are checked by name, kind and range, and wrong ones are refused with what was expected."""
+
+from typing import Any
+
+import pytest
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.errors import ParameterError
+
+
+def test_nothing_given_is_the_default() -> None:
+    assert Configuration.from_mapping({}) == Configuration()
+
+
+def test_whole_numbers_serve_where_numbers_are_expected() -> None:
+    assert Configuration.from_mapping({"update_distance": 1}).update_distance == 1.0
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"partcles": 5}, "did you mean particles"),
+        ({"model": "gausian"}, "expected one of sum_of_gaussians"),
+        ({"particles": 7.5}, "expected int"),
+        ({"adaptive": 1}, "expected bool"),
+        ({"update_distance": 0.0}, "expected a positive number"),
+        ({"update_distance": float("nan")}, "update_distance"),
+        ({"convergence_travel": -1.0}, "at least 0 m"),
+        ({"recovery": "constant"}, "expected filter particle"),
+    ],
+)
+def test_a_wrong_choice_is_refused_with_what_was_expected(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Configuration.from_mapping(values)
+
+
+def test_parameters_of_the_material_survive_their_plain_form() -> None:
+    given = {
+        "position_std": [0.001, 0.002],
+        "strain_std": 0.03,
+        "correlation_length": 0.004,
+        "neighbours": 12,
+    }
+    parameters = ModelParameters.from_mapping(given)
+    assert parameters.complete
+    assert parameters.to_mapping() == given
+
+
+def test_what_is_missing_is_filled_and_what_is_given_is_kept() -> None:
+    partial = ModelParameters.from_mapping({"strain_std": 0.5})
+    assert not partial.complete
+    filled = partial.filled_from(ModelParameters(0.001, 0.03, 0.004))
+    assert (filled.position_std, filled.strain_std, filled.correlation_length) == (0.001, 0.5, 0.004)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"position_sdt": 1.0},
+        {"strain_std": 0.0},
+        {"strain_std": "wide"},
+        {"neighbours": 2.5},
+        {"position_std": []},
+    ],
+)
+def test_a_wrong_parameter_of_the_material_is_refused(values: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match="measurement"):
+        ModelParameters.from_mapping(values)

@@ -1,0 +1,53 @@
+"""Which of several features is felt, and whether it is one of them at all."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.assembly import build_identifier
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.identification import NONE, FeatureIdentifier
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+
+SEED = 31
+
+
+@pytest.fixture(scope="module")
+def identifier() -> FeatureIdentifier:
+    candidates = {}
+    for feature in ("bump", "grommet"):
+        scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+        candidates[feature] = (simulate_scan(feature, seed=SEED).to_scan(), scene)
+    return build_identifier(candidates, Configuration(), np.random.default_rng(0))
+
+
+def verdicts(identifier: FeatureIdentifier, material: str, sweeps: int = 4) -> Iterator[str]:
+    """The most probable candidate at the end of the feature, or of the sweep where there is none."""
+    test = simulate_scan(material, SEED, "test", sweeps=sweeps)
+    for number, part in enumerate(test.slices()):
+        identifier.reset()
+        last = test.feature_end[number] if test.feature_end[number] >= 0 else part.stop - 1
+        for row in range(part.start, last + 1):
+            result = identifier.update(int(test.stamp_ns[row]), test.odometry[row], test.strain[row])
+            assert sum(result.probabilities.values()) == pytest.approx(1.0)
+        yield result.most_probable
+
+
+def test_a_scanned_feature_is_recognised_in_most_sweeps(identifier: FeatureIdentifier) -> None:
+    assert list(verdicts(identifier, "bump")).count("bump") >= 3
+    assert list(verdicts(identifier, "grommet")).count("grommet") >= 3
+
+
+def test_featureless_material_is_taken_for_no_feature(identifier: FeatureIdentifier) -> None:
+    assert {"bump", "grommet"}.isdisjoint(verdicts(identifier, "none"))
+
+
+def test_before_anything_is_felt_no_candidate_is_ahead(identifier: FeatureIdentifier) -> None:
+    identifier.reset()
+    test = simulate_scan("none", SEED, "test", sweeps=1)
+    result = identifier.update(int(test.stamp_ns[0]), test.odometry[0], test.strain[0])
+    assert set(result.probabilities) == {"bump", "grommet", NONE}
+    assert max(result.probabilities.values()) < 0.6

@@ -1,0 +1,68 @@
+"""The feature's region is found where strain leaves what most of the material feels like."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.assembly import with_region
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.region import featureless_cluster, propose_region, squared_distance
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.selection import base_widths
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+
+
+@pytest.mark.parametrize("feature", ["bump", "snap", "grommet"])
+def test_the_proposal_covers_what_the_simulation_touches(feature: str) -> None:
+    scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+    proposal = propose_region(simulate_scan(feature, seed=3).to_scan(), scene)
+    assert proposal.region is not None
+    assert scene.feature is not None
+    np.testing.assert_allclose(proposal.region.lower, scene.feature.lower, atol=0.008)
+    np.testing.assert_allclose(proposal.region.upper, scene.feature.upper, atol=0.008)
+    assert proposal.confidence > 0.75
+
+
+def test_material_without_a_feature_has_no_region() -> None:
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    assert propose_region(simulate_scan("none", seed=3).to_scan(), scene).region is None
+
+
+def test_the_cluster_is_not_moved_by_a_minority_that_is_far_away() -> None:
+    rng = np.random.default_rng(0)
+    samples = rng.standard_normal((1000, 8))
+    samples[:400] += 50.0
+    cluster = featureless_cluster(samples)
+    np.testing.assert_allclose(cluster.mean, 0.0, atol=0.5)
+    assert squared_distance(cluster, samples[:400]).min() > 100.0
+
+
+def test_a_region_that_the_scene_gives_is_kept() -> None:
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    scan = simulate_scan("bump", seed=3).to_scan()
+    assert with_region(scan, scene, ModelParameters.from_mapping(scene.measurement)) is scene
+
+
+def test_what_proves_featureless_outside_a_proposal_makes_it_the_region() -> None:
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    scan = simulate_scan("bump", seed=3).to_scan()
+    parameters = ModelParameters.from_mapping(scene.measurement)
+    assert with_region(scan, dataclasses.replace(scene, feature=None), parameters).feature is not None
+
+
+def test_material_that_is_featured_everywhere_gets_no_region() -> None:
+    """Position predicts the strain outside any box that could be drawn: a weave of 1 V, with one coarser
+    patch."""
+    rng = np.random.default_rng(1)
+    scene = load_scene(resource_path("config/scenes/linen.yaml"))
+    x = np.tile(np.linspace(0.0, 0.6, 1500), 3)
+    weave = np.sin(x[:, None] * rng.uniform(60, 200, 16) + rng.uniform(0, 6, 16))
+    weave[(x > 0.2) & (x < 0.25)] *= 12.0
+    strain = weave + 0.02 * rng.standard_normal(weave.shape)
+    scan = Scan(x[:, None], strain, np.repeat(np.arange(3), 1500), ("x",), scene.phalanx_names)
+    position, width = base_widths(scan, scene)
+    parameters = ModelParameters(position, 2.0 * width, 0.002)
+    assert with_region(scan, scene, parameters).feature is None

@@ -1,0 +1,92 @@
+"""Parameters are chosen by what localises held-out sweeps."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.selection import (
+    base_widths,
+    choose_parameters,
+    divided,
+    held_out_segments,
+    search,
+)
+from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene("line", (Axis("x", 0.0, 0.06, 0.002),), (Phalanx("index", (0.0,)),))
+
+
+def lines(sweeps: int = 4, noise: float = 0.05, pairs: int = 240, seed: int = 0) -> Scan:
+    """Sweeps along one axis over a smooth random pattern of 1 V, with the same noise in each."""
+    rng = np.random.default_rng(seed)
+    x = np.tile(np.linspace(0.0, 0.06, pairs), sweeps)
+    phases, waves = rng.uniform(0, 6, 8), rng.uniform(200, 500, 8)
+    strain = np.sin(x[:, None] * waves + phases) + noise * rng.standard_normal((len(x), 8))
+    return Scan(x[:, None], strain, np.repeat(np.arange(sweeps), pairs), ("x",), ("index",))
+
+
+def test_each_segment_is_localised_on_a_map_without_its_sweep() -> None:
+    scan = lines()
+    for segment in held_out_segments(scan, SCENE):
+        held_out = set(map(tuple, segment.strain))
+        assert not held_out & set(map(tuple, segment.training.strain))
+
+
+def test_displacements_of_a_segment_lead_along_its_states() -> None:
+    segment = held_out_segments(lines(), SCENE)[0]
+    along = segment.states[0] + np.cumsum(segment.displacements, axis=0)
+    np.testing.assert_allclose(along, segment.states, atol=1e-12)
+
+
+def test_noisier_scans_get_wider_strain_kernels() -> None:
+    quiet = choose_parameters(lines(noise=0.03), SCENE)
+    noisy = choose_parameters(lines(noise=0.3), SCENE)
+    assert np.mean(noisy.strain_std) > 2.0 * np.mean(quiet.strain_std)
+
+
+def test_the_chosen_candidate_is_the_one_of_most_merit() -> None:
+    scan = lines()
+    trials = search(scan, SCENE)
+    best = max(trials, key=lambda trial: trial.merit)
+    assert choose_parameters(scan, SCENE) == ModelParameters(
+        pytest.approx(best.parameters.position_std),
+        pytest.approx(best.parameters.strain_std),
+        best.parameters.correlation_length,
+    )
+    assert best.score > 1.0
+
+
+def test_a_candidate_that_covers_too_little_has_less_merit_than_its_score() -> None:
+    trials = search(lines(), SCENE)
+    assert all(trial.merit < trial.score for trial in trials if trial.coverage < 0.98)
+    assert all(trial.merit == trial.score for trial in trials if trial.coverage >= 0.98)
+
+
+def test_a_scene_may_name_fewer_phalanges_than_the_scan_has() -> None:
+    scan = lines()
+    both = Scan(
+        scan.states, np.hstack([scan.strain, 5.0 + scan.strain]), scan.sweep, ("x",), ("other", "index")
+    )
+    position, strain = base_widths(both, SCENE)
+    assert position.shape == (1,)
+    np.testing.assert_allclose(strain, base_widths(scan, SCENE)[1])
+
+
+def test_a_lone_sweep_is_divided_so_that_something_can_be_held_out() -> None:
+    assert set(divided(np.zeros(10, dtype=int))) == {0, 1}
+    np.testing.assert_array_equal(divided(np.array([3, 3, 5])), [3, 3, 5])
+
+
+def test_progress_ends_at_one() -> None:
+    seen: list[float] = []
+    search(lines(sweeps=2, pairs=100), SCENE, lambda _, share: seen.append(share))
+    assert seen[-1] == 1.0
+    assert all(0.0 <= share <= 1.0 for share in seen)
+
+
+def test_a_scan_too_short_to_hold_out_is_refused_with_the_way_out() -> None:
+    scan = Scan(np.full((20, 1), 0.01), np.ones((20, 8)), np.zeros(20, dtype=int), ("x",), ("index",))
+    with pytest.raises(ScanError, match="give position_std"):
+        choose_parameters(scan, SCENE)
