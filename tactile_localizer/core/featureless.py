@@ -158,6 +158,7 @@ def _off_feature(positions: np.ndarray, strain: np.ndarray, scene: Scene, name: 
     if off.all() or np.count_nonzero(off) <= GAUGES:
         side = "inside" if not off.all() else "outside"
         raise SceneError(
-            f"scene {scene.name}: expected pairs of phalanx {name} on both sides of the feature region, all are {side}"
+            f"scene {scene.name}: expected pairs of phalanx {name} on both sides of the feature region, "
+            f"all are {side}"
         )
     return Normal.fitted(strain[off])
