@@ -91,7 +91,7 @@ def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
     with ScanStore.open(folder / "scan.db") as store:
         scan, scene = store.load(), store.scene
     regions = {"feature": scene.feature} if scene.feature is not None else {}
-    median = sorted(sweeps, key=lambda sweep: float(sweep.error.mean()))[len(sweeps) // 2]
+    median = sorted(sweeps, key=lambda sweep: float(sweep.error[sweep.after_contact].sum()))[len(sweeps) // 2]
     figures = {
         "map": map_pair(make_map(scan, scene), scan, scene, regions=regions),
         "error": error_along_the_sweep(

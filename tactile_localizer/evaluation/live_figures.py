@@ -12,7 +12,10 @@ from tactile_localizer.evaluation.display import MM, label_axis
 from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep
 
 _BIN_MM = 1.0
+_HIGHEST_MM = 15.0
+"""Errors above say only that nothing is known yet."""
 _COLOUR = "tab:blue"
+_FELT = "tab:orange"
 
 
 def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
@@ -20,16 +23,17 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
     figure = Figure(figsize=(9, 8.5), layout="constrained")
     error, trace, share = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
     x = np.concatenate([sweep.truth[:, 0] for sweep in sweeps]) * MM
-    for sweep in sweeps:
+    for number, sweep in enumerate(sweeps):
         along = sweep.truth[:, 0] * MM
-        error.plot(along, sweep.error * MM, color="0.6", linewidth=0.5)
+        label = None if number else "each sweep"
+        error.plot(along, sweep.error * MM, color="0.6", linewidth=0.5, label=label)
         trace.plot(along, np.sqrt(sweep.trace) * MM, color="0.6", linewidth=0.5)
     _mean_line(error, x, np.concatenate([s.error for s in sweeps]) * MM, f"mean of {len(sweeps)} sweeps")
     _mean_line(trace, x, np.sqrt(np.concatenate([s.trace for s in sweeps])) * MM, "mean")
     _mean_line(share, x, np.concatenate([s.converged for s in sweeps]).astype(float), "converged")
     error.axhline(LIMIT_M * MM, color="tab:red", linewidth=1.0, linestyle="--", label="0.1 inch")
     error.set_ylabel("error, mm")
-    error.set_ylim(0, None)
+    error.set_ylim(0, min(_HIGHEST_MM, error.get_ylim()[1]))
     trace.set_ylabel("root of the\ncovariance trace, mm")
     trace.set_ylim(0, None)
     share.set_ylabel("share of\nsweeps believed")
@@ -55,8 +59,11 @@ def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
         plot.set_ylabel(f"{axis}, mm")
         believed = np.ma.masked_where(~sweep.converged, sweep.mean[:, column] * MM)
         plot.plot(seconds, believed, color="tab:green", linewidth=3.0, alpha=0.5, label="believed")
+        felt = seconds[sweep.after_contact]
+        if len(felt):
+            plot.axvspan(felt[0], felt[-1], color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")
         plot.margins(x=0)
-    plots[-1].set_xlabel("s")
+    plots[-1].set_xlabel("time since the sweep began, s")
     plots[0].legend(frameon=False)
     plots[0].set_title(title)
     return figure
@@ -67,7 +74,7 @@ def _contact_band(plot: Axes, sweeps: Sequence[LiveSweep]) -> None:
     felt = np.array([(s.contact.first, s.contact.last) for s in sweeps if s.contact is not None])
     if len(felt):
         first, last = np.median(felt, axis=0) * MM
-        plot.axvspan(first, last, color="tab:orange", alpha=0.12, linewidth=0, label="feature is felt")
+        plot.axvspan(first, last, color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")
 
 
 def _mean_line(plot: Axes, x: np.ndarray, values: np.ndarray, label: str) -> None:

@@ -7,7 +7,6 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -167,9 +166,7 @@ class _Demo:
         self._view.phase("scanning")
         for number in range(TRAINING_SWEEPS):
             self._view.progress(number, TRAINING_SWEEPS)
-            ready_ns = self._prepare()
-            # A node that lags would take the way to here into the sweep.
-            self._until(partial(self._heard.has_scanned, ready_ns), "the mapping to keep up", _STARTUP_S)
+            self._ask("simulator/prepare")
             self._ask("mapping/start_sweep")
             self._sweep()
             self._ask("mapping/end_sweep")
@@ -196,7 +193,9 @@ class _Demo:
         return sweeps
 
     def _localize_once(self, number: int) -> LiveSweep:
-        ready_ns = self._prepare()
+        self._ask("simulator/prepare")
+        # A filter that lags would take the way to here into the sweep.
+        ready_ns = time.time_ns()
         self._until(
             lambda: self._heard.posteriors[-1].stamp_ns > ready_ns, "the filter to keep up", _STARTUP_S
         )
@@ -223,11 +222,6 @@ class _Demo:
             return False
         each_s = (now_s - self._localizing_s) / done
         return now_s + each_s - self._begun_s > self._settings.time_limit_s
-
-    def _prepare(self) -> int:
-        """Bring the hand to the next sweep's start; returns when it was there, ns."""
-        self._ask("simulator/prepare")
-        return time.time_ns()
 
     def _sweep(self) -> None:
         self._heard.active.clear()

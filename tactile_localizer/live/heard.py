@@ -97,10 +97,6 @@ class Heard:
         self.posteriors = []
         self.truths = self.truths[-1:]
 
-    def has_scanned(self, stamp_ns: int) -> bool:
-        """Whether the mapping has told to have taken in a strain of after ``stamp_ns``."""
-        return self.status is not None and to_ns(self.status.header.stamp) > stamp_ns
-
     @property
     def sweep_is_over(self) -> bool:
         """Whether the palm has swept and is at rest again."""

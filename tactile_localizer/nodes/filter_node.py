@@ -120,8 +120,7 @@ class FilterNode(ManagedNode):
 
     def _begin(self) -> None:
         self._tracker.interrupt()
-        if self._tracker.latest is not None:  # else nothing is drawn: same seed, same answer
-            self._tracker.reset()
+        self._tracker.reset()
         self._stale = ""
         self._unread = {"strain": 0, "palm_pose": 0, "initial_pose": 0}
         now_ns = self.get_clock().now().nanoseconds
@@ -206,9 +205,9 @@ class FilterNode(ManagedNode):
         silent = [t for t, heard_ns in self._heard_ns.items() if now_ns - heard_ns > timeout_s * NANOSECONDS]
         was_stale, self._stale = bool(self._stale), ""
         if self._tracker.latest is not None and age_s > timeout_s:
-            why = (
-                f"no {' and no '.join(silent)}" if silent else self._tracker.trouble or "inputs too far apart"
-            )
+            why = f"no {' and no '.join(silent or [self._tracker.behind])}"
+            if self._tracker.trouble and not silent:
+                why = self._tracker.trouble
             self._stale = f"{why}, nothing new for {age_s:.1f} s"
         if bool(self._stale) != was_stale:
             self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")

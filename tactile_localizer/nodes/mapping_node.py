@@ -189,12 +189,12 @@ class MappingNode(ManagedNode):
             self._map.refresh()
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Begin a sweep after the newest sample that has come."""
+        """Begin a sweep with what is felt from now on."""
 
         def start(recorder: SweepRecorder) -> str:
             for reason in self._refusals.values():
                 raise ScanError(f"start sweep: {reason}")
-            number = recorder.start(self._newest_ns)
+            number = recorder.start(self._now_ns)
             self._failure = ""
             return f"sweep {number} begins"
 
@@ -239,6 +239,17 @@ class MappingNode(ManagedNode):
     def _newest_ns(self) -> int:
         """Stamp of the newest sample, ns; 0 before the first."""
         return (self._pairing and self._pairing.newest_ns) or 0
+
+    @property
+    def _now_ns(self) -> int:
+        """Stamp of what is felt now, ns, where the samples' stamps are those of the node's clock.
+
+        On a busy machine a service is answered before the samples that came earlier: the newest sample that
+        was taken in would let a sweep begin too early.
+        """
+        now_ns, newest_ns = int(self.get_clock().now().nanoseconds), self._newest_ns
+        lag_s = (now_ns - newest_ns) * 1e-9
+        return now_ns if 0.0 < lag_s <= self.parameters["patience_s"] else newest_ns
 
     def _publish_status(self, stamp_ns: int) -> None:
         """Tell how the scan is going; stamps are samples', so that a bag shows what belongs to a sweep."""

@@ -12,6 +12,7 @@ from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pairing import Pair, Pairing
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
+from tactile_localizer.io.recording import usable
 
 _TIMES_KEPT = 4096
 
@@ -68,7 +69,7 @@ class Tracker:
         self.pairing: Pairing[Felt] = Pairing(
             scene.axes, max_gap_s=self._max_gap_s, patience_s=self._patience_s
         )
-        self._newest_ns: int | None = None
+        self._newest_ns: dict[str, int] = {}
         self._resets = 0
 
     def reset(self) -> None:
@@ -84,13 +85,18 @@ class Tracker:
     @property
     def age_s(self) -> float:
         """How far, by stamps, the inputs have gone beyond the last estimate, s; 0 before the first."""
-        if self.latest is None or self._newest_ns is None:
+        if self.latest is None or not self._newest_ns:
             return 0.0
-        return (self._newest_ns - self.latest.stamp_ns) / NANOSECONDS
+        return (max(self._newest_ns.values()) - self.latest.stamp_ns) / NANOSECONDS
+
+    @property
+    def behind(self) -> str:
+        """Which input's stamps are behind the other's: ``strain`` or ``palm_pose``."""
+        return min(("strain", "palm_pose"), key=lambda topic: self._newest_ns.get(topic, -1))
 
     def add_strain(self, stamp_ns: int, strain: np.ndarray, status: np.ndarray) -> list[Estimate]:
         """Take in a strain vector (8F,), V, and status bits (F,); returns the estimates that it completes."""
-        return self._take(stamp_ns, self.pairing.add_strain(stamp_ns, (strain, status)))
+        return self._take("strain", stamp_ns, self.pairing.add_strain(stamp_ns, (strain, status)))
 
     def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Estimate]:
         """Take in a palm position (d,), m (yaw: rad); returns the estimates that it completes.
@@ -100,19 +106,19 @@ class Tracker:
         MeasurementError
             The position is not finite or not of the scene's axes.
         """
-        return self._take(stamp_ns, self.pairing.add_pose(stamp_ns, position))
+        return self._take("palm_pose", stamp_ns, self.pairing.add_pose(stamp_ns, position))
 
-    def _take(self, stamp_ns: int, pairs: list[Pair[Felt]]) -> list[Estimate]:
-        resets = self.pairing.resets
-        if self._newest_ns is None or resets != self._resets:
-            self._newest_ns, self._resets = stamp_ns, resets
-        self._newest_ns = max(self._newest_ns, stamp_ns)
+    def _take(self, topic: str, stamp_ns: int, pairs: list[Pair[Felt]]) -> list[Estimate]:
+        if self.pairing.resets != self._resets:
+            self._resets = self.pairing.resets
+            self._newest_ns.clear()
+        self._newest_ns[topic] = max(self._newest_ns.get(topic, stamp_ns), stamp_ns)
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
     def _localize(self, pair: Pair[Felt]) -> Estimate | None:
         counts = self.counts
         strain, status = pair.felt
-        present = status == 0
+        present = usable(status)
         for phalanx, well in zip(counts.absent, present, strict=True):
             counts.absent[phalanx] += not well
         if pair.position is None:

@@ -96,6 +96,7 @@ def offline(hand, samples, scan_file, configuration):
     """What the same localizer says of the same strains and positions without ROS."""
     with ScanStore.open(scan_file) as store:
         localizer = build_localizer(store.load(), store.scene, configuration, np.random.default_rng(0))
+    localizer.reset()
     positions = hand.positions()
     return [
         localizer.update(hand.offset_ns + int(hand.strain_ns[k]), positions[k], hand.sweep.strain[k])

@@ -2,6 +2,7 @@
 
 import resource
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -74,6 +75,29 @@ def test_the_status_tells_how_the_scan_goes_twice_a_second(node_process, probe, 
     assert 0.0 < status.coverage < 0.3
     begun = next(message for message in hand.statuses if message.sweep_active)
     assert stamp_of(begun) == 0, "the sweep began before the first sample"
+
+
+def test_what_was_felt_before_the_start_is_left_out_even_if_it_comes_later(
+    node_process, probe, files, monkeypatch
+):
+    process = node_process("mapping_node", parameters=files)
+    hand = Hand(probe)
+    begun_ns = time.time_ns() - 1000 * MS
+    monkeypatch.setattr("support.hand.START", begun_ns)
+
+    def slide_until(late_ms):
+        """Publish everything up to ``late_ms`` ago."""
+        hand.slide(max(0, (time.time_ns() - begun_ns) // MS - late_ms - hand.now_ms) // 20 * 20)
+
+    probe.until(lambda: slide_until(300) or (hand.statuses and stamp_of(hand.statuses[-1])), "a status")
+    slide_until(300)
+    asked_ns = time.time_ns()
+    hand.service("start_sweep")
+    slide_until(-200)
+    hand.wait_for_stamp(hand.now_ms)
+    assert process.stop() == 0
+    _, _, recording = load(files)
+    assert recording.sweeps[0].stamp_ns[0] > asked_ns
 
 
 def test_gaps_in_the_poses_are_skipped_and_counted(node_process, probe, files):

@@ -127,6 +127,10 @@ def test_its_age_is_how_far_the_inputs_have_gone_on_without_it(tracker, sweep):
     for k in range(10, 25):
         feel(tracker, sweep, k)
     assert tracker.age_s == pytest.approx(15 * 0.04, abs=0.001)
+    assert tracker.behind == "palm_pose"
+    for k in range(11, 40):
+        move(tracker, sweep, k)
+    assert tracker.behind == "strain"
 
 
 def test_after_a_reset_there_is_no_estimate_until_something_is_felt(tracker, sweep):
