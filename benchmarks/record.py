@@ -74,8 +74,11 @@ _DETAILS = {"p99_us": "p99", "peak_mb": "MB", "ratio_to_floor": "floors", "tv_to
 def _print(rows: Sequence[dict[str, Any]]) -> None:
     details = {key: head for key, head in _DETAILS.items() if any(key in one for one in rows)}
     table = Table("measurement", "value", *details.values(), "asked for", "met")
+    table.columns[0].no_wrap = True
     for one in rows:
         met = {True: "yes", False: "NO"}.get(one.get("met"), "")
-        more = [f"{one[key]:.3g}" if key in one else "" for key in details]
+        more = [f"{one[key]:.3g}" if one.get(key) is not None else "" for key in details]
         table.add_row(one["name"], f"{one['value']:.4g} {one['unit']}", *more, one.get("limit", ""), met)
-    Console().print(table)
+    console = Console()
+    console.width = max(console.width, 120)  # also where the output is a file
+    console.print(table)

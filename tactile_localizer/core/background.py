@@ -10,6 +10,7 @@ from tactile_localizer.scene import GAUGES
 
 _DEGREES_OF_FREEDOM = 3.0
 _SPREAD = 2.0
+_ROWS = 2**12
 
 
 class Background:
@@ -27,7 +28,7 @@ class Background:
 
     def __init__(self, strain: np.ndarray, strain_std: np.ndarray) -> None:
         self._mean = strain.mean(axis=0)
-        self._scale = _SPREAD * np.hypot(strain.std(axis=0), strain_std)
+        self._scale = _SPREAD * np.hypot(_standard_deviation(strain, self._mean), strain_std)
         nu = _DEGREES_OF_FREEDOM
         constant = math.lgamma((nu + GAUGES) / 2) - math.lgamma(nu / 2) - GAUGES / 2 * math.log(nu * math.pi)
         self._constants = constant - np.log(self._scale).reshape(-1, GAUGES).sum(axis=1)
@@ -42,3 +43,11 @@ class Background:
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of the strain (8F,) of the phalanges that are ``present`` (F,) bool."""
         return float(self.log_densities(np.where(np.repeat(present, GAUGES), strain, 0.0))[present].sum())
+
+
+def _standard_deviation(strain: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Of each channel of (N, C), some rows at a time: a large scan is not held twice."""
+    total = np.zeros(strain.shape[1])
+    for start in range(0, len(strain), _ROWS):
+        total += np.sum((strain[start : start + _ROWS] - mean) ** 2, axis=0)
+    return np.sqrt(total / len(strain))

@@ -12,13 +12,16 @@ NODES_PER_STD = 6
 REACH = 5.3
 """Standard deviations beyond which a position kernel is left out: it is below exp(-5.3^2 / 2) = 8e-7."""
 _BAND = 12.0
-"""Standard deviations beyond which a kernel is left out on long axes: below exp(-72), nothing beside any floor."""
+"""Standard deviations beyond which a kernel is left out on long axes: below exp(-72), less than any floor."""
 _BANDED_ABOVE = 3
 """Axes longer than this many bands are worth a sparse matrix."""
 _TINY = np.float32(1e-30)
 """Weights below are left out: denormal numbers are slow."""
 _MOST_INT32 = 2**31 - 1
 _CHUNK = 2**22
+"""Kernels held at once."""
+_ROWS = 2**11
+"""Pairs spread at once: what is made for them stays in the processor's cache."""
 
 
 def box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,9 +60,20 @@ class KernelGrid:
 
     def _spreading(self, scaled: np.ndarray) -> sparse.csc_array:
         """The spreading as a sparse matrix (nodes, pairs)."""
-        pairs = len(scaled)
-        rows = np.zeros((pairs, 1), dtype=np.int32)
-        taps = np.ones((pairs, 1), dtype=np.float32)
+        pairs, corners = len(scaled), 3 ** len(self.shape)
+        rows = np.empty((pairs, corners), dtype=np.int32)
+        taps = np.empty((pairs, corners), dtype=np.float32)
+        for start in range(0, pairs, _ROWS):
+            part = slice(start, start + _ROWS)
+            rows[part], taps[part] = self._stencils(scaled[part])
+        integer = np.int64 if rows.size > _MOST_INT32 else np.int32
+        pointers = np.arange(0, rows.size + 1, corners, dtype=integer)
+        return sparse.csc_array((taps.ravel(), rows.ravel(), pointers), shape=(math.prod(self.shape), pairs))
+
+    def _stencils(self, scaled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nodes around each pair and their shares of it: (n, 3^d) each."""
+        rows = np.zeros((len(scaled), 1), dtype=np.int32)
+        taps = np.ones((len(scaled), 1), dtype=np.float32)
         for size, coordinates in zip(self.shape, scaled.T, strict=True):
             nearest = np.rint(coordinates)
             offset = (coordinates - nearest).astype(np.float32)
@@ -67,13 +81,9 @@ class KernelGrid:
                 [0.5 * (0.5 - offset) ** 2, 0.75 - offset**2, 0.5 * (0.5 + offset) ** 2], axis=1
             )
             steps = nearest.astype(np.int32)[:, None] + np.arange(-1, 2, dtype=np.int32)
-            rows = (rows[:, :, None] * np.int32(size) + steps[:, None, :]).reshape(pairs, -1)
-            taps = (taps[:, :, None] * splines[:, None, :]).reshape(pairs, -1)
-        corners = taps.shape[1]
-        pointers = np.arange(
-            0, pairs * corners + 1, corners, dtype=np.int64 if rows.size > _MOST_INT32 else np.int32
-        )
-        return sparse.csc_array((taps.ravel(), rows.ravel(), pointers), shape=(math.prod(self.shape), pairs))
+            rows = (rows[:, :, None] * np.int32(size) + steps[:, None, :]).reshape(len(scaled), -1)
+            taps = (taps[:, :, None] * splines[:, None, :]).reshape(len(scaled), -1)
+        return rows, taps
 
     def spread(self, weights: np.ndarray) -> np.ndarray:
         """Weights of the pairs (M,) on the nodes: an array of the grid's shape."""

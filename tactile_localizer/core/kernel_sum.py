@@ -30,7 +30,7 @@ _MARGIN = 3.0
 _WORTH_SHRINKING = 0.3
 """Share of the pairs that a smaller block must come down to, to be worth making."""
 _ROWS = 512
-"""Strains transposed at once: they stay in the processor's cache, and a large map is never held twice."""
+"""Strains transposed at once: they stay in the processor's cache."""
 _NODES_A_PAIR = 100
 """Nodes of a grid that cost, at each state, as much as one pair directly: a product is cheap."""
 _MOST_NODES = 2**26
@@ -67,20 +67,28 @@ class KernelSum:
         self._strain_std = np.asarray(strain_std, dtype=np.float64)
         self._dtype = np.dtype(dtype)
         self._wraps = wraps
-        self._strain = strain
-        self._centre = strain.mean(axis=0)
-        index, unrolled = unroll(positions, wraps, REACH * self.position_std)
+        # Any point amid the strains will do: it keeps whitened strains short.
+        self._centre = strain[:: max(1, len(strain) // _ROWS)].mean(axis=0)
+        rows, unrolled = unroll(positions, wraps, REACH * self.position_std)
         order = np.argsort(unrolled[:, 0], kind="stable")
-        self._index = index[order]
-        self._positions = unrolled[order] / self.position_std
+        self._positions = unrolled[order]
+        self._positions /= self.position_std
         self._first, self._last = box(self._positions)
+        rows = rows[order]
+        del unrolled, order  # of a large map, memory that the strains are about to need
+        self._strain = self._whitened(strain, rows)
         self._block: PairBlock | None = None
         self._held = 0.0
         log_widths = np.log(self._strain_std).reshape(-1, GAUGES).sum(axis=1)
         self._log_constants = -0.5 * GAUGES * math.log(2.0 * math.pi) - log_widths
 
-    def __len__(self) -> int:
-        return len(self._strain)
+    def _whitened(self, strain: np.ndarray, order: np.ndarray) -> np.ndarray:
+        """Strains in units of the kernel widths, channels first, in the order of the positions: (8F, N)."""
+        white = np.empty((strain.shape[1], len(order)), dtype=self._dtype)
+        for start in range(0, len(order), _ROWS):
+            part = strain[order[start : start + _ROWS]]
+            white[:, start : start + _ROWS] = ((part - self._centre) / self._strain_std).T
+        return white
 
     def at_states(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray
@@ -152,17 +160,15 @@ class KernelSum:
         return float(np.prod(np.maximum(sides, 1e-3)))
 
     def _make_block(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
+        if np.isinf(lower).all() and np.isinf(upper).all():
+            return PairBlock(self._positions, self._strain, lower, upper)
         first, last = np.searchsorted(self._positions[:, 0], [lower[0] - REACH, upper[0] + REACH])
         near = self._positions[first:last]
         keep = np.ones(len(near), dtype=bool)
         for coordinates, low, high in zip(near.T, lower - REACH, upper + REACH, strict=True):
             keep &= (coordinates >= low) & (coordinates <= high)
-        rows = self._index[first:last][keep]
-        strain = np.empty((self._strain.shape[1], len(rows)), dtype=self._dtype)
-        for start in range(0, len(rows), _ROWS):
-            part = self._strain[rows[start : start + _ROWS]]
-            strain[:, start : start + _ROWS] = ((part - self._centre) / self._strain_std).T
-        return PairBlock(near[keep], strain, lower, upper)
+        rows = first + np.flatnonzero(keep)
+        return PairBlock(self._positions[rows], np.take(self._strain, rows, axis=1), lower, upper)
 
 
 def unroll(positions: np.ndarray, wraps: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.interpolation import interpolated
+from tactile_localizer.core.kernel_grid import box
 from tactile_localizer.core.kernel_sum import KernelSum
 from tactile_localizer.core.measurement import checked, positive
 from tactile_localizer.core.scan import Scan
@@ -53,8 +54,8 @@ class PhalanxKernels:
         self.background = Background(strain, strain_std)
         self._conditional = conditional
         kernel = position_std * math.sqrt(2.0 * math.pi)
-        extent = positions.max(axis=0) - positions.min(axis=0)
-        self._typical = len(positions) * float(np.prod(kernel / np.maximum(extent, kernel)))
+        low, high = box(positions)
+        self._typical = len(positions) * float(np.prod(kernel / np.maximum(high - low, kernel)))
 
     def at_states(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Log-density at states (P, d): (P,)."""
@@ -154,14 +155,15 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    positions = scan.states[:, scene.columns(scan.axes)]
+    positions = _columns(scan.states, scene.columns(scan.axes))
     if scene.wraps.any():
-        positions[:, scene.wraps] = wrap_angle(positions[:, scene.wraps])
-    channels = scene.channels(scan.phalanges)
-    strain = (
-        scan.strain if np.array_equal(channels, np.arange(scan.strain.shape[1])) else scan.strain[:, channels]
-    )
-    return positions, strain
+        positions = np.where(scene.wraps, wrap_angle(positions), positions)
+    return positions, _columns(scan.strain, scene.channels(scan.phalanges))
+
+
+def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Some columns, or the array itself where they are all of them: a large scan is not copied for nothing."""
+    return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]
 
 
 def dtype_of(precision: str) -> Any:

@@ -1,0 +1,31 @@
+"""Load a scan file and update once: prints times, s, and the most memory held until then, MB.
+
+Run by ``benchmarks/core.py`` in a process of its own, which imports nothing that loading does not need.
+"""
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tactile_localizer.core.particle_filter import ParticleFilter
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.io.scan_store import ScanStore
+
+POSITION_STD, STRAIN_STD = 0.0254 * math.sqrt(0.0075), math.sqrt(0.001)
+
+
+def held_mb() -> float:
+    """Most memory that this process has held so far, MB: not ru_maxrss, which it inherits from its parent."""
+    return float(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) / 1e3
+
+
+start_mb, begin = held_mb(), time.perf_counter()
+with ScanStore.open(sys.argv[1]) as store:
+    scene, model = store.scene, SumOfGaussians(store.load(), store.scene, POSITION_STD, STRAIN_STD)
+particles = ParticleFilter(scene, model, np.random.default_rng(0), 75)
+loaded_s, loaded_mb, begin = time.perf_counter() - begin, held_mb(), time.perf_counter()
+particles.update(np.zeros(16), np.ones(2, dtype=bool), 1.0, -math.inf)
+print(loaded_s, time.perf_counter() - begin, start_mb, loaded_mb, held_mb())
