@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tactile_localizer.cli.files import given_or_shipped
 from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
 from tactile_localizer.core.sweep_detector import SweepDetector
@@ -18,6 +17,7 @@ from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scan_import import import_recording
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
 NAME = "import"
