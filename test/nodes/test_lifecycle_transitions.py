@@ -1,0 +1,163 @@
+"""Every node, every transition from every state, twice; and destruction in every state."""
+
+import itertools
+import threading
+
+import pytest
+from support.sweeps import scene_of, write_scan
+from support.waiting import wait_until
+
+from tactile_localizer.io.scene_file import save_scene
+
+pytestmark = pytest.mark.ros
+
+STATES = ("unconfigured", "inactive", "active", "finalized")
+VALID = {
+    ("unconfigured", "configure"): "inactive",
+    ("unconfigured", "shutdown"): "finalized",
+    ("inactive", "activate"): "active",
+    ("inactive", "cleanup"): "unconfigured",
+    ("inactive", "shutdown"): "finalized",
+    ("active", "deactivate"): "inactive",
+    ("active", "shutdown"): "finalized",
+}
+TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
+WAYS = {
+    "unconfigured": (),
+    "inactive": ("configure",),
+    "active": ("configure", "activate"),
+    "finalized": ("configure", "shutdown"),
+}
+NODES = {
+    "driver_node": "DriverNode",
+    "mapping_node": "MappingNode",
+    "filter_node": "FilterNode",
+    "simulator_node": "SimulatorNode",
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lifecycle")
+    write_scan(folder / "bump.db")
+    save_scene(scene_of(), folder / "scene.yaml")
+    return folder
+
+
+@pytest.fixture(params=NODES)
+def make(request, files, tmp_path):
+    """Makes the node, in the default context, with parameters that it can work with."""
+    import importlib
+
+    import rclpy
+
+    virtual = {"interface": "virtual", "channel": request.param}
+    parameters = {
+        "driver_node": {**virtual, "tare_file": tmp_path / "tare.yaml"},
+        "mapping_node": {"scene_file": files / "scene.yaml", "scan_file": tmp_path / "scan.db"},
+        "filter_node": {"scan_file": files / "bump.db", "cell": 2.0},
+        "simulator_node": virtual,
+    }[request.param]
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={value}"]
+    rclpy.init(args=arguments)
+    module = importlib.import_module(f"tactile_localizer.nodes.{request.param}")
+    made = []
+
+    def make():
+        made.append(getattr(module, NODES[request.param])())
+        return made[-1]
+
+    try:
+        yield make
+    finally:
+        for node in made:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def state_of(node):
+    return node._state_machine.current_state[1]
+
+
+def trigger(node, transition):
+    return getattr(node, f"trigger_{transition}")()
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_each_transition_from_each_state_does_what_it_should_twice(make, state):
+    from rclpy._rclpy_pybind11 import RCLError
+
+    node = make()
+    for transition in WAYS[state]:
+        trigger(node, transition)
+    for transition, _ in itertools.product(TRANSITIONS, range(2)):
+        assert state_of(node) == state
+        if (state, transition) not in VALID:
+            with pytest.raises(RCLError):
+                trigger(node, transition)
+            continue
+        trigger(node, transition)
+        assert state_of(node) == VALID[state, transition]
+        if transition == "shutdown":
+            node.destroy_node()
+            node = make()
+            for way in WAYS[state]:
+                trigger(node, way)
+        else:
+            bring_back(node, state)
+
+
+def bring_back(node, state):
+    """Back to a state by valid transitions."""
+    back = {
+        ("inactive", "unconfigured"): ("cleanup",),
+        ("active", "inactive"): ("deactivate",),
+        ("unconfigured", "inactive"): ("configure",),
+        ("inactive", "active"): ("activate",),
+    }
+    for transition in back[state_of(node), state]:
+        trigger(node, transition)
+
+
+def test_round_and_round_leaves_nothing_behind(make):
+    node = make()
+    before = threading.active_count()
+
+    def entities():
+        return [len(list(kind)) for kind in (node.publishers, node.subscriptions, node.services, node.timers)]
+
+    bare = entities()
+    for _ in range(2):
+        for transition in ("configure", "activate", "deactivate", "activate", "deactivate", "cleanup"):
+            trigger(node, transition)
+        assert state_of(node) == "unconfigured"
+        assert entities() == bare
+        wait_until(lambda: threading.active_count() <= before, "its threads to end")
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_it_can_be_destroyed_in_each_state(make, state):
+    before = threading.active_count()
+    for _ in range(2):
+        node = make()
+        for transition in WAYS[state]:
+            trigger(node, transition)
+        node.close()
+        node.destroy_node()
+        wait_until(lambda: threading.active_count() <= before, "its threads to end")
+
+
+def test_an_active_node_survives_that_its_context_goes_away(make):
+    import rclpy
+
+    node = make()
+    for transition in WAYS["active"]:
+        trigger(node, transition)
+    before = threading.active_count()
+    rclpy.shutdown()
+    node.close()
+    node.destroy_node()
+    assert threading.active_count() <= before
