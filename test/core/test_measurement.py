@@ -1,0 +1,63 @@
+"""What is measured is checked before it is believed."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tactile_localizer.core.measurement import checked, flatten_axes, positive
+from tactile_localizer.errors import MeasurementError, ParameterError
+
+
+@given(strain=arrays(np.float64, 16), present=st.none() | arrays(np.bool_, 2))
+def test_a_strain_is_either_finite_or_refused(strain, present):
+    counted = np.ones(2, bool) if present is None else present
+    good = counted.any() and np.isfinite(strain[np.repeat(counted, 8)]).all()
+    if not good:
+        with pytest.raises(MeasurementError):
+            checked(strain, 2, present)
+        return
+    found, here = checked(strain, 2, present)
+    np.testing.assert_array_equal(here, counted)
+    assert np.isfinite(found).all()
+    np.testing.assert_array_equal(found[np.repeat(here, 8)], strain[np.repeat(here, 8)])
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(15), np.zeros((16, 1)), 1.0, []])
+def test_a_strain_of_another_shape_is_refused(wrong):
+    with pytest.raises(MeasurementError, match=r"strain: expected shape \(16,\), got"):
+        checked(wrong, 2, None)
+
+
+def test_a_strain_that_is_no_array_is_taken_as_one():
+    found, _ = checked([1] * 8, 1, None)
+    assert found.dtype == np.float64
+
+
+def test_the_strain_that_was_given_is_not_changed():
+    strain = np.full(16, np.nan)
+    strain[:8] = 1.0
+    checked(strain, 2, np.array([True, False]))
+    assert np.isnan(strain[8:]).all()
+
+
+@given(value=st.floats(1e-300, 1e300), size=st.integers(1, 5))
+def test_a_positive_number_stands_for_all(value, size):
+    np.testing.assert_array_equal(positive("width", value, size), np.full(size, value))
+    np.testing.assert_array_equal(positive("width", [value] * size, size), np.full(size, value))
+
+
+@pytest.mark.parametrize(
+    "value", [0.0, -1.0, math.inf, math.nan, "a", None, [1.0, 2.0], [1.0, 1.0, 0.0], [[1.0] * 3]]
+)
+def test_anything_else_is_refused_by_name(value):
+    with pytest.raises(ParameterError, match="width: expected"):
+        positive("width", value, 3)
+
+
+def test_axes_are_flattened_in_c_order():
+    states = flatten_axes([np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0])])
+    assert states.tolist() == [[1, 3], [1, 4], [1, 5], [2, 3], [2, 4], [2, 5]]

@@ -1,0 +1,52 @@
+"""The motion model moves states as the arm says, with noise that grows with the way."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.scans import scene
+
+from tactile_localizer.core.motion import YAW_LEVER, MotionModel
+
+
+def test_states_move_by_the_displacement_and_spread_by_the_travelled_distance():
+    model, rng = MotionModel(scene(3)), np.random.default_rng(0)
+    states = np.full((200_000, 3), [0.01, 0.02, 0.1])
+    moved = model.sample(states, np.array([0.005, -0.003, 0.2]), 0.04, rng)
+    expected = np.array([0.003, 0.001, 0.05]) * math.sqrt(0.04)
+    np.testing.assert_allclose(moved.mean(axis=0), [0.015, 0.017, 0.3], atol=5e-5)
+    np.testing.assert_allclose(moved.std(axis=0), expected, rtol=0.01)
+    np.testing.assert_allclose(model.variance(0.04), expected**2)
+
+
+@given(parts=st.lists(st.floats(1e-6, 0.01), min_size=1, max_size=30))
+def test_the_variance_does_not_depend_on_how_a_way_is_cut(parts):
+    model = MotionModel(scene())
+    np.testing.assert_allclose(sum(model.variance(part) for part in parts), model.variance(sum(parts)))
+
+
+def test_a_hand_at_rest_stays_where_it_is():
+    states = np.random.default_rng(0).random((50, 2))
+    moved = MotionModel(scene()).sample(states, np.zeros(2), 0.0, np.random.default_rng(0))
+    np.testing.assert_array_equal(moved, states)
+
+
+def test_a_turn_counts_for_the_way_of_a_fingertip():
+    model = MotionModel(scene(3))
+    assert model.travel(np.array([0.003, 0.004, 0.0])) == pytest.approx(0.005)
+    assert model.travel(np.array([0.0, 0.0, 0.5])) == pytest.approx(0.5 * YAW_LEVER)
+
+
+@given(before=st.floats(-math.pi, math.pi), turn=st.floats(-3.1, 3.1))
+def test_a_displacement_in_yaw_takes_the_shortest_arc(before, turn):
+    model = MotionModel(scene(3, full_turn=True))
+    after = (before + turn + math.pi) % (2 * math.pi) - math.pi
+    step = model.displacement(np.array([0.0, 0.0, before]), np.array([0.001, 0.0, after]))
+    np.testing.assert_allclose(step, [0.001, 0.0, turn], atol=1e-9)
+
+
+def test_where_yaw_is_no_full_turn_it_is_a_plain_number():
+    step = MotionModel(scene(3)).displacement(np.array([0.0, 0.0, -0.4]), np.array([0.0, 0.0, 0.45]))
+    assert step[2] == pytest.approx(0.85)
