@@ -16,7 +16,17 @@ from collections.abc import Sequence
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError
 
-COMMANDS: tuple[str, ...] = ("import_", "scan", "simulate", "replay", "evaluate", "can", "demo")
+COMMANDS: tuple[str, ...] = (
+    "import_",
+    "scan",
+    "simulate",
+    "replay",
+    "evaluate",
+    "tradeoff",
+    "tune",
+    "can",
+    "demo",
+)
 """Modules of the subcommands, in the order of the help text."""
 
 

@@ -37,6 +37,19 @@ HELP = "measure accuracy, convergence and calibration of all models and filters"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
+    add_condition_arguments(parser, sweeps=18, seeds=5, blanks=True)
+    parser.add_argument(
+        "--methods",
+        nargs="+",
+        metavar="NAME",
+        help=f"presets, YAML files, or of: {', '.join(standard_methods())} (default: all of these)",
+    )
+    add_worker_arguments(parser)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
+
+
+def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds: int, blanks: bool) -> None:
+    """Declare what to try on: simulated features, or own recordings on an own scan."""
     parser.add_argument(
         "--features",
         nargs="+",
@@ -45,23 +58,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="simulated features (default: all; none where recordings are given)",
     )
     parser.add_argument(
-        "--sweeps", type=int, default=18, metavar="N", help="simulated test sweeps (default 18)"
+        "--sweeps", type=int, default=sweeps, metavar="N", help=f"simulated test sweeps (default {sweeps})"
     )
+    if blanks:
+        parser.add_argument(
+            "--blanks", type=int, default=18, metavar="N", help="sweeps that reach nothing (default 18)"
+        )
     parser.add_argument(
-        "--blanks", type=int, default=18, metavar="N", help="sweeps that reach nothing (default 18)"
-    )
-    parser.add_argument("--seeds", type=int, default=5, metavar="N", help="repetitions (default 5)")
-    parser.add_argument(
-        "--methods",
-        nargs="+",
-        metavar="NAME",
-        help=f"presets, YAML files, or of: {', '.join(standard_methods())} (default: all of these)",
+        "--seeds", type=int, default=seeds, metavar="N", help=f"repetitions (default {seeds})"
     )
     parser.add_argument("--scan", metavar="SCAN", help="scan file, to evaluate on own recordings")
     parser.add_argument("--scene", help="scene file (default: the scan's)")
     add_recording_arguments(parser, "*")
-    add_worker_arguments(parser)
-    parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +83,7 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print the tables, write figures, report and numbers."""
     methods = methods_of(args.methods)
-    conditions = _conditions(args)
+    conditions = conditions_from_arguments(args)
     workers = Workers(args.jobs, args.dask)
     with progress_bars() as progress:
         results = evaluate(conditions, methods, args.output / "tasks", workers, progress)
@@ -97,19 +105,25 @@ def methods_of(names: Sequence[str] | None) -> list[Method]:
     return [standard.get(name) or Method(Path(name).stem, load_configuration(name)) for name in names]
 
 
-def _conditions(args: argparse.Namespace) -> list[Condition]:
+def conditions_from_arguments(args: argparse.Namespace) -> list[Condition]:
+    """What ``add_condition_arguments`` has declared.
+
+    Raises
+    ------
+    ParameterError, ScanError
+        A count out of its range, or recordings without a scan or the other way round.
+    """
     for name in ("sweeps", "seeds"):
         if getattr(args, name) < 1:
             raise ParameterError(f"--{name}: expected at least 1, got {getattr(args, name)}")
-    if args.blanks < 0:
-        raise ParameterError(f"--blanks: expected at least 0, got {args.blanks}")
+    blanks = getattr(args, "blanks", 0)
+    if blanks < 0:
+        raise ParameterError(f"--blanks: expected at least 0, got {blanks}")
     seeds = range(1, args.seeds + 1)
     if args.scan is None:
         if args.recordings:
             raise ParameterError("recordings: expected --scan with them")
-        return [
-            SimulatedCondition(f, seed, args.sweeps, args.blanks) for f in args.features for seed in seeds
-        ]
+        return [SimulatedCondition(f, seed, args.sweeps, blanks) for f in args.features for seed in seeds]
     if not args.recordings:
         raise ScanError(f"{args.scan}: expected recordings to localise on it")
     scan, scene = scan_from_arguments(args)
@@ -133,7 +147,7 @@ def print_tables(tables: Sequence[Table]) -> None:
             terminal.print(f" {table.note}\n")
 
 
-_WORDS = 40
+_WORDS = 60
 _WIDEST = 250
 
 

@@ -88,7 +88,7 @@ def run_tasks(
     if missing:
         with _backend(workers):
             calls = [joblib.delayed(task.function)(*task.arguments) for task in missing.values()]
-            results = joblib.Parallel(return_as="generator")(calls)
+            results = joblib.Parallel(return_as="generator", batch_size=1)(calls)
             for (key, task), result in zip(missing.items(), results, strict=True):
                 write_json(files[key], {"task": task.identity, "result": result})
                 done += 1

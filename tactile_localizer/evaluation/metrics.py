@@ -136,15 +136,17 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
 
 
 def timing(tracks: Sequence[Track]) -> dict[str, Any]:
-    """What the localizer took, us: a weighed strain, and any strain."""
+    """What the localizer took, us: a weighed strain, any strain, and a millimetre of travel."""
     weighed = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
     every = _pooled([track.seconds for track in tracks]) * 1e6
+    way = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
     if not len(weighed):
-        return {"update_median_us": None, "update_p99_us": None, "strain_mean_us": None}
+        return dict.fromkeys(("update_median_us", "update_p99_us", "strain_mean_us", "us_per_mm"))
     return {
         "update_median_us": float(np.median(weighed)),
         "update_p99_us": float(np.quantile(weighed, 0.99)),
         "strain_mean_us": float(np.mean(every)),
+        "us_per_mm": float(every.sum() / way) if way > 0.0 else None,
     }
 
 

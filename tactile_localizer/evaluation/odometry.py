@@ -97,11 +97,12 @@ def random_starts(
         index, start = places[place]
         way = ways[index]
         end = len(way) if length is None else int(np.searchsorted(way, way[start] + wanted)) + 1
-        pieces.append(_piece(recording.sweeps[index], slice(start, end), number))
+        pieces.append(piece(recording.sweeps[index], slice(start, end), number))
     return replace(recording, sweeps=tuple(pieces))
 
 
-def _piece(sweep: RecordedSweep, part: slice, number: int) -> RecordedSweep:
+def piece(sweep: RecordedSweep, part: slice, number: int) -> RecordedSweep:
+    """Some samples of a sweep as a sweep of their own, under another number."""
     return replace(
         sweep,
         number=number,

@@ -66,7 +66,12 @@ class Track:
         return np.trace(self.covariance, axis1=1, axis2=2)
 
 
-def replay(localizer: Localizer, recording: Recording, progress: Progress | None = None) -> list[Track]:
+def replay(
+    localizer: Localizer,
+    recording: Recording,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> list[Track]:
     """Localise each sweep of a recording from nowhere.
 
     Parameters
@@ -74,13 +79,14 @@ def replay(localizer: Localizer, recording: Recording, progress: Progress | None
     localizer : its state of before is lost
     recording : of the localizer's scene; its positions are the odometry
     progress : told the share that is done
+    clock : s, measures what the localizer takes
     """
     tracks = []
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
         estimates, rows, seconds = [], [], []
-        for row, estimate, elapsed in _localise(localizer, sweep):
+        for row, estimate, elapsed in _localise(localizer, sweep, clock):
             if estimate is not None:
                 estimates.append(estimate)
                 rows.append(row)
@@ -94,17 +100,19 @@ def replay(localizer: Localizer, recording: Recording, progress: Progress | None
     return tracks
 
 
-def _localise(localizer: Localizer, sweep: RecordedSweep) -> Iterator[tuple[int, Estimate | None, float]]:
+def _localise(
+    localizer: Localizer, sweep: RecordedSweep, clock: Callable[[], float]
+) -> Iterator[tuple[int, Estimate | None, float]]:
     """For each sample its row, the estimate (``None``: refused) and the seconds it took."""
     present = usable(sweep.status)
     stamps = sweep.stamp_ns.tolist()
     for row, stamp_ns in enumerate(stamps):
-        began = time.perf_counter()
+        began = clock()
         try:
             estimate = localizer.update(stamp_ns, sweep.position[row], sweep.strain[row], present[row])
         except MeasurementError:
             estimate = None
-        yield row, estimate, time.perf_counter() - began
+        yield row, estimate, clock() - began
 
 
 def _track(

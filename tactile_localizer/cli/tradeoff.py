@@ -1,0 +1,103 @@
+"""``tactile-localizer tradeoff``: accuracy against cost, and the configuration for a budget or a target."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from tactile_localizer.cli.evaluate import (
+    add_condition_arguments,
+    add_worker_arguments,
+    conditions_from_arguments,
+    print_tables,
+)
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.evaluation.conditions import Condition
+from tactile_localizer.evaluation.jobs import Workers
+from tactile_localizer.evaluation.plain_json import write_json
+from tactile_localizer.evaluation.report import save_figures
+from tactile_localizer.evaluation.tradeoff import (
+    NEIGHBOURS,
+    Trade,
+    candidates,
+    for_target,
+    trade,
+    within_budget,
+)
+from tactile_localizer.evaluation.tradeoff_report import (
+    describe,
+    tradeoff_figure,
+    tradeoff_report,
+    tradeoff_tables,
+)
+
+NAME = "tradeoff"
+HELP = "measure accuracy against cost of many configurations, and choose one"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    parser.add_argument("--budget-us", type=float, metavar="US", help="print the best for this update time")
+    parser.add_argument(
+        "--target-mm", type=float, metavar="MM", help="print the cheapest for this mean error"
+    )
+    add_condition_arguments(parser, sweeps=9, seeds=1, blanks=False)
+    add_worker_arguments(parser)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/tradeoff"), metavar="DIR")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Try everything, write picture, report and numbers; 1 where nothing meets what was asked."""
+    for name in ("budget_us", "target_mm"):
+        value = getattr(args, name)
+        if value is not None and not value > 0:
+            raise ParameterError(f"--{name.replace('_', '-')}: expected a positive number, got {value}")
+    conditions = conditions_from_arguments(args)
+    with progress_bars() as progress:
+        trades = trade(
+            conditions, candidates(), args.output / "tasks", Workers(args.jobs, args.dask), progress
+        )
+    tables, figure = tradeoff_tables(trades), tradeoff_figure(trades)
+    save_figures({"tradeoff": figure}, args.output)
+    command = shlex.join(["tactile-localizer", *args.command_line])
+    tradeoff_report(tables, figure, _conditions(conditions), command, args.output / "report.html")
+    write_json(args.output / "tradeoff.json", {"trades": trades})
+    if args.budget_us is None and args.target_mm is None:
+        print_tables(tables)
+        print(f"{args.output}/report.html, tradeoff.json, tradeoff.png")
+        return 0
+    return _answer(args, trades)
+
+
+def _answer(args: argparse.Namespace, trades: Sequence[Trade]) -> int:
+    met = True
+    if args.budget_us is not None:
+        found = within_budget(trades, args.budget_us)
+        met &= _say(f"best within {args.budget_us:g} us", found, min(trades, key=lambda t: t.update_us))
+    if args.target_mm is not None:
+        found = for_target(trades, args.target_mm * 1e-3)
+        best = min(trades, key=lambda t: t.error.mean)
+        met &= _say(f"cheapest within {args.target_mm:g} mm", found, best)
+    return 0 if met else 1
+
+
+def _say(asked: str, found: Trade | None, nearest: Trade) -> bool:
+    if found is None:
+        print(f"{asked}: nothing; nearest is {describe(nearest)}")
+        return False
+    print(f"{asked}: {describe(found)}")
+    changes, neighbours = found.candidate.changes, found.candidate.neighbours
+    print(yaml.safe_dump(changes, sort_keys=False).rstrip() if changes else "# the defaults")
+    if neighbours != NEIGHBOURS:
+        print(f"# and in the scene, measurement: {{neighbours: {neighbours}}}")
+    return True
+
+
+def _conditions(conditions: Sequence[Condition]) -> str:
+    names = ", ".join(dict.fromkeys(condition.name for condition in conditions))
+    return f"Tried on {names}, {len({condition.seed for condition in conditions})} seeds."

@@ -1,0 +1,47 @@
+"""``tactile-localizer tune``: the measurement model's parameters chosen by data and written into a scene."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from tactile_localizer.cli.evaluate import print_tables
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
+from tactile_localizer.core.assembly import with_parameters
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.selection import search
+from tactile_localizer.evaluation.report import save_figures
+from tactile_localizer.evaluation.tuning import best_of, tuning_figure, tuning_table
+from tactile_localizer.io.scene_file import save_scene
+
+NAME = "tune"
+HELP = "choose the measurement model's parameters by what localises held-out sweeps"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the scan and the scene to write."""
+    add_scan_arguments(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="SCENE",
+        help="scene to write, a picture beside it",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search, show the curve, write the scene and the picture."""
+    scan, scene = scan_from_arguments(args)
+    with progress_bars() as progress:
+        trials = search(scan, scene, progress)
+    print_tables([tuning_table(trials, scene.axis_names)])
+    pictures = save_figures({args.output.stem: tuning_figure(trials)}, args.output.parent)
+    neighbours = ModelParameters.from_mapping(scene.measurement).neighbours
+    chosen = replace(best_of(trials).parameters, neighbours=neighbours)
+    save_scene(with_parameters(scene, chosen), args.output)
+    print(f"{args.output}, {pictures[0]}")
+    return 0

@@ -1,0 +1,99 @@
+"""The choice of parameters as a table and a picture: what was tried, and how well it localised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import starmap
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tactile_localizer.core.selection import Trial
+from tactile_localizer.evaluation.tables import Table
+
+
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """The trial that is chosen."""
+    return max(trials, key=lambda trial: trial.merit)
+
+
+def by_widths(trials: Sequence[Trial]) -> list[Trial]:
+    """For each pair of kernel widths the trial with its best correlation length, narrow ones first."""
+    widths = sorted({(trial.position_factor, trial.strain_factor) for trial in trials})
+    return [
+        best_of([trial for trial in trials if (trial.position_factor, trial.strain_factor) == pair])
+        for pair in widths
+    ]
+
+
+def tuning_table(trials: Sequence[Trial], axes: Sequence[str]) -> Table:
+    """What was tried, a row for each pair of kernel widths; the chosen one is marked."""
+    best = best_of(trials)
+    rows = [
+        (
+            "*" if trial is best else "",
+            " ".join(starmap(_length, zip(axes, _position_std(trial), strict=True))),
+            f"{np.median(trial.parameters.strain_std):.4g}",
+            f"{_correlation_mm(trial):g}",
+            f"{trial.score:.3f}",
+            f"{trial.coverage:.1%}",
+            f"{trial.merit:.3f}",
+        )
+        for trial in by_widths(trials)
+    ]
+    columns = ("", "S_x, one sigma", "S_z, median", "length, mm", "score, nats", "coverage", "merit")
+    note = (
+        "Score: log-density at the true position of held-out sweeps, over a uniform belief; merit: less a "
+        "penalty where the 95 % region covers too little; *: chosen."
+    )
+    return Table("Kernel widths", columns, rows, note)
+
+
+def tuning_figure(trials: Sequence[Trial]) -> Figure:
+    """Merit over the kernel widths, and over the correlation length at the chosen ones."""
+    best = best_of(trials)
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    widths, lengths = figure.subplots(1, 2)
+    for factor in sorted({trial.position_factor for trial in trials}):
+        own = [trial for trial in by_widths(trials) if trial.position_factor == factor]
+        label = f"S_x at {factor:g} of the sweeps' spacing"
+        widths.plot([t.strain_factor for t in own], [t.merit for t in own], "o-", ms=4, label=label)
+    widths.plot(best.strain_factor, best.merit, "o", ms=12, mfc="none", mec="black")
+    widths.set_xscale("log")
+    widths.set_xlabel("S_z, share of the sweeps' disagreement")
+    widths.set_ylabel("merit, nats a strain")
+    widths.legend(fontsize=7)
+    chosen = [
+        trial
+        for trial in trials
+        if (trial.position_factor, trial.strain_factor) == (best.position_factor, best.strain_factor)
+    ]
+    length_mm = [_correlation_mm(trial) for trial in chosen]
+    lengths.plot(length_mm, [trial.merit for trial in chosen], "o-", ms=4, color="black", label="merit")
+    lengths.plot(length_mm, [trial.score for trial in chosen], "o:", ms=3, color="0.5", label="score")
+    lengths.plot(_correlation_mm(best), best.merit, "o", ms=12, mfc="none", mec="black")
+    lengths.set_xscale("log")
+    lengths.set_xlabel("correlation length, mm")
+    lengths.set_ylabel("nats a strain")
+    coverage = lengths.twinx()
+    coverage.plot(length_mm, [trial.coverage for trial in chosen], "s--", ms=3, color="tab:blue")
+    coverage.set_ylabel("coverage of the 95 % region", color="tab:blue")
+    coverage.tick_params(colors="tab:blue")
+    lengths.legend(fontsize=7, loc="lower center")
+    for plot, tried in ((widths, {trial.strain_factor for trial in trials}), (lengths, set(length_mm))):
+        plot.set_xticks(sorted(tried), [f"{value:g}" for value in sorted(tried)], fontsize=8)
+        plot.minorticks_off()
+        plot.grid(color="0.92")
+    return figure
+
+
+def _position_std(trial: Trial) -> np.ndarray:
+    return np.atleast_1d(np.asarray(trial.parameters.position_std, dtype=np.float64))
+
+
+def _correlation_mm(trial: Trial) -> float:
+    return 1e3 * float(trial.parameters.correlation_length or np.nan)
+
+
+def _length(axis: str, std: float) -> str:
+    return f"{axis} {np.degrees(std):.3g} deg" if axis == "yaw" else f"{axis} {std * 1e3:.3g} mm"

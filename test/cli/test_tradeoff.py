@@ -1,0 +1,82 @@
+"""`tradeoff` answers which configuration to take, on own recordings too."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tactile_localizer.cli import main, tradeoff
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.evaluation.tradeoff import Candidate
+from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.resources import resource_path
+
+TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
+FEW = [
+    Candidate(Configuration(filter="particle", particles=50, update_distance=0.001)),
+    Candidate(Configuration(filter="particle", particles=400)),
+    Candidate(load_configuration("fast"), preset="fast"),
+    Candidate(
+        Configuration(model="gaussian", filter="particle", particles=50, update_distance=0.002), neighbours=4
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def bump(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("bump")
+    scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
+    save_scene(scene, folder / "scene.yaml")
+    assert main(["simulate", "bump", "-o", str(folder), "--test", "2"]) == 0
+    files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
+    assert main(["import", "csv", *files]) == 0
+    return folder
+
+
+@pytest.fixture
+def command(bump: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    monkeypatch.chdir(bump)
+    monkeypatch.setattr(tradeoff, "candidates", lambda: FEW)
+    return ["tradeoff", "test.csv", "--scan", "scan.db", "-o", "out"]
+
+
+def test_everything_tried_is_shown_and_written(command: list[str], capsys) -> None:
+    assert main(command) == 0
+    printed = capsys.readouterr().out
+    assert "Pareto front" in printed
+    assert "fast: sum_of_gaussians particle" in printed
+    trades = json.loads(Path("out/tradeoff.json").read_text())["trades"]
+    assert len(trades) == len(FEW)
+    assert all(one["update_us"] > 0 and one["memory_mb"] > 0 for one in trades)
+    assert Path("out/tradeoff.png").exists()
+    assert "scan.db" in Path("out/report.html").read_text()
+
+
+def test_a_budget_is_answered_with_a_configuration_that_can_be_used(command: list[str], capsys) -> None:
+    assert main([*command, "--budget-us", "1e6"]) == 0
+    first, rest = capsys.readouterr().out.split("\n", 1)
+    assert first.startswith("best within 1e+06 us: ")
+    Path("answer.yaml").write_text(rest)
+    assert load_configuration("answer.yaml") in [one.configuration for one in FEW]
+    assert isinstance(yaml.safe_load(rest), dict)
+
+
+def test_a_target_is_answered_with_the_cheapest(command: list[str], capsys) -> None:
+    assert main([*command, "--target-mm", "1000"]) == 0
+    assert "cheapest within 1000 mm: " in capsys.readouterr().out
+
+
+def test_what_nothing_meets_is_said_with_the_nearest_and_status_1(command: list[str], capsys) -> None:
+    assert main([*command, "--budget-us", "0.1", "--target-mm", "1e-6"]) == 1
+    printed = capsys.readouterr().out
+    assert printed.count("nothing; nearest is ") == 2
+
+
+def test_a_budget_that_is_none_is_refused(command: list[str], capsys) -> None:
+    assert main([*command, "--budget-us", "0"]) == 2
+    assert capsys.readouterr().err == "error: --budget-us: expected a positive number, got 0.0\n"
