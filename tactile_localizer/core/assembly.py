@@ -65,20 +65,7 @@ def build_localizer(
         scene,
         _build_filter(scene, model, configuration, parameters, rng),
         null,
-        Convergence(
-            ConvergenceCriteria(
-                std=np.array(
-                    [
-                        configuration.convergence_yaw_std
-                        if axis.name == "yaw"
-                        else configuration.convergence_std
-                        for axis in scene.axes
-                    ]
-                ),
-                evidence=configuration.convergence_evidence,
-                sustain=configuration.convergence_travel,
-            )
-        ),
+        Convergence(convergence_criteria(scene, configuration)),
         Recovery() if configuration.recovery == "evidence" else None,
         PhalanxHealth(scene, model, null),
         configuration.update_distance,
@@ -109,6 +96,16 @@ def build_identifier(
             name: build_localizer(scan, with_parameters(scene, common), configuration, rng)
             for name, (scan, scene) in candidates.items()
         }
+    )
+
+
+def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:
+    """When the position may be believed, for the axes of ``scene``."""
+    by_axis = {axis.name: configuration.convergence_std for axis in scene.axes}
+    if "yaw" in by_axis:
+        by_axis["yaw"] = configuration.convergence_yaw_std
+    return ConvergenceCriteria(
+        np.array(list(by_axis.values())), configuration.convergence_evidence, configuration.convergence_travel
     )
 
 

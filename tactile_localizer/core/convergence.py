@@ -38,6 +38,10 @@ class Convergence:
     material, stays where both do equally well (past the feature, where the motion alone carries the
     position), and falls where the believed place is contradicted. It is kept between zero and three times the
     threshold, so that old evidence cannot outvote a contradiction for long.
+
+    Attributes
+    ----------
+    criteria : may be changed at any time; what was gathered stays
     """
 
     _MOST = 3.0
@@ -46,7 +50,7 @@ class Convergence:
     """Converged is kept until the variances are this many times the threshold, or the evidence is gone."""
 
     def __init__(self, criteria: ConvergenceCriteria) -> None:
-        self._criteria = criteria
+        self.criteria = criteria
         self.reset()
 
     def reset(self) -> None:
@@ -66,7 +70,7 @@ class Convergence:
         weight : share of an independent measurement that the update counts for
         travel : m since the last update
         """
-        criteria = self._criteria
+        criteria = self.criteria
         step = float(np.clip(log_ratio, -self._LARGEST_STEP, self._LARGEST_STEP))
         most = self._MOST * criteria.evidence
         self.evidence = float(np.clip(self.evidence + weight * step, 0.0, most))
@@ -87,11 +91,11 @@ class Convergence:
         self._held = 0.0
 
     def _explain(self, spread: float, holds: bool) -> str:
-        needed = self._criteria.evidence
+        needed = self.criteria.evidence
         if self.converged:
             return f"converged: variances {spread:.2f} of the threshold, evidence {self.evidence:.1f} nats"
         if holds:
-            return f"not converged: held for {self._held * 1e3:.1f} of {self._criteria.sustain * 1e3:.1f} mm"
+            return f"not converged: held for {self._held * 1e3:.1f} of {self.criteria.sustain * 1e3:.1f} mm"
         if self.evidence < needed:
             return f"not converged: evidence {self.evidence:.1f} of {needed:.1f} nats"
         return f"not converged: variances {spread:.1f} times the threshold"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_localizer.core.bayes_filter import BayesFilter
-from tactile_localizer.core.convergence import Convergence
+from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import checked
 from tactile_localizer.core.motion import MotionModel
@@ -112,6 +112,11 @@ class Localizer:
         """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
         self.filter.seed(mean, std)
         self._restart()
+
+    def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
+        """Change when the position may be believed, and how often strains are weighed; the belief stays."""
+        self._convergence.criteria = criteria
+        self._update_distance = update_distance
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) and weights (P,) behind the last estimate, for display."""

@@ -49,6 +49,7 @@ class FilterDiagnostics:
                 "effective_sample_size": f"{estimate.effective_sample_size:.1f}",
                 "hypotheses": estimate.hypotheses,
                 "travel_m": f"{estimate.travel:.4f}",
+                "left_out": " ".join(_left_out(tracker)),
             }
         if tracker.update_times_ns:
             times_us = np.asarray(tracker.update_times_ns) * 1e-3
@@ -60,6 +61,9 @@ class FilterDiagnostics:
             }
         if stale:
             return self._status("belief", DiagnosticStatus.STALE, f"stale: {stale}", values)
+        if left_out := _left_out(tracker):
+            message = f"left out, for they contradict the belief: {', '.join(left_out)}"
+            return self._status("belief", DiagnosticStatus.WARN, message, values)
         message = "nothing felt yet" if estimate is None else estimate.reason
         return self._status("belief", DiagnosticStatus.OK, message, values)
 
@@ -97,3 +101,11 @@ class FilterDiagnostics:
         return DiagnosticStatus(
             level=level, name=f"{self._name}: {what}", message=message, hardware_id="", values=told
         )
+
+
+def _left_out(tracker: Tracker) -> list[str]:
+    """Phalanges that are not trusted."""
+    if tracker.latest is None:
+        return []
+    names = tracker.localizer.scene.phalanx_names
+    return [name for name, trusted in zip(names, tracker.latest.trusted, strict=True) if not trusted]

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.clock import Clock, ClockType
@@ -23,7 +24,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.assembly import build_localizer, convergence_criteria
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
@@ -34,7 +35,7 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
 from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics
 from tactile_localizer.nodes.filter_outputs import FilterOutputs
-from tactile_localizer.nodes.filter_parameters import PARAMETERS, configuration
+from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.strain_vectors import StrainReader
 from tactile_localizer.nodes.tracker import Tracker
@@ -53,6 +54,7 @@ class FilterNode(ManagedNode):
         super().__init__("filter", PARAMETERS)
         self._offered: list[Callable[[], Any]] = []  # withdraw what is there while configured
         self._made: list[Callable[[], Any]] = []  # destroy what is there while active
+        self.add_post_set_parameters_callback(self._on_set)
 
     def configure(self) -> None:
         """Load the map, build the localizer, offer the topics."""
@@ -231,6 +233,12 @@ class FilterNode(ManagedNode):
     def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
         self._unread[topic] += 1
         self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=1.0)
+
+    def _on_set(self, changed: list[rclpy.Parameter]) -> None:
+        """Take over what may change while the belief is kept."""
+        if self._offered and any(parameter.name in LIVE for parameter in changed):
+            localizer, choices = self._tracker.localizer, configuration(self.parameters)
+            localizer.adjust(convergence_criteria(localizer.scene, choices), choices.update_distance)
 
     def _tell_progress(self, text: str, share: float) -> None:
         self.get_logger().info(f"{text}: {share:.0%}", throttle_duration_sec=2.0)

@@ -20,8 +20,10 @@ def _choice(name: str, description: str, choices: Any) -> Parameter:
     return Parameter(name, getattr(_DEFAULTS, name), description, choices=tuple(choices))
 
 
-def _number(name: str, description: str, unit: str, lower: float, upper: float) -> Parameter:
-    return Parameter(name, getattr(_DEFAULTS, name), description, unit, lower, upper)
+def _number(
+    name: str, description: str, unit: str, lower: float, upper: float, live: bool = False
+) -> Parameter:
+    return Parameter(name, getattr(_DEFAULTS, name), description, unit, lower, upper, live=live)
 
 
 def _switch(name: str, description: str) -> Parameter:
@@ -45,13 +47,30 @@ CONFIGURATION = (
         "recovery", "Spread a contradicted belief; constant: random_particles at each update", RECOVERIES
     ),
     _number("random_particles", "Of the constant recovery; the paper has 10", "", 0, 10_000_000),
-    _number("update_distance", "Travel between two weighed strains", "m", 1e-6, 1.0),
-    _number("convergence_std", "The belief is narrow below this standard deviation an axis", "m", 1e-6, 1.0),
-    _number("convergence_yaw_std", "The same for yaw", "rad", 1e-6, 10.0),
-    _number("convergence_evidence", "Evidence needed before the position may be believed", "nat", 1e-3, 1e6),
-    _number("convergence_travel", "Travel over which both must hold", "m", 0.0, 1.0),
+    _number("update_distance", "Travel between two weighed strains", "m", 1e-6, 1.0, live=True),
+    _number(
+        "convergence_std",
+        "The belief is narrow below this standard deviation an axis",
+        "m",
+        1e-6,
+        1.0,
+        live=True,
+    ),
+    _number("convergence_yaw_std", "The same for yaw", "rad", 1e-6, 10.0, live=True),
+    _number(
+        "convergence_evidence",
+        "Evidence needed before the position may be believed",
+        "nat",
+        1e-3,
+        1e6,
+        live=True,
+    ),
+    _number("convergence_travel", "Travel over which both must hold", "m", 0.0, 1.0, live=True),
 )
 """One parameter for each field of :class:`~tactile_localizer.core.configuration.Configuration`."""
+
+LIVE = frozenset(parameter.name for parameter in CONFIGURATION if parameter.live)
+"""Of these, those that may change while the belief is kept."""
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file: the map"),

@@ -379,6 +379,63 @@ def test_the_diagnostics_tell_of_belief_and_work(start, probe):
     assert int(inputs["weighed"]) + int(inputs["moved"]) == len(node.fresh())
 
 
+def set_parameter(probe, name, value):
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return probe.call(SetParameters, "filter/set_parameters", request).results[0]
+
+
+def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe):
+    node = start()
+    node.slide(40)
+    before = node.fresh()[-1]
+    assert before.reason.endswith("of 6.0 nats")
+    for name, value in (
+        ("convergence_evidence", 42.0),
+        ("convergence_std", 1.0),
+        ("convergence_travel", 0.0),
+        ("update_distance", 0.0001),
+        ("stale_timeout_s", 2.0),
+        ("particles_rate_hz", 1.0),
+        ("shown_particles", 10),
+    ):
+        answer = set_parameter(probe, name, value)
+        assert answer.successful, answer.reason
+    node.slide(1)
+    after = node.fresh()[-1]
+    np.testing.assert_allclose(after.mean, before.mean, atol=2e-3)
+    assert after.travel > before.travel
+    node.slide(5)
+    assert node.fresh()[-1].reason.endswith("of 42.0 nats")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        (
+            "particles",
+            10,
+            "particles: expected to be set before the node is configured, and it is configured",
+        ),
+        ("model", "gaussian", "model: expected to be set before the node is configured"),
+        ("scan_file", "/other.db", "scan_file: expected to be set before the node is configured"),
+        ("convergence_std", -1.0, "convergence_std"),
+        ("stale_timeout_s", 1e6, "stale_timeout_s"),
+        ("stale_timeout_s", "long", "Wrong parameter type"),
+    ],
+)
+def test_what_may_not_change_while_it_runs_is_refused_with_the_reason(start, probe, name, value, reason):
+    node = start()
+    node.slide(5)
+    answer = set_parameter(probe, name, value)
+    assert not answer.successful
+    assert reason in answer.reason
+    node.slide(5)
+    assert not node.fresh()[-1].stale
+
+
 def test_best_effort_can_be_overridden_from_outside(node_process, probe, scan_file):
     name = "qos_overrides./strain.subscription.reliability"
     node_process("filter_node", {"scan_file": scan_file, **CELL, name: "reliable"})
