@@ -1,0 +1,101 @@
+"""A bag replayed without ROS gives the posterior that the filter node gives when the bag is played to it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from support.bags import START, pose, strain, write_bag
+from support.sweeps import stamp_of, unseen_sweep, write_scan
+
+from tactile_localizer.cli import main
+
+pytestmark = pytest.mark.ros
+
+GRID = {"cell": 1.0}
+PARTICLES = {"filter": "particle", "particles": 200, "resampling": "residual"}
+_AT_ONCE = 40
+"""Messages sent before the answers are waited for; fewer than a queue holds."""
+
+
+def record(path: Path) -> Path:
+    """A hand that slides for 5 s: strain every 20 ms, poses every 30 ms; some late, missing or not well."""
+    sweep = unseen_sweep(rate=50.0)
+    happened: list[tuple[str, int, Any]] = []
+    for k in range(250):
+        now = 20 * (k + 1)
+        values = sweep.strain[k].copy()
+        status = np.zeros(2, dtype=np.uint8)
+        if 60 <= k < 70:  # the middle finger is silent
+            values[8:], status[1] = np.nan, 1
+        if k == 100:  # said to be well, but is not
+            values[3] = np.nan
+        happened.append(("strain", now, strain(now, ("index", "middle"), strain=values, status=status)))
+    for now in range(5, 5100, 30):
+        x = float(np.interp(now / 20 - 1, np.arange(len(sweep.odometry)), sweep.odometry[:, 0]))
+        late = 12 if now % 4 else 0
+        if not 3000 < now < 3200:  # a gap that is too long
+            happened.append(("palm_pose", now + late, pose(now, "base", x=x)))
+    return write_bag(path, sorted(happened, key=lambda one: one[1]))
+
+
+def play(bag: Path, probe: Any) -> list[Any]:
+    """Publish a bag's messages in their order and gather what the filter says to them."""
+    from geometry_msgs.msg import PoseStamped
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from rclpy.serialization import deserialize_message
+
+    from tactile_localizer.msg import Posterior, StrainVectors
+
+    best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    kinds = {"/strain": StrainVectors, "/palm_pose": PoseStamped}
+    publishers = {
+        "/strain": probe.publisher(StrainVectors, "strain", best_effort, timeout_s=60.0),
+        "/palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
+    }
+    probe.known_to("/filter")
+    with AnyReader([bag]) as reader:
+        for count, (connection, _, raw) in enumerate(reader.messages(), 1):
+            message = deserialize_message(raw, kinds[connection.topic])
+            publishers[connection.topic].publish(message)
+            probe.executor.spin_once(timeout_sec=0.002)
+            if connection.topic == "/palm_pose" and count > _AT_ONCE and count % _AT_ONCE < 2:
+                behind = stamp_of(message) - 150_000_000
+                probe.until(lambda b=behind: stamp_of(posteriors[-1]) >= b, "the filter to keep up")
+    last = START + 5000 * 1_000_000
+    probe.until(lambda: stamp_of(posteriors[-1]) >= last, "the posterior of the last strain")
+    return [message for message in posteriors if not message.stale]
+
+
+@pytest.mark.parametrize("choices", [GRID, PARTICLES], ids=["grid", "particles"])
+def test_replay_equals_the_filter_node_fed_by_playing_the_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, node_process: Any, probe: Any, choices: dict[str, Any]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_scan(tmp_path / "scan.db")
+    bag = record(tmp_path / "bag")
+    node = node_process("filter_node", {"scan_file": tmp_path / "scan.db", "seed": 7, **choices})
+    heard = play(bag, probe)
+    assert node.stop() == 0
+
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(choices))
+    command = "replay bag --scan scan.db --config own.yaml --seed 7 --json out.json"
+    assert main(command.split()) == 0
+    updates = json.loads((tmp_path / "out.json").read_text())["updates"]
+
+    assert [stamp_of(message) for message in heard] == [update["stamp_ns"] for update in updates]
+    assert 230 < len(updates) < 250
+    np.testing.assert_allclose([m.mean for m in heard], [u["mean"] for u in updates], rtol=0, atol=1e-9)
+    covariance = np.array([u["covariance"] for u in updates]).reshape(len(updates), 4)
+    np.testing.assert_allclose([m.covariance for m in heard], covariance, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose([m.evidence for m in heard], [u["evidence"] for u in updates], atol=1e-9)
+    np.testing.assert_allclose(
+        [m.log_marginal for m in heard], [u["log_marginal"] for u in updates], atol=1e-9
+    )
+    assert [(m.converged, m.reason) for m in heard] == [(u["converged"], u["reason"]) for u in updates]
