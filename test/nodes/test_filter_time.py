@@ -1,0 +1,119 @@
+"""The filter in simulated time: clocks that stand still, run and jump; bags that loop; late listeners."""
+
+import pytest
+from support.sweeps import START_NS, SlidingHand, stamp_of, unseen_sweep, write_scan
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def scan_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scans") / "bump.db"
+    write_scan(path)
+    return path
+
+
+class Clock:
+    """/clock, under the test's control."""
+
+    def __init__(self, probe):
+        from rosgraph_msgs.msg import Clock
+
+        self._message, self._probe = Clock, probe
+        self._publisher = probe.publisher(Clock, "/clock")
+        self.now_ns = START_NS
+
+    def show(self):
+        message = self._message()
+        message.clock.sec, message.clock.nanosec = divmod(self.now_ns, 1_000_000_000)
+        self._publisher.publish(message)
+
+    def run(self, seconds):
+        """Let time go on in steps of 50 ms, faster than it does."""
+        for _ in range(round(seconds / 0.05)):
+            self.now_ns += 50_000_000
+            self.show()
+            self._probe.executor.spin_once(timeout_sec=0.01)
+
+
+@pytest.fixture
+def filter_in_simulated_time(node_process, probe, scan_file):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from tactile_localizer.msg import Posterior
+
+    process = node_process("filter_node", {"scan_file": scan_file, "cell": 1.0, "use_sim_time": True})
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    hand = SlidingHand(probe, unseen_sweep())
+    diagnostics = probe.listen(DiagnosticArray, "/diagnostics")
+    probe.until(lambda: diagnostics, "diagnostics: all are matched by now")
+    return process, posteriors, hand
+
+
+def slide(probe, hand, posteriors, samples):
+    hand.slide(samples)
+    last_ns = hand.offset_ns + hand.strain_ns[hand.next - 1]
+    probe.until(lambda: posteriors and stamp_of(posteriors[-1]) >= last_ns, "the posterior")
+
+
+def test_before_the_first_clock_stamps_alone_tell_the_time(filter_in_simulated_time, probe):
+    _, posteriors, hand = filter_in_simulated_time
+    slide(probe, hand, posteriors, 40)
+    assert [hand.sample_of(message) for message in posteriors] == list(range(40))
+    assert not any(message.stale for message in posteriors)
+
+
+def test_a_position_grows_old_by_the_clock_and_not_while_it_stands_still(filter_in_simulated_time, probe):
+    process, posteriors, hand = filter_in_simulated_time
+    clock = Clock(probe)
+    clock.show()
+    slide(probe, hand, posteriors, 20)
+    clock.show()
+    still = len(posteriors)
+    wall = []
+    probe.node.create_timer(1.5, lambda: wall.append(True))
+    probe.until(lambda: wall, "a while")
+    assert len(posteriors) == still, "a bag that is paused grows no older"
+    clock.run(1.0)
+    probe.until(lambda: posteriors[-1].stale, "a stale position")
+    clock.show()
+    hand.offset_ns = clock.now_ns - int(hand.strain_ns[20])
+    slide(probe, hand, posteriors, 20)
+    clock.run(0.2)
+    probe.until(lambda: "no longer stale" in process.output, "news")
+    assert not posteriors[-1].stale
+
+
+def test_a_bag_that_loops_begins_anew_with_its_clock(filter_in_simulated_time, probe):
+    process, posteriors, hand = filter_in_simulated_time
+    clock = Clock(probe)
+    clock.show()
+    slide(probe, hand, posteriors, 90)
+    clock.run(3.0)
+    first = [list(message.mean) for message in posteriors if not message.stale]
+    clock.now_ns = START_NS
+    clock.show()
+    posteriors.clear()
+    hand.next = 0
+    slide(probe, hand, posteriors, 60)
+    clock.run(0.3)
+    again = [list(message.mean) for message in posteriors if not message.stale]
+    assert again == first[:60]
+    assert not posteriors[-1].stale
+    assert process.stop() == 0
+    assert "Traceback" not in process.output
+
+
+def test_who_listens_late_is_told_what_is_old(filter_in_simulated_time, probe):
+    from tactile_localizer.msg import Posterior
+
+    _, posteriors, hand = filter_in_simulated_time
+    clock = Clock(probe)
+    clock.show()
+    slide(probe, hand, posteriors, 20)
+    clock.run(1.0)
+    probe.until(lambda: posteriors[-1].stale, "a stale position")
+    late = probe.listen(Posterior, "filter/posterior")
+    probe.until(lambda: late, "the stale position again")
+    assert late[0].stale
+    assert list(late[0].mean) == list(posteriors[-1].mean)
