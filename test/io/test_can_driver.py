@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from itertools import count, islice
 from typing import Any
 
 import can
@@ -22,6 +23,9 @@ from tactile_localizer.io.can_reader import OPEN
 
 HAND = protocol()
 
+MOST_UNREAD = 64
+"""Frames that may wait for the driver before the test waits for it: any kernel's buffer holds more."""
+
 
 class Bench:
     """A driver that listens to a simulated bus, and the other end of that bus."""
@@ -34,16 +38,20 @@ class Bench:
         bus = BusSettings(
             "udp_multicast", simulated_can["channel"], {"port": simulated_can["port"]}, receive_buffer=1 << 20
         )
-        settings = DriverSettings(bus, cycle_timeout_s=0.02, backoff_s=0.01)
+        # On a busy machine the test may be put aside between two frames of a cycle: they are late, not lost.
+        settings = DriverSettings(bus, cycle_timeout_s=0.5, backoff_s=0.01)
         self.driver = LoadCellDriver(self.hand, settings, self.cycles.append, self.log.append)
         self.driver._reader._open_bus = self._open  # to have the bus at hand, to fail it
         self._settings = bus
         self.sender = can.Bus(**simulated_can, hop_limit=0)
         self.sent = 0
         self.driver.start()
-        for n in range(-16, 0):  # until it is sure where a cycle begins
-            self.send(cycle(self.hand, n), pause_s=0.002)
-        self.settle()
+        for _ in range(50):  # until it is sure where a cycle begins
+            for n in range(-16, 0):
+                self.send(cycle(self.hand, n), pause_s=0.002)
+            self.settle()
+            if self.driver._assembler._phase.sure:
+                break
         assert self.driver._assembler._phase.sure
         count_from_here(self.driver._assembler)
         self.cycles.clear()
@@ -54,10 +62,13 @@ class Bench:
         return self.opened[-1]
 
     def send(self, frames: list[can.Message], pause_s: float = 0.0) -> None:
+        """Send ``frames``, once the driver has read most of what was sent before."""
+        wait_until(lambda: self.sent - sum(self.frames) <= MOST_UNREAD, "the driver to keep up", 10.0)
         for frame in frames:
             self.sender.send(frame)
         self.sent += len(frames)
-        time.sleep(pause_s)  # a pace, not a wait
+        if pause_s:  # else not even 0 s: on a busy machine that is as long as the pause between cycles
+            time.sleep(pause_s)  # a pace, not a wait
 
     def settle(self) -> None:
         """Wait until every frame sent has been dealt with."""
@@ -207,7 +218,7 @@ def test_a_step_of_the_clock_breaks_at_most_the_cycle_that_it_falls_into(
         frames = cycle(HAND, n)
         one.send(frames[:2])
         clock.step_s = 0.0 if n < 50 else step_s  # within the cycle
-        one.send(frames[2:], pause_s=0.001)
+        one.send(frames[2:], pause_s=0.003)
     one.settle()
     assert one.frames[FrameKind.DATA] >= 396
     assert one.driver.counts.incomplete <= 2
@@ -273,31 +284,24 @@ def test_random_frames_on_the_bus_are_all_counted_and_good_data_goes_on(bench: C
 def test_a_tare_takes_the_average_off_while_the_stream_goes_on(bench: Callable[..., Bench]) -> None:
     one = bench()
     strain = np.linspace(-1, 1, 8).round(3)
+    numbers = count()
 
-    def keep_sending(first: int, moving: float) -> Callable[[], bool]:
-        number = [first]
+    def send(cycles: int, moving: float = 0.0) -> bool:  # called while the tare waits
+        for n in islice(numbers, cycles):
+            one.send([f for phalanx in range(2) for f in HAND.encode(phalanx, strain + moving * n, n)])
+        one.settle()
+        return False
 
-        def send() -> bool:  # called while the tare waits
-            for phalanx in range(2):
-                one.send(HAND.encode(phalanx, strain + moving * number[0], number[0]))
-            number[0] += 1
-            return False
-
-        return send
-
-    sender = keep_sending(0, 0.0)
     with pytest.raises(MeasurementError, match=r"at least 10 samples of index, got [0-9]"):
-        one.driver.tare(0.3, 0.02, sender)  # called every 0.1 s: too few
+        one.driver.tare(0.3, 0.02, lambda: send(1))  # called every 0.1 s: too few
     before = len(one.cycles)
-    offset = one.driver.tare(0.2, 0.02, lambda: any(sender() for _ in range(10)))
+    offset = one.driver.tare(0.2, 0.02, lambda: send(10))
     np.testing.assert_allclose(offset, np.tile(strain, 2), atol=1e-9)
     assert len(one.cycles) > before
-    sender()
-    one.settle()
+    send(1)
     np.testing.assert_allclose(one.cycles[-1].strain, 0, atol=1e-9)
     np.testing.assert_allclose(one.driver.latest.strain[:8], strain, atol=1e-9)  # type: ignore[union-attr]
 
-    moving = keep_sending(100, 0.01)
     with pytest.raises(MeasurementError, match="at rest"):
-        one.driver.tare(0.2, 0.02, lambda: any(moving() for _ in range(10)))
+        one.driver.tare(0.2, 0.02, lambda: send(10, moving=0.01))
     np.testing.assert_array_equal(one.driver.offset, offset)
