@@ -1,0 +1,118 @@
+"""The security policy allows each node what it does, and no more; nothing that is read can run code."""
+
+import ast
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+from support.sweeps import scene_of, write_scan
+
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.resources import PACKAGE, resource_path
+
+ENCLAVES = {"driver": "driver_node", "mapping": "mapping", "filter": "filter", "simulator": "simulator"}
+
+
+def allowed(enclave):
+    """What the policy allows a node, by kind."""
+    root = ElementTree.parse(resource_path("config/security/policy.xml")).getroot()
+    profile = root.find(f".//enclave[@path='/tactile_localizer/{enclave}']//profile")
+    node = profile.get("node")
+
+    def names(tag, way, item):
+        return {
+            full_name(element.text, node)
+            for group in profile.findall(tag)
+            if group.get(way) == "ALLOW"
+            for element in group.findall(item)
+        }
+
+    return {
+        "publisher": names("topics", "publish", "topic"),
+        "subscriber": names("topics", "subscribe", "topic"),
+        "service": names("services", "reply", "service"),
+        "client": names("services", "request", "service"),
+    }
+
+
+def full_name(name, node):
+    return name.replace("~", f"/{node}", 1) if name.startswith("~") else f"/{name.lstrip('/')}"
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("enclave", ENCLAVES)
+def test_the_policy_allows_what_the_running_node_does_and_no_more(
+    node_process, probe, simulated_can, tmp_path, enclave
+):
+    bus = {
+        "interface": simulated_can["interface"],
+        "channel": simulated_can["channel"],
+        "bus_options": [f"port={simulated_can['port']}"],
+    }
+    write_scan(tmp_path / "bump.db")
+    save_scene(scene_of(), tmp_path / "scene.yaml")
+    parameters = {
+        "driver": {**bus, "tare_file": tmp_path / "tare.yaml"},
+        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"},
+        "filter": {"scan_file": tmp_path / "bump.db", "cell": 2.0},
+        "simulator": bus,
+    }[enclave]
+    node_process(f"{enclave}_node", {"use_sim_time": True, **parameters})
+    node = ENCLAVES[enclave]
+    expected = allowed(enclave)
+
+    def done():
+        try:
+            return {
+                kind: {
+                    name for name, _ in getattr(probe.node, f"get_{kind}_names_and_types_by_node")(node, "/")
+                }
+                for kind in expected
+            }
+        except RuntimeError:  # the node is not known yet
+            return {}
+
+    probe.until(
+        lambda: all(expected[kind] <= names for kind, names in done().items()) and done(),
+        f"all of {expected}",
+    )
+    assert done() == expected
+
+
+def modules():
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_file_is_read_by_what_could_run_code(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imported = {
+        alias.name.split(".")[0]
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.Import, ast.ImportFrom))
+        for alias in ([ast.alias(node.module or "")] if isinstance(node, ast.ImportFrom) else node.names)
+    }
+    assert not imported & {"pickle", "cPickle", "dill", "cloudpickle", "shelve", "marshal"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            call = ast.unparse(node.func)
+            assert call not in {
+                "yaml.load",
+                "yaml.unsafe_load",
+                "yaml.full_load",
+                "eval",
+                "exec",
+                "joblib.load",
+            }
+            assert "allow_pickle" not in {keyword.arg for keyword in node.keywords}
+
+
+def test_a_scene_cannot_run_code(tmp_path):
+    from tactile_localizer.errors import SceneError
+    from tactile_localizer.io.scene_file import load_scene
+
+    trap = tmp_path / "trap"
+    (tmp_path / "scene.yaml").write_text(f"name: !!python/object/apply:os.mkdir ['{trap}']\n")
+    with pytest.raises(SceneError):
+        load_scene(tmp_path / "scene.yaml")
+    assert not trap.exists()
