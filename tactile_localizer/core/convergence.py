@@ -44,6 +44,8 @@ class Convergence:
     criteria : may be changed at any time; what was gathered stays
     """
 
+    _MEASURE = 0.004
+    """m of travel over which a log-ratio of one nat makes evidence of one nat."""
     _MOST = 3.0
     _LARGEST_STEP = 20.0
     _RELEASE = 4.0
@@ -60,20 +62,19 @@ class Convergence:
         self.reason = "not converged: nothing felt yet"
         self._held = 0.0
 
-    def update(self, belief: Belief, log_ratio: float, weight: float, travel: float) -> None:
+    def update(self, belief: Belief, log_ratio: float, travel: float) -> None:
         """Take in one update of the filter.
 
         Parameters
         ----------
         belief : after the update
         log_ratio : log-likelihood of the strain by the belief, less that by the null, nats
-        weight : share of an independent measurement that the update counts for
         travel : m since the last update
         """
         criteria = self.criteria
         step = float(np.clip(log_ratio, -self._LARGEST_STEP, self._LARGEST_STEP))
         most = self._MOST * criteria.evidence
-        self.evidence = float(np.clip(self.evidence + weight * step, 0.0, most))
+        self.evidence = float(np.clip(self.evidence + travel / self._MEASURE * step, 0.0, most))
         spread = float(np.mean(np.diag(belief.covariance) / criteria.std**2))
         if self.converged:
             self._check_release(spread)

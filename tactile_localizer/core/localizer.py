@@ -139,7 +139,7 @@ class Localizer:
         MeasurementError
             A position or strain that is not finite or not of the expected shape; the belief is untouched.
         """
-        position = np.asarray(position, dtype=np.float64)
+        position = np.array(position, dtype=np.float64)
         if position.shape != (self.scene.dimension,) or not np.isfinite(position).all():
             raise MeasurementError(
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"
@@ -149,10 +149,10 @@ class Localizer:
             self.reset()
         self._stamp_ns = stamp_ns
         if self._last_position is not None:
-            step = self._motion.displacement(self._last_position, position)
-            self._pending = self._pending + step
-            self._pending_travel += self._motion.travel(step)
+            self._pending = self._pending + self._motion.displacement(self._last_position, position)
         self._last_position = position
+        # As the crow flies: a pose that trembles about one place does not travel.
+        self._pending_travel = self._motion.travel(self._pending)
         updated = self._belief is None or self._pending_travel >= self._update_distance
         self._weight = 0.0
         if updated:
@@ -185,7 +185,7 @@ class Localizer:
         self._log_null = self._null.log_density(strain, used)
         self._belief = self.filter.belief()
         log_ratio = self._log_marginal - self._log_null
-        self._convergence.update(self._belief, log_ratio, self._weight, travel)
+        self._convergence.update(self._belief, log_ratio, travel)
         self._health.update(*self.filter.hypotheses(), strain, present, travel)
         if self._recovery is not None:
             fraction = self._recovery.fraction(log_ratio, counted)
