@@ -1,4 +1,4 @@
-"""A position is believed when the belief is narrow and there is evidence, both for a while; it can be lost."""
+"""A position is believed when the belief is narrow and there is evidence, both for a while."""
 
 import math
 

@@ -1,0 +1,217 @@
+"""The localizer: strains and palm positions in, a believed position out, by travelled distance."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.scans import scan, scene, strain_at
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.errors import MeasurementError
+
+GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
+OF = dataclasses.replace(scene(), measurement=GIVEN)
+SCAN = scan(np.random.default_rng(0), OF, 1500)
+ANYWHERE = np.array([3.0, -2.0])
+"""Where the arm's frame has its origin, seen from the material."""
+
+
+@pytest.fixture(scope="module", params=["grid", "particle"])
+def built(request):
+    return build_localizer(SCAN, OF, Configuration(filter=request.param), np.random.default_rng(1))
+
+
+@pytest.fixture
+def localizer(built):
+    built.reset()
+    return built
+
+
+def slide(localizer, start=(0.01, 0.02), steps=40, step=(0.0006, 0.0002), first_ns=0):
+    """Truth and estimates along a straight way."""
+    for n in range(steps):
+        truth = np.array(start) + n * np.array(step)
+        yield truth, localizer.update(first_ns + n * 10_000_000, truth + ANYWHERE, strain_at(truth[None])[0])
+
+
+def state_of(localizer):
+    """All that could change in a belief."""
+    states, weights = localizer.hypotheses()
+    return states.copy(), weights.copy()
+
+
+def unchanged(localizer, before):
+    return all(np.array_equal(a, b) for a, b in zip(state_of(localizer), before, strict=True))
+
+
+def test_it_finds_where_the_palm_is_whatever_the_arms_frame(localizer):
+    truth, estimate = list(slide(localizer))[-1]
+    assert np.linalg.norm(estimate.mean - truth) < 0.001
+    assert estimate.converged, estimate.reason
+    assert estimate.trace == pytest.approx(np.trace(estimate.covariance))
+    assert estimate.travel == pytest.approx(39 * math.hypot(0.0006, 0.0002))
+
+
+def test_a_hand_at_rest_learns_nothing(localizer):
+    list(slide(localizer, steps=10))
+    place = np.array([0.0154, 0.0218])
+    resting = [localizer.update(10**9 + n, place + ANYWHERE, strain_at(place[None])[0]) for n in range(200)]
+    assert not any(estimate.updated for estimate in resting)
+    assert len({estimate.trace for estimate in resting}) == 1
+    assert {estimate.evidence for estimate in resting} == {resting[0].evidence}
+
+
+def test_a_hand_at_rest_learns_nothing_from_an_arm_that_trembles(localizer):
+    """Encoder noise of 10 um a sample is no travel: it does not add up."""
+    list(slide(localizer, steps=10))
+    before = state_of(localizer)
+    place, rng = np.array([0.0154, 0.0218]), np.random.default_rng(0)
+    for n in range(500):
+        trembling = place + 1e-5 * rng.standard_normal(2)
+        estimate = localizer.update(10**9 + n, trembling + ANYWHERE, strain_at(place[None])[0])
+        assert not estimate.updated
+    assert unchanged(localizer, before)
+
+
+def test_between_updates_the_estimate_moves_along_and_widens(localizer):
+    *_, (_, weighed) = slide(localizer, steps=10)
+    place = np.array([0.010, 0.020]) + 9 * np.array([0.0006, 0.0002]) + [0.0002, 0.0]
+    moved = localizer.update(10**9, place + ANYWHERE, strain_at(place[None])[0])
+    assert not moved.updated
+    assert moved.weight == 0.0
+    np.testing.assert_allclose(moved.mean - weighed.mean, [0.0002, 0.0], atol=1e-9)
+    assert moved.trace > weighed.trace
+
+
+def test_the_same_way_in_smaller_steps_gives_the_same_answer_with_the_grid():
+    coarse, fine = (
+        build_localizer(SCAN, OF, Configuration(filter="grid"), np.random.default_rng(1)) for _ in range(2)
+    )
+    *_, (_, one) = slide(coarse, steps=40, step=(0.0006, 0.0))
+    *_, (_, other) = slide(fine, steps=391, step=(0.00006, 0.0))
+    np.testing.assert_allclose(one.mean, other.mean, atol=2e-4)
+    np.testing.assert_allclose(np.sqrt(np.diag(one.covariance)), np.sqrt(np.diag(other.covariance)), rtol=0.2)
+
+
+BAD = [np.nan, np.inf, -np.inf]
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("what", ["position", "strain"])
+def test_what_is_not_finite_is_refused_and_the_belief_untouched(localizer, bad, what):
+    list(slide(localizer, steps=10))
+    before = state_of(localizer)
+    position, strain = np.array([0.02, 0.02]) + ANYWHERE, np.zeros(16)
+    {"position": position, "strain": strain}[what][1] = bad
+    with pytest.raises(MeasurementError, match=what):
+        localizer.update(10**9, position, strain)
+    assert unchanged(localizer, before)
+    # It goes on as if the sample had not been there.
+    *_, (truth, estimate) = slide(localizer, (0.016, 0.022), 30, first_ns=2 * 10**9)
+    assert np.linalg.norm(estimate.mean - truth) < 0.001
+
+
+@pytest.mark.parametrize(
+    ("position", "strain", "present"),
+    [
+        (np.zeros(3), np.zeros(16), None),
+        (np.zeros(2), np.zeros(8), None),
+        (np.zeros(2), np.zeros(16), np.zeros(2, bool)),
+        (np.zeros(2), np.zeros(16), np.ones(3, bool)),
+    ],
+)
+def test_what_has_another_shape_is_refused(localizer, position, strain, present):
+    with pytest.raises(MeasurementError):
+        localizer.update(0, position, strain, present)
+
+
+def test_a_silent_phalanx_drops_out_and_the_other_goes_on(localizer):
+    for n in range(60):
+        truth = np.array([0.010 + 0.0005 * n, 0.020])
+        strain = strain_at(truth[None])[0]
+        strain[:8] = np.nan
+        estimate = localizer.update(n, truth + ANYWHERE, strain, np.array([False, True]))
+    assert np.linalg.norm(estimate.mean - truth) < 0.0015
+
+
+def test_stamps_that_jump_back_start_anew(localizer):
+    list(slide(localizer, first_ns=10**12))
+    estimate = localizer.update(0, ANYWHERE, strain_at(np.zeros((1, 2)))[0])
+    assert estimate.travel == 0.0
+    assert not estimate.converged
+    assert np.sqrt(estimate.trace) > 0.005
+
+
+def test_a_stamp_that_repeats_is_no_jump_back(localizer):
+    list(slide(localizer, steps=20))
+    estimate = localizer.update(190_000_000, np.array([0.0220, 0.024]) + ANYWHERE, np.zeros(16))
+    assert estimate.travel > 0.01
+
+
+def test_a_jump_of_the_arm_beyond_the_scene_is_survived(localizer):
+    for distance in (0.2, 1e3, 1e9):
+        list(slide(localizer, steps=10))
+        estimate = localizer.update(10**9, ANYWHERE + distance, np.zeros(16))
+        assert np.isfinite(estimate.mean).all()
+        assert np.isfinite(estimate.covariance).all()
+        localizer.reset()
+
+
+def test_the_callers_arrays_are_neither_kept_nor_changed(localizer):
+    position = np.array([0.01, 0.02])
+    for n in range(40):
+        strain = strain_at(position[None])[0]
+        before = strain.copy(), position.copy()
+        estimate = localizer.update(n, position, strain)
+        assert (strain == before[0]).all()
+        assert (position == before[1]).all()
+        position += [0.0006, 0.0002]
+    assert np.linalg.norm(estimate.mean - before[1]) < 0.001
+
+
+def test_a_seeded_belief_is_followed(localizer):
+    localizer.seed(np.array([0.03, 0.03]), np.array([0.001, 0.001]))
+    estimate = localizer.update(0, ANYWHERE, strain_at(np.array([[0.03, 0.03]]))[0])
+    assert np.linalg.norm(estimate.mean - [0.03, 0.03]) < 0.001
+
+
+def test_a_wrong_belief_recovers(localizer):
+    """The grid to the right place; particles near it, most of them within a kernel's width."""
+    errors = []
+    for _ in range(1 if "Grid" in type(localizer.filter).__name__ else 9):
+        localizer.seed(np.array([0.04, 0.045]), np.array([0.0005, 0.0005]))
+        *_, (truth, estimate) = slide(localizer, steps=60)
+        errors.append(np.linalg.norm(estimate.mean - truth))
+    assert np.median(errors) < 0.002
+    assert max(errors) < 0.01
+
+
+@given(
+    moves=st.lists(
+        st.tuples(
+            st.floats(-0.02, 0.02),
+            st.floats(-0.02, 0.02),
+            st.floats(-1e3, 1e3) | st.just(math.nan),
+            st.integers(-1, 5),
+        ),
+        max_size=40,
+    )
+)
+def test_whatever_comes_an_estimate_is_finite_and_its_covariance_is_one(built, moves):
+    built.reset()
+    position, stamp = np.zeros(2), 0
+    for x, y, volts, later in moves:
+        position, stamp = position + np.array([x, y]), stamp + later
+        try:
+            estimate = built.update(stamp, position, np.full(16, volts))
+        except MeasurementError:
+            assert math.isnan(volts)
+            continue
+        assert np.isfinite(estimate.mean).all()
+        assert np.linalg.eigvalsh(estimate.covariance).min() > 0
+        assert 0 <= estimate.weight <= 1
+        assert built.hypotheses()[1].sum() == pytest.approx(1.0)
