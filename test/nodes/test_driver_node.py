@@ -35,7 +35,7 @@ def parameters(simulated_can: dict[str, Any], tmp_path: Path) -> dict[str, Any]:
         "channel": simulated_can["channel"],
         "bus_options": [f"port={simulated_can['port']}"],
         "tare_file": str(tmp_path / "tare.yaml"),
-        "tare_duration_s": 0.2,
+        "tare_duration_s": 1.0,  # time for the 10 samples that a tare needs, on a busy machine too
         "cycle_timeout_s": 0.2,  # on a busy machine the test may be put aside between two frames
     }
 
@@ -47,11 +47,12 @@ class Hand:
         self.bus = can.Bus(**simulated_can, hop_limit=0)
         self.number = 0
         self.silent: set[int] = set()
-        self.still = False
+        self.swing: float | None = None  # V between two samples; None: samples to tell apart
 
     def send(self, frames: list[can.Message] | None = None) -> None:
-        if frames is None and self.still:
-            frames = [f for p in range(2) for f in HAND.encode(p, np.full(8, 0.5 + p), self.number)]
+        if frames is None and self.swing is not None:
+            strain = 0.5 + self.swing * (self.number % 2)
+            frames = [f for p in range(2) for f in HAND.encode(p, np.full(8, strain + p), self.number)]
         for frame in frames or cycle(HAND, self.number):
             if (frame.arbitration_id - 0x102) // 2 not in self.silent:
                 self.bus.send(frame)
@@ -195,61 +196,97 @@ def test_diagnostics_tell_idle_from_well_from_stale_and_count_faults(
     assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
 
 
+class Tares:
+    """The strain and the offsets that a driver node publishes, and its services, while ``hand`` sends."""
+
+    def __init__(self, probe: Any, hand: Hand) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from rclpy.qos import qos_profile_sensor_data as sensor_data
+
+        from tactile_localizer.msg import StrainVectors
+
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.strains = probe.listen(StrainVectors, "strain", sensor_data)
+        self.offsets = probe.listen(StrainVectors, "driver_node/tare_offset", kept)
+        self._probe, self._hand = probe, hand
+
+    def sending(self, condition: Callable[[], Any], what: str) -> None:
+        """Let the hand send until ``condition`` is true."""
+
+        def sent() -> bool:
+            self._hand.send()
+            return bool(condition())
+
+        self._probe.until(sent, what)
+
+    def feel(self, expected: list[float], what: str) -> None:
+        """Let the hand send until the newest strain is ``expected``, V."""
+        self.sending(
+            lambda: self.strains and np.allclose(self.strains[-1].strain, expected, atol=0.001), what
+        )
+
+    def told(self, expected: list[float], what: str, after: int = 0) -> None:
+        """Wait until the newest of more than ``after`` offsets is ``expected``, V."""
+        self._probe.until(
+            lambda: len(self.offsets) > after and np.allclose(self.offsets[-1].strain, expected, atol=0.001),
+            what,
+        )
+
+    def call(self, service: str) -> Any:
+        """Answer of the driver's ``service``, while the hand sends."""
+        from std_srvs.srv import Trigger
+
+        client = self._probe.node.create_client(Trigger, f"driver_node/{service}")
+        self._probe.until(client.service_is_ready, service)
+        future = client.call_async(Trigger.Request())
+        self.sending(future.done, f"an answer of {service}")
+        return future.result()
+
+
+def test_a_tare_is_refused_while_the_hand_is_silent_or_moves(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
+) -> None:
+    from std_srvs.srv import Trigger
+
+    tares = Tares(probe, hand)
+    node_process("driver_node", parameters=parameters)
+    tares.told([0.0] * 16, "the offset at the start")
+    silent = probe.call(Trigger, "driver_node/tare")
+    assert not silent.success
+    assert "at least 10 samples of index, got 0" in silent.message
+
+    hand.swing = 0.25
+    tares.sending(lambda: tares.strains, "strain of a hand that moves")
+    moving = tares.call("tare")
+    assert not moving.success
+    assert "at rest" in moving.message
+    assert len(tares.offsets) == 1
+    assert not Path(parameters["tare_file"]).exists()
+
+
 def test_a_tare_is_asked_for_published_kept_and_undone(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
 ) -> None:
-    from rclpy.qos import DurabilityPolicy, QoSProfile
-    from rclpy.qos import qos_profile_sensor_data as sensor_data
-    from std_srvs.srv import Trigger
-
-    from tactile_localizer.msg import StrainVectors
-
-    strains = probe.listen(StrainVectors, "strain", sensor_data)
-    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    offsets = probe.listen(StrainVectors, "driver_node/tare_offset", kept)
-
-    def call(service: str) -> Any:
-        client = probe.node.create_client(Trigger, f"driver_node/{service}")
-        probe.until(client.service_is_ready, service)
-        future = client.call_async(Trigger.Request())
-
-        def answered() -> bool:
-            hand.send()
-            return bool(future.done())
-
-        probe.until(answered, f"an answer of {service}")
-        return future.result()
-
-    def latest(expected: list[float]) -> Callable[[], bool]:
-        def condition() -> bool:
-            hand.send()
-            return bool(strains) and np.allclose(strains[-1].strain, expected, atol=0.001)
-
-        return condition
-
+    tares = Tares(probe, hand)
     node = node_process("driver_node", parameters=parameters)
-    probe.until(lambda: offsets, "the offset at the start")
-    assert not np.any(offsets[-1].strain)  # never without being asked
-    refused = call("tare")
-    assert not refused.success
-    assert "at rest" in refused.message or "samples" in refused.message
-
-    hand.still = True
+    tares.told([0.0] * 16, "the offset at the start")  # never without being asked
+    hand.swing = 0.0
     raw = [0.5] * 8 + [1.5] * 8
-    probe.until(latest(raw), "strain of the hand at rest")
-    before = len(strains)
-    assert (answer := call("tare")).success, answer.message
-    assert len(strains) > before + 3  # the stream went on
-    probe.until(latest([0.0] * 16), "strain with the offset taken off")
-    probe.until(lambda: np.allclose(offsets[-1].strain, raw, atol=0.001), "the new offset")
+    tares.feel(raw, "strain of the hand at rest")
+    before = len(tares.strains)
+    answer = tares.call("tare")
+    assert answer.success, answer.message
+    assert len(tares.strains) > before + 3  # the stream went on
+    tares.feel([0.0] * 16, "strain with the offset taken off")
+    tares.told(raw, "the new offset")
 
     assert node.stop() == 0
+    count = len(tares.offsets)
     node = node_process("driver_node", parameters=parameters)
-    count = len(offsets)
-    probe.until(lambda: len(offsets) > count and np.allclose(offsets[-1].strain, raw, atol=0.001), "it kept")
-    probe.until(latest([0.0] * 16), "strain with the kept offset taken off")
-    assert call("clear_tare").success
-    probe.until(latest(raw), "strain as it is")
+    tares.told(raw, "it kept", after=count)
+    tares.feel([0.0] * 16, "strain with the kept offset taken off")
+    assert tares.call("clear_tare").success
+    tares.feel(raw, "strain as it is")
     assert not Path(parameters["tare_file"]).read_text().count("index")
 
 
