@@ -162,7 +162,8 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Some columns, or the array itself where they are all of them: a large scan is not copied for nothing."""
+    """Some columns, or the array itself where they are all of them: a large scan is not copied for
+    nothing."""
     return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]
 
 
