@@ -4,7 +4,6 @@
 
 ROS_DISTRO ?= jazzy
 FEATURE ?= bump
-MINUTES ?= 30
 export ROS_DISTRO
 
 # Recorded data for the tests that need it; they skip without.
@@ -48,10 +47,6 @@ demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap
 .PHONY: bench
 bench: build ## Measure the speed of everything that benchmarks/ has, into out/bench.json
 	@for script in $$(grep -l __main__ benchmarks/*.py); do echo "$$script"; $(run) python $$script || exit 1; done
-
-.PHONY: soak
-soak: build ## Run the live system under injected faults (MINUTES=30)
-	@$(run) tactile-localizer soak --minutes $(MINUTES) --out out/soak
 
 .PHONY: clean
 clean: ## Remove what was built and written; environments (.venv*) stay

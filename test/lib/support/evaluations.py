@@ -74,7 +74,12 @@ def results(
     for name in methods:
         own = [_vary(_SWEEP | (changed or {}).get(name, {}), n, sweeps) for n in range(sweeps)]
         blank = [_BLANK | (blanks or {}).get(name, {})] * 3
-        timing = {"update_median_us": 300.0, "update_p99_us": 500.0, "strain_mean_us": 40.0, "us_per_mm": 600.0}
+        timing = {
+            "update_median_us": 300.0,
+            "update_p99_us": 500.0,
+            "strain_mean_us": 40.0,
+            "us_per_mm": 600.0,
+        }
         edges = [0.001 * n for n in range(51)]
         task = {"axis": "x", "edges_m": edges, "sweeps": own, "blanks": blank, "timing": timing}
         tasks[name] = [task | {"narrow_trace_m2": 3.2e-5}] * 2
