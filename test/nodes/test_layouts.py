@@ -1,0 +1,115 @@
+"""The layouts for RViz and Foxglove show what the filter really publishes."""
+
+import importlib
+import json
+import re
+
+import pytest
+import yaml
+from support.sweeps import write_scan
+
+from tactile_localizer.resources import resource_path
+
+pytestmark = pytest.mark.ros
+
+RVIZ_KINDS = {
+    "rviz_default_plugins/PointCloud2": "sensor_msgs/msg/PointCloud2",
+    "rviz_default_plugins/Marker": "visualization_msgs/msg/Marker",
+    "rviz_default_plugins/MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "rviz_default_plugins/PoseWithCovariance": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "rviz_default_plugins/SetInitialPose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+}
+SIMULATED = {"/simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
+
+
+@pytest.fixture
+def topics(node_process, probe, tmp_path):
+    """Topics of a running filter, with their kinds."""
+    write_scan(tmp_path / "bump.db")
+    node_process("filter_node", {"scan_file": tmp_path / "bump.db", "cell": 2.0})
+
+    def known():
+        return {name: kinds[0] for name, kinds in probe.node.get_topic_names_and_types()}
+
+    probe.until(lambda: "/filter/posterior" in known() and "/filter/initial_pose" in known(), "the filter")
+    return known()
+
+
+@pytest.fixture(scope="module")
+def rviz():
+    return yaml.safe_load(resource_path("config/rviz/localize.rviz").read_text())["Visualization Manager"]
+
+
+def test_rviz_shows_topics_that_are_there_and_of_the_right_kind(topics, rviz):
+    shown = {
+        display["Topic"]["Value"]: RVIZ_KINDS[display["Class"]]
+        for display in rviz["Displays"] + rviz["Tools"]
+        if "Topic" in display
+    }
+    assert shown == {topic: topics[topic] for topic in shown}
+    assert {"/filter/map", "/filter/particles", "/filter/pose", "/filter/markers"} <= set(shown)
+    assert rviz["Global Options"]["Fixed Frame"] == "material"
+
+
+def test_rviz_hears_what_is_kept_for_late_listeners(topics, rviz, probe):
+    for display in rviz["Displays"]:
+        if "Topic" not in display:
+            continue
+        (info,) = probe.node.get_publishers_info_by_topic(display["Topic"]["Value"])
+        kept = info.qos_profile.durability.name == "TRANSIENT_LOCAL"
+        assert (display["Topic"]["Durability Policy"] == "Transient Local") == kept, display["Name"]
+
+
+def test_rviz_colours_by_fields_that_the_clouds_have(topics, rviz, probe):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import PointCloud2
+
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    clouds = probe.listen(PointCloud2, "/filter/map", kept)
+    probe.until(lambda: clouds, "the map")
+    (display,) = [one for one in rviz["Displays"] if one["Name"] == "Tactile map"]
+    assert display["Channel Name"] in [field.name for field in clouds[0].fields]
+
+
+def foxglove_paths(config):
+    """Every message path that a layout's panels name."""
+    if isinstance(config, dict):
+        for key, value in config.items():
+            if key in ("value", "topicPath", "topicToRender", "poseEstimateTopic") and isinstance(value, str):
+                yield value
+            elif key == "topics":
+                yield from value
+            else:
+                yield from foxglove_paths(value)
+    elif isinstance(config, list):
+        for value in config:
+            yield from foxglove_paths(value)
+
+
+def message_class(kind):
+    package, _, name = kind.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+def test_foxglove_names_fields_that_are_there(topics):
+    layout = json.loads(resource_path("config/foxglove/localize.json").read_text())
+    paths = list(foxglove_paths(layout["configById"]))
+    assert len(paths) > 12
+    for path in paths:
+        topic, *fields = path.split(".")
+        kind = (topics | SIMULATED)[topic]
+        for field in fields:
+            name = re.sub(r"\[\d+\]$", "", field)
+            known = message_class(kind).get_fields_and_field_types()
+            assert name in known, f"{path}: {kind} has {', '.join(known)}"
+            kind = known[name].replace("/", "/msg/", 1)
+
+
+def test_foxglove_places_each_panel_once():
+    layout = json.loads(resource_path("config/foxglove/localize.json").read_text())
+
+    def panels(node):
+        return [node] if isinstance(node, str) else panels(node["first"]) + panels(node["second"])
+
+    placed = panels(layout["layout"])
+    assert sorted(placed) == sorted(layout["configById"])
