@@ -6,12 +6,6 @@ Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/replay.py [-
 from __future__ import annotations
 
 import argparse
-import os
-
-# Before numpy: one core.
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"
-
 import tempfile
 import time
 from dataclasses import replace
@@ -40,7 +34,8 @@ PHALANGES = ["index", "middle"]
 
 
 def write_bag(path: Path, minutes: float) -> int:
-    """Sweeps over the bump one after another, strain and pose at 200 Hz each; returns the number of strains."""
+    """Sweeps over the bump one after another, strain and pose at 200 Hz each; returns the number of
+    strains."""
     store = typestore()
     types = store.types
     header, stamp_type = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
@@ -70,7 +65,9 @@ def write_bag(path: Path, minutes: float) -> int:
 def scene_of_bump() -> Scene:
     """The shipped scene with parameters, so that choosing them does not count."""
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
-    return replace(scene, measurement={"position_std": 0.0012, "strain_std": 0.04, "correlation_length": 0.003})
+    return replace(
+        scene, measurement={"position_std": 0.0012, "strain_std": 0.04, "correlation_length": 0.003}
+    )
 
 
 def measure(minutes: float) -> list[dict[str, Any]]:

@@ -28,7 +28,7 @@ from tactile_localizer.scene import GAUGES, Scene
 
 POSITION_FACTORS = (0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 """Shares of the sweeps' spacing, as those below of the sweeps' disagreement. Not wider: leaving a sweep out
-doubles the gap that the kernels have to bridge, and asks for kernels that would be too wide for the whole scan."""
+doubles the gap that the kernels have to bridge, and asks for kernels too wide for the whole scan."""
 STRAIN_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 CORRELATION_LENGTHS = (0.001, 0.002, 0.003, 0.004, 0.006, 0.01, 0.02)
 """m of travel"""
