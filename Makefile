@@ -46,7 +46,7 @@ demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap
 
 .PHONY: bench
 bench: build ## Measure the speed of everything that benchmarks/ has, into out/bench.json
-	@for script in $$(grep -l __main__ benchmarks/*.py); do echo "$$script"; $(run) python $$script || exit 1; done
+	@for script in $$(grep -l __main__ benchmarks/*.py); do echo "$$script"; OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(run) python $$script || exit 1; done
 
 .PHONY: clean
 clean: ## Remove what was built and written; environments (.venv*) stay
