@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 MM = 1e3
 """Millimetres in a metre."""
 
 INCH_MM = 25.4
 """Millimetres in an inch."""
+
+_LEGEND_INCH = 0.35
+"""Height of the strip that a legend below the plots takes, inch."""
 
 
 def shown(axis: str, values: np.ndarray) -> np.ndarray:
@@ -38,3 +42,19 @@ def label_axis(plot: Axes, which: str, axis: str, *, inches: bool = True, label:
     )
     getattr(beside, f"set_{which}label")(f"{axis}, inch", color="0.4")
     beside.tick_params(colors="0.4")
+
+
+def legend_below(figure: Figure, plot: Axes) -> None:
+    """Put the legend of one plot in a row below all plots of a figure, where it has any entries.
+
+    Parameters
+    ----------
+    figure : with constrained layout, which is told to leave room (``"outside"`` needs matplotlib 3.7)
+    plot : whose entries are shown
+    """
+    handles, labels = plot.get_legend_handles_labels()
+    if not handles:
+        return
+    strip = _LEGEND_INCH / figure.get_figheight()
+    figure.set_layout_engine("constrained", rect=(0.0, strip, 1.0, 1.0 - strip))
+    figure.legend(handles, labels, loc="lower center", ncol=len(handles), frameon=False)

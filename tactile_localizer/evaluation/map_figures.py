@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import TactileMap, make_map
 from tactile_localizer.errors import SceneError
-from tactile_localizer.evaluation.display import label_axis, shown
+from tactile_localizer.evaluation.display import label_axis, legend_below, shown
 from tactile_localizer.scene import GAUGES, Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
@@ -80,7 +80,7 @@ def map_sheet(
         label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=row == 1)
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 3, label=column == 0)
     _colour_bar(figure, colours, plots, unit)
-    _legend(figure, plots.flat[0])
+    legend_below(figure, plots.flat[0])
     figure.suptitle(f"{scene.name}: what phalanx {phalanx} feels, by the palm's position")
     return figure
 
@@ -111,7 +111,7 @@ def map_pair(
         label_axis(plot, "x", tactile_map.axes[0])
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 2, label=column == 0)
     _colour_bar(figure, colours, plots, unit)
-    _legend(figure, plots[1])
+    legend_below(figure, plots[1])
     figure.suptitle(f"{scene.name}: scan and tactile map, by the palm's position")
     return figure
 
@@ -150,7 +150,7 @@ def profile_sheet(
             plot.axvspan(*shown(axis, np.array([lower[0], upper[0]])), color=_LINES[number % 3], alpha=0.08)
     label_axis(plots[0], "x", axis, label=False)
     label_axis(plots[-1], "x", axis, inches=False)
-    _legend(figure, plots[0])
+    legend_below(figure, plots[0])
     figure.supylabel(f"element: strain less its median, {unit}", fontsize=10)
     figure.suptitle(f"{scene.name}: what phalanx {phalanx} feels, by the palm's position")
     return figure
@@ -320,9 +320,3 @@ def _phalanx(scene: Scene, name: str) -> Phalanx:
 def _colour_bar(figure: Figure, colours: QuadMesh, plots: Sequence[Axes] | np.ndarray, unit: str) -> None:
     bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="both")
     bar.set_label(f"strain less that of featureless material, {unit}")
-
-
-def _legend(figure: Figure, plot: Axes) -> None:
-    handles, labels = plot.get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.region import Proposal
 from tactile_localizer.core.tactile_map import TactileMap
-from tactile_localizer.evaluation.display import label_axis, shown
+from tactile_localizer.evaluation.display import label_axis, legend_below, shown
 from tactile_localizer.scene import Region, Scene
 
 _GIVEN = {"edgecolor": "black", "linestyle": "-", "linewidth": 1.4}
@@ -43,9 +43,7 @@ def region_sheet(tactile_map: TactileMap, scene: Scene, proposal: Proposal, *, u
         if proposal.region is not None:
             label = f"proposed, confidence {proposal.confidence:.0%}"
             _box(plot, proposal.region, tactile_map.axes, label, _PROPOSED)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
+    legend_below(figure, figure.axes[0])
     figure.suptitle(f"{scene.name}: the feature's region, by where each phalanx was")
     return figure
 
