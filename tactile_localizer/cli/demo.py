@@ -110,8 +110,9 @@ def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     told = "no contact" if error is None else f"{error:.2f} mm, {inch:.3f} inch (limit 0.1 inch)"
     travel, duration = summary["travel_to_convergence_mm"], summary["time_to_convergence_s"]
     belief = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
-    count = len(summary["sweeps"])
+    believed, count = summary["error_believed_mm"], len(summary["sweeps"])
     table.add_row("mean error after contact", told)
+    table.add_row("of that, while believed", "never" if believed is None else f"{believed:.2f} mm")
     table.add_row("time and travel to convergence", belief)
     table.add_row("sweeps that converged", f"{summary['converged_sweeps']} of {count}")
     table.add_row("converged before contact", str(summary["converged_before_contact"]))

@@ -67,7 +67,8 @@ class LiveSweep:
         return {
             "sweep": self.number,
             "start_mm": (self.truth[0] * 1e3).round(2),
-            "error_after_contact_mm": 1e3 * float(self.error[felt].mean()) if felt.any() else None,
+            "error_after_contact_mm": _mean_mm(self.error[felt]),
+            "error_believed_mm": _mean_mm(self.error[felt & self.converged]),
             "error_at_end_mm": 1e3 * float(self.error[felt][-1]) if felt.any() else None,
             "converged": bool(self.converged[felt].any()),
             "converged_before_contact": first is not None
@@ -96,6 +97,7 @@ def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
     return {
         "error_after_contact_mm": mean,
         "error_after_contact_inch": None if mean is None else mean / (INCH * 1e3),
+        "error_believed_mm": _mean(told, "error_believed_mm"),
         "error_at_end_mm": _mean(told, "error_at_end_mm"),
         "within_limit": mean is not None and mean <= LIMIT_M * 1e3,
         "converged": bool(told) and all(one["converged"] for one in told),
@@ -105,6 +107,11 @@ def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
         "travel_to_convergence_mm": _mean(told, "travel_to_convergence_mm"),
         "sweeps": told,
     }
+
+
+def _mean_mm(error: np.ndarray) -> float | None:
+    """Mean of errors in m, in mm; ``None`` for that of none."""
+    return 1e3 * float(error.mean()) if len(error) else None
 
 
 def _known(told: Sequence[dict[str, Any]], name: str) -> np.ndarray:

@@ -33,6 +33,15 @@ def test_only_what_lies_between_contact_and_the_features_end_counts():
     assert told["error_at_end_mm"] == pytest.approx(1.5)
 
 
+def test_the_error_while_believed_is_told_apart():
+    one = sweep(error_mm=1.5, converged_from=60)
+    one.mean[40:60] += 0.01
+    told = one.told()
+    assert told["error_believed_mm"] == pytest.approx(1.5)
+    assert told["error_after_contact_mm"] > 5.0
+    assert sweep(converged_from=N).told()["error_believed_mm"] is None
+
+
 def test_time_and_travel_to_convergence_are_from_the_sweeps_start():
     told = sweep(converged_from=60).told()
     assert told["time_to_convergence_s"] == pytest.approx(0.6)
