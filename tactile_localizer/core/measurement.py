@@ -9,6 +9,8 @@ import numpy as np
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.scene import GAUGES
 
+_LARGEST = 1e100
+
 
 class MeasurementModel(Protocol):
     """P(z | x), built from a scan and a scene.
@@ -41,22 +43,30 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
     Raises
     ------
     MeasurementError
-        A wrong shape, no phalanx present, or NaN or infinity in a present phalanx.
+        A wrong shape, no phalanx present, or NaN, infinity or a number over 1e100 in a present phalanx.
     """
     strain = np.asarray(strain, dtype=np.float64)
     if strain.shape != (GAUGES * phalanges,):
         raise MeasurementError(f"strain: expected shape ({GAUGES * phalanges},), got {strain.shape}")
     if present is None:
-        if not np.isfinite(strain).all():
-            raise MeasurementError("strain: expected finite volts, found NaN or infinity")
+        _require_usable(strain)
         return strain, np.ones(phalanges, dtype=bool)
     present = np.asarray(present, dtype=bool)
     if present.shape != (phalanges,) or not present.any():
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
     strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
-    if not np.isfinite(strain).all():
-        raise MeasurementError("strain: expected finite volts, found NaN or infinity")
+    _require_usable(strain)
     return strain, present
+
+
+def usable(numbers: np.ndarray) -> bool:
+    """Whether all numbers are finite, and so far from overflow that their squares are."""
+    return bool((np.abs(numbers) < _LARGEST).all())
+
+
+def _require_usable(strain: np.ndarray) -> None:
+    if not usable(strain):
+        raise MeasurementError(f"strain: expected finite volts, found NaN, infinity or over {_LARGEST:g}")
 
 
 def positive(name: str, value: object, size: int) -> np.ndarray:

@@ -1,0 +1,308 @@
+"""Extremes that must be right, not lucky: one test for each row of the table in docs/numerics.md."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from support.models import FlatModel
+from support.scans import SIDE, density, scan, scene, strain_at, total_variation
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.configuration import MODELS, Configuration
+from tactile_localizer.core.featureless import Featureless
+from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.grid_filter import GridFilter
+from tactile_localizer.core.pair_block import HEADROOM, PairBlock
+from tactile_localizer.core.particle_filter import ParticleFilter
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.weights import normalize
+from tactile_localizer.errors import MeasurementError, SceneError
+from tactile_localizer.scene import Region
+
+FEATURE = Region((0.015, -math.inf), (0.035, math.inf))
+OF = scene(2, 2, FEATURE)
+SCAN = scan(np.random.default_rng(0), OF, 800)
+TRUTH = np.array([0.021, 0.027])
+PRESENT = np.ones(2, bool)
+STATES = np.random.default_rng(1).random((200, 2)) * SIDE
+SMALLEST, LARGEST = 1e-6, 1e6
+"""Kernel widths whose squares are 1e-12 and 1e12."""
+
+
+def build(model, made=SCAN, of=OF, position_std=0.003, strain_std=0.06, neighbours=8, evaluation="field"):
+    if model == "sum_of_gaussians":
+        return SumOfGaussians(made, of, position_std, strain_std, evaluation=evaluation)
+    if model == "featureless":
+        return Featureless(made, of, position_std, strain_std, evaluation=evaluation)
+    return Gaussian(made, of, neighbours, independent=model == "gaussian_independent")
+
+
+every_model = pytest.mark.parametrize("model", MODELS)
+kernel_models = pytest.mark.parametrize("model", ["sum_of_gaussians", "featureless"])
+
+
+def filters(model, of=OF, particles=75):
+    yield ParticleFilter(of, model, np.random.default_rng(0), particles)
+    yield GridFilter(of, model, np.full(of.dimension, 0.002))
+
+
+def sound(one):
+    """Whether a filter's belief is a distribution."""
+    states, weights = one.hypotheses()
+    belief = one.belief()
+    return (
+        np.isfinite(states).all()
+        and abs(weights.sum() - 1.0) < 1e-9
+        and np.isfinite(belief.mean).all()
+        and np.linalg.eigvalsh(belief.covariance).min() >= 0.0
+    )
+
+
+def test_all_log_weights_minus_infinity_teach_nothing():
+    for one in filters(FlatModel(-math.inf)):
+        one.seed(TRUTH, np.array([0.003, 0.003]))
+        before = one.belief()
+        assert one.update(np.zeros(16), PRESENT, 1.0, -math.inf) == -math.inf
+        np.testing.assert_allclose(one.belief().mean, before.mean, atol=1e-12)
+        assert sound(one)
+
+
+@every_model
+def test_a_measurement_a_million_sigma_from_every_pair_is_explained_by_the_background_at_every_state_alike(
+    model,
+):
+    built = build(model)
+    for direction in (1.0, -1.0, np.random.default_rng(0).standard_normal(16)):
+        far = built.log_likelihood(STATES, strain_at(TRUTH[None])[0] + 1e6 * 0.06 * direction)
+        assert np.isfinite(far).all()
+        # Where less was scanned the background has a larger share; nothing else tells states apart.
+        assert np.ptp(far) < 6.0
+        assert -400 < far.max() < -100
+
+
+@kernel_models
+@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
+@pytest.mark.parametrize("position_std", [SMALLEST, LARGEST])
+def test_position_kernels_of_any_width_give_finite_densities(model, evaluation, position_std):
+    built = build(model, position_std=position_std, evaluation=evaluation)
+    on_pairs = np.concatenate([STATES, SCAN.states[:50]])
+    values = built.log_likelihood(on_pairs, SCAN.strain[3])
+    assert np.isfinite(values).all()
+    if position_std == SMALLEST and model == "sum_of_gaussians":
+        assert (
+            np.argmax(values) == 203
+        )  # the state of the pair that was felt: every other one sees only itself
+    if position_std == LARGEST and model == "sum_of_gaussians":
+        assert np.ptp(values) < 1e-6  # every state sees the whole scan
+    np.testing.assert_allclose(
+        values,
+        build(model, position_std=position_std, evaluation="exact").log_likelihood(on_pairs, SCAN.strain[3]),
+        atol=0.02,
+    )
+
+
+@kernel_models
+@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
+@pytest.mark.parametrize("strain_std", [SMALLEST, LARGEST])
+def test_strain_kernels_of_any_width_give_finite_densities(model, evaluation, strain_std):
+    built = build(model, strain_std=strain_std, evaluation=evaluation)
+    for measured in (SCAN.strain[3], SCAN.strain[3] + 0.1):
+        values = built.log_likelihood(np.concatenate([STATES, SCAN.states[3:4]]), measured)
+        assert np.isfinite(values).all()
+    if strain_std == SMALLEST and model == "sum_of_gaussians":
+        values = built.log_likelihood(np.concatenate([STATES, SCAN.states[3:4]]), SCAN.strain[3])
+        assert np.argmax(values) == 200  # only the pair itself is near its own strain
+    if strain_std == LARGEST and model == "sum_of_gaussians":
+        assert np.ptp(values) < 0.1  # every strain is as good as any other
+
+
+@pytest.mark.parametrize("model", ["gaussian", "gaussian_independent"])
+@pytest.mark.parametrize("neighbours", [1, 800, 10**9])
+def test_one_neighbour_or_all_of_them(model, neighbours):
+    built = build(model, neighbours=neighbours)
+    values = built.log_likelihood(STATES, SCAN.strain[3])
+    assert np.isfinite(values).all()
+    assert (np.ptp(values) < 1e-6) == (neighbours >= 800)
+
+
+@every_model
+def test_a_scan_of_one_pair(model):
+    one = SCAN.select(np.array([100]))
+    if model == "featureless":
+        with pytest.raises(SceneError, match="expected pairs of phalanx index on both sides"):
+            build(model, one)
+        return
+    built = build(model, one)
+    values = built.log_likelihood(np.concatenate([one.states, STATES]), one.strain[0])
+    assert np.isfinite(values).all()
+    assert values[0] == pytest.approx(values.max(), abs=0.02)
+
+
+@every_model
+def test_duplicate_pairs_count_as_often_as_they_are_there(model):
+    """Every pair ten times over is the same density: the scan's own density is divided out."""
+    rows = np.repeat(np.arange(len(SCAN)), 10)
+    once, tenfold = build(model, neighbours=8), build(model, SCAN.select(rows), neighbours=80)
+    a, b = (one.log_likelihood(STATES, SCAN.strain[3]) for one in (once, tenfold))
+    assert np.isfinite(b).all()
+    if model in ("sum_of_gaussians", "featureless"):
+        np.testing.assert_allclose(b, a, atol=0.02)
+
+
+@pytest.mark.parametrize("particles", [1, 1_000_000])
+def test_one_particle_and_a_million(particles):
+    built = build("sum_of_gaussians")
+    one = ParticleFilter(OF, built, np.random.default_rng(0), particles)
+    for _ in range(3):
+        one.predict(np.array([0.0005, 0.0]), 0.0005)
+        log_marginal = one.update(strain_at(TRUTH[None])[0], PRESENT, 1.0, -math.inf)
+        assert math.isfinite(log_marginal)
+    assert sound(one)
+    assert len(one.hypotheses()[0]) == particles
+    if particles > 1:
+        grid = GridFilter(OF, built, np.full(2, 0.0002))
+        for _ in range(3):
+            grid.predict(np.array([0.0005, 0.0]), 0.0005)
+            expected = grid.update(strain_at(TRUTH[None])[0], PRESENT, 1.0, -math.inf)
+        assert log_marginal == pytest.approx(expected, abs=0.05)
+        np.testing.assert_allclose(one.belief().mean, grid.belief().mean, atol=5e-5)
+
+
+@every_model
+@pytest.mark.parametrize("volts", [1e-9, 1e9])
+def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(model, volts):
+    """Scan, widths and measurement in other units: the density changes by the Jacobian alone."""
+    scaled = Scan(SCAN.states, SCAN.strain * volts, SCAN.sweep, SCAN.axes, SCAN.phalanges)
+    plain = build(model).log_likelihood(STATES, SCAN.strain[3])
+    other = build(model, scaled, strain_std=0.06 * volts).log_likelihood(STATES, SCAN.strain[3] * volts)
+    np.testing.assert_allclose(other + 16 * math.log(volts), plain, atol=0.02)
+
+
+@every_model
+@pytest.mark.parametrize("volts", [1e-9, -1e9, 1e99])
+def test_a_measurement_of_any_size_against_an_ordinary_scan_is_finite(model, volts):
+    assert np.isfinite(build(model).log_likelihood(STATES, np.full(16, volts))).all()
+
+
+@pytest.mark.parametrize("kind", ["grid", "particle"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
+def test_nan_infinity_and_what_would_overflow_are_refused_and_the_belief_is_untouched(kind, bad):
+    given = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
+    localizer = build_localizer(
+        SCAN, dataclasses.replace(OF, measurement=given), Configuration(filter=kind), np.random.default_rng(0)
+    )
+    localizer.update(0, TRUTH, strain_at(TRUTH[None])[0])
+    before = localizer.hypotheses()
+    strain = strain_at(TRUTH[None])[0]
+    strain[11] = bad
+    refused = 0
+    for position, felt in ((TRUTH, strain), (np.array([bad, 0.02]), strain_at(TRUTH[None])[0])):
+        try:
+            localizer.update(1, position, felt)
+        except MeasurementError:
+            refused += 1
+    assert refused == 2
+    for a, b in zip(localizer.hypotheses(), before, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@every_model
+def test_a_silent_phalanx_drops_out(model):
+    built = build(model)
+    silent = strain_at(TRUTH[None])[0]
+    silent[:8] = math.nan
+    values = built.log_likelihood(STATES, silent, np.array([False, True]))
+    assert np.isfinite(values).all()
+    assert np.linalg.norm(STATES[np.argmax(values)] - TRUTH) < 0.03
+
+
+@kernel_models
+def test_float32_gives_the_weights_of_float64(model):
+    options = {"position_std": 0.003, "strain_std": 0.06}
+    double, single = (
+        {"sum_of_gaussians": SumOfGaussians, "featureless": Featureless}[model](
+            SCAN, OF, **options, precision=p
+        )
+        for p in ("float64", "float32")
+    )
+    for row in range(0, 800, 80):
+        a, b = (density(one.log_likelihood(STATES, SCAN.strain[row])) for one in (double, single))
+        assert total_variation(a, b) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("dtype", "size", "limit"),
+    [
+        (np.float64, 1.0, 1e-12),
+        (np.float64, 1e2, 1e-10),
+        (np.float64, 1e4, 1e-6),
+        (np.float64, 1e6, 2e-2),
+        (np.float64, 1e9, 1e-5),  # from here on subtracted first: only the strains' own rounding is left
+        (np.float32, 1.0, 1e-4),
+        (np.float32, 1e2, 1e-3),
+        (np.float32, 1e4, 2e-2),
+    ],
+)
+def test_cancellation_of_squares_never_costs_a_weight_more_than_a_hundredth(dtype, limit, size):
+    """||z||^2 - 2 z.z_n + ||z_n||^2 for strains ``size`` kernel widths long, against subtracting first."""
+    rng = np.random.default_rng(0)
+    strain = (size * rng.standard_normal((16, 1)) + rng.standard_normal((16, 300))).astype(dtype)
+    measured = strain[:, 0].astype(float) + 0.5
+    block = PairBlock(rng.random((300, 2)), strain, np.full(2, -1.0), np.full(2, 2.0))
+    weights, _ = block.strain_weights(measured, PRESENT)
+    squared = np.sum((strain.astype(float) - measured[:, None]) ** 2, axis=0)
+    errors = np.log(weights) - HEADROOM + 0.5 * (squared - squared.min())
+    assert np.abs(errors).max() < limit
+
+
+def test_millions_of_updates_do_not_make_the_sum_of_the_weights_drift():
+    """One update brings any sum to one, so a hundred thousand do what ten million do (make bench)."""
+    rng = np.random.default_rng(0)
+    likelihoods = 3.0 * rng.standard_normal((1000, 8))
+    log_weights = np.full(8, -math.log(8))
+    for update in range(100_000):
+        log_weights, _ = normalize(0.99 * log_weights + likelihoods[update % 1000])
+    assert abs(float(np.exp(log_weights).sum()) - 1.0) < 1e-14
+    assert abs(float(np.exp(normalize(log_weights + 0.1)[0]).sum()) - 1.0) < 1e-14
+
+
+@every_model
+def test_states_at_the_bounds_count_and_states_beyond_them_do_not(model):
+    built = build(model)
+    one = ParticleFilter(OF, built, np.random.default_rng(0), 400)
+    one.predict(np.array([0.02, 0.0]), 0.0)
+    one.update(SCAN.strain[3], PRESENT, 1.0, -math.inf)
+    states, weights = one.hypotheses()
+    beyond = (states < 0).any(axis=1) | (states > SIDE).any(axis=1)
+    assert (weights[beyond] == 0).all()
+    corners = np.array([[0.0, 0.0], [SIDE, SIDE], [0.0, SIDE], [-1.0, 0.0], [1e6, -1e6]])
+    assert np.isfinite(built.log_likelihood(corners, SCAN.strain[3])).all()
+    for each in filters(built):
+        each.seed(np.array([SIDE, SIDE]), np.array([0.001, 0.001]))
+        each.update(SCAN.strain[3], PRESENT, 1.0, -math.inf)
+        each.predict(np.array([0.01, 0.01]), 0.014)
+        each.update(SCAN.strain[3], PRESENT, 1.0, -math.inf)
+        assert sound(each)
+
+
+@pytest.mark.parametrize("model", ["sum_of_gaussians", "gaussian", "gaussian_independent"])
+def test_yaw_wraps_around(model):
+    of = scene(3, 2, full_turn=True)
+    made = scan(np.random.default_rng(0), of, 3000)
+    built = build(
+        model, made, of, position_std=np.array([0.004, 0.004, 0.2]) if model == "sum_of_gaussians" else 1.0
+    )
+    truth = np.array([0.02, 0.03, math.pi - 0.02])
+    across = np.array([[0.02, 0.03, math.pi - 0.001], [0.02, 0.03, -math.pi + 0.001]])
+    one, other = built.log_likelihood(across, strain_at(truth[None])[0])
+    assert one == pytest.approx(other, abs=0.1)
+    particles = ParticleFilter(of, built, np.random.default_rng(0), 1000)
+    particles.seed(truth, np.array([0.002, 0.002, 0.1]))
+    for _ in range(5):
+        particles.predict(np.array([0.0, 0.0, 0.02]), 0.0004)
+        truth[2] += 0.02
+        particles.update(strain_at(truth[None])[0], PRESENT, 0.5, -math.inf)
+    turned = particles.belief().mean[2] - truth[2]
+    assert abs(math.remainder(turned, 2 * math.pi)) < 0.1
