@@ -23,7 +23,7 @@ _STORAGE = (".mcap", ".db3")
 _COMPRESSED = (".zstd", ".zst")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
-MESSAGES = ("StrainVectors", "ScanStatus", "Posterior")
+MESSAGES = ("StrainVectors", "ScanStatus", "Posterior", "FeatureProbabilities")
 
 
 @dataclass

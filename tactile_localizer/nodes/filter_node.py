@@ -3,14 +3,14 @@
 Publishes ``~/posterior`` for each strain vector, ``~/pose``, ``~/converged`` and ``~/covariance_trace``
 beside it, ``~/particles`` and ``~/markers`` at a lower rate, ``~/map`` once (kept for late subscribers) and
 ``/diagnostics`` at 1 Hz. ``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` spreads
-it over the whole scene, ``~/load_scan`` changes the map.
+it over the whole scene, ``~/load_scan`` changes the map. Of several scans ``~/feature`` says which one it is.
 
 A position is never made up: when strain or poses stop, the last one is sent again, marked as stale.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,15 +24,17 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.assembly import build_localizer, convergence_criteria
-from tactile_localizer.core.localizer import Estimate
+from tactile_localizer.core.assembly import build_identifier, build_localizer, convergence_criteria
+from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pose_buffer import NANOSECONDS
+from tactile_localizer.core.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.confinement import confined
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
+from tactile_localizer.nodes.feature_localizer import FeatureLocalizer
 from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics
 from tactile_localizer.nodes.filter_outputs import FilterOutputs
 from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration
@@ -40,6 +42,7 @@ from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.strain_vectors import StrainReader
 from tactile_localizer.nodes.tracker import Tracker
 from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
 
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -58,10 +61,10 @@ class FilterNode(ManagedNode):
 
     def configure(self) -> None:
         """Load the map, build the localizer, offer the topics."""
-        if not self.parameters["scan_file"]:
+        files = self.parameters["candidate_scan_files"] or [self.parameters["scan_file"]]
+        if not all(files):
             raise ParameterError("scan_file: expected a path, got none")
-        scan_file = Path(self.parameters["scan_file"]).expanduser()
-        self._load(scan_file)
+        self._load([Path(file).expanduser() for file in files])
         self._outputs = FilterOutputs(self, self.parameters)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._offered = [self._outputs.close, partial(self.destroy_publisher, self._health)]
@@ -103,22 +106,35 @@ class FilterNode(ManagedNode):
         subscription = self.create_subscription(kind, topic, work, quality, qos_overriding_options=options)
         self._made.append(partial(self.destroy_subscription, subscription))
 
-    def _load(self, path: Path) -> None:
-        """Build the localizer of a scan file; where that fails, what was there stays."""
+    def _load(self, paths: Sequence[Path]) -> None:
+        """Build the localizer of one scan file or several; where that fails, what was there stays."""
         of = self.parameters
+        candidates = [self._read(path) for path in paths]
+        rng, choices = np.random.default_rng(of["seed"]), configuration(of)
+        scan, scene = candidates[0]
+        localizer: Localizer | FeatureLocalizer
+        if len(candidates) == 1:
+            localizer = build_localizer(scan, scene, choices, rng, self._tell_progress)
+        else:
+            named = {scene.name: (scan, scene) for scan, scene in candidates}
+            if len(named) < len(candidates):
+                names = ", ".join(scene.name for _, scene in candidates)
+                raise ParameterError(f"candidate_scan_files: expected scenes of different names, got {names}")
+            localizer = FeatureLocalizer(build_identifier(named, choices, rng, self._tell_progress))
+        frame = palm_pose.palm_frame(of, scene)
+        self._tracker = Tracker(localizer, of["max_gap_s"], of["patience_s"])
+        self._scan, self._scan_file = scan, ", ".join(map(str, paths))
+        self._frame, self._reader = frame, StrainReader(scene)
+        for path, (one, its_scene) in zip(paths, candidates, strict=True):
+            sweeps = len(one.sweep_numbers)
+            self.get_logger().info(f"{path}: {len(one)} pairs of {sweeps} sweeps, scene {its_scene.name}")
+
+    def _read(self, path: Path) -> tuple[Scan, Scene]:
+        """A scan and the scene to use it with."""
         with ScanStore.open(path) as store:
             scan, scene = store.load(), store.scene
-        if of["scene_file"]:
-            scene = load_scene(given_or_shipped(of["scene_file"], "config/scenes"))
-        frame = palm_pose.palm_frame(of, scene)
-        rng = np.random.default_rng(of["seed"])
-        localizer = build_localizer(scan, scene, configuration(of), rng, self._tell_progress)
-        self._tracker = Tracker(localizer, of["max_gap_s"], of["patience_s"])
-        self._scan, self._scan_file = scan, path
-        self._frame, self._reader = frame, StrainReader(scene)
-        self.get_logger().info(
-            f"{path}: {len(scan)} pairs of {len(scan.sweep_numbers)} sweeps, scene {scene.name}"
-        )
+        other = self.parameters["scene_file"]
+        return scan, load_scene(given_or_shipped(other, "config/scenes")) if other else scene
 
     def _begin(self) -> None:
         self._tracker.interrupt()
@@ -182,7 +198,7 @@ class FilterNode(ManagedNode):
 
     def _on_load_scan(self, request: LoadScan.Request, response: LoadScan.Response) -> LoadScan.Response:
         try:
-            self._load(confined(request.path, self.parameters["scan_directory"]))
+            self._load([confined(request.path, self.parameters["scan_directory"])])
         except TactileLocalizerError as error:
             response.message = str(error)
             self.get_logger().error(f"load scan: {error}")
@@ -225,9 +241,7 @@ class FilterNode(ManagedNode):
             self._repeat_as_stale()
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
-        message.status = self._diagnostics.statuses(
-            self._tracker, str(self._scan_file), self._stale, self._unread
-        )
+        message.status = self._diagnostics.statuses(self._tracker, self._scan_file, self._stale, self._unread)
         self._health.publish(message)
 
     def _refuse(self, topic: str, error: TactileLocalizerError) -> None:

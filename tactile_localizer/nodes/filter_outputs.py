@@ -16,8 +16,9 @@ from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import make_map
-from tactile_localizer.msg import Posterior
+from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.nodes import hand_markers, map_messages, posterior_messages
+from tactile_localizer.nodes.feature_localizer import FeatureLocalizer
 from tactile_localizer.nodes.parameters import Parameters
 from tactile_localizer.scene import Scene
 
@@ -50,6 +51,7 @@ class FilterOutputs:
             return self._made[-1]
 
         self._posterior = publisher(Posterior, "~/posterior", _RELIABLE)
+        self._feature = publisher(FeatureProbabilities, "~/feature", _RELIABLE)
         self._converged = publisher(Bool, "~/converged", _RELIABLE)
         self._trace = publisher(Float64, "~/covariance_trace", 100)
         self._pose = publisher(PoseWithCovarianceStamped, "~/pose", 100)
@@ -69,10 +71,13 @@ class FilterOutputs:
         self._map.publish(map_messages.map_cloud(make_map(scan, scene), scene, self._frame))
         self._region.publish(map_messages.region_marker(scene, self._frame))
 
-    def publish(self, estimate: Estimate, localizer: Localizer, stale: str = "") -> None:
+    def publish(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str = "") -> None:
         """An estimate; with a reason, that it is ``stale``."""
         axes = localizer.scene.axis_names
         self._posterior.publish(posterior_messages.posterior(estimate, axes, self._frame, stale))
+        if isinstance(localizer, FeatureLocalizer) and localizer.identification is not None and not stale:
+            told = posterior_messages.feature(estimate.stamp_ns, localizer.identification, self._frame)
+            self._feature.publish(told)
         if _heard(self._converged):
             self._converged.publish(Bool(data=estimate.converged and not stale))
         if _heard(self._trace):
@@ -87,7 +92,7 @@ class FilterOutputs:
         period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
         return self._shown_ns is None or not 0 <= stamp_ns - self._shown_ns < period_ns
 
-    def _show(self, estimate: Estimate, localizer: Localizer, stale: str) -> None:
+    def _show(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str) -> None:
         self._shown_ns = estimate.stamp_ns
         scene = localizer.scene
         if _heard(self._markers):

@@ -75,6 +75,9 @@ LIVE = frozenset(parameter.name for parameter in CONFIGURATION if parameter.live
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file: the map"),
     Parameter("scene_file", "", "Scene (YAML) to use in place of the one that the scan file holds"),
+    Parameter(
+        "candidate_scan_files", [], "Scan files of several features, in place of scan_file: which is it?"
+    ),
     Parameter("scan_directory", "", "Directory that ~/load_scan may read scan files from; empty: none"),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of everything random", lower=0),

@@ -10,9 +10,10 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
+from tactile_localizer.core.identification import Identification
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.core.resampling import systematic
-from tactile_localizer.msg import Posterior
+from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.nodes.stamps import from_ns
 
 _PLACES = {"x": 0, "y": 1, "yaw": 5}
@@ -51,6 +52,15 @@ def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovar
     covariance = np.zeros((6, 6))
     covariance[np.ix_(places, places)] = estimate.covariance
     message.pose.covariance = covariance.ravel()
+    return message
+
+
+def feature(stamp_ns: int, identification: Identification, frame: str) -> FeatureProbabilities:
+    """Which feature it is, and with which probability."""
+    message = FeatureProbabilities(header=_header(stamp_ns, frame))
+    message.names = list(identification.probabilities)
+    message.probabilities = array("d", identification.probabilities.values())
+    message.most_probable = identification.most_probable
     return message
 
 

@@ -13,6 +13,7 @@ from tactile_localizer.core.pairing import Pair, Pairing
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
+from tactile_localizer.nodes.feature_localizer import FeatureLocalizer
 
 _TIMES_KEPT = 4096
 
@@ -42,7 +43,7 @@ class Tracker:
 
     Parameters
     ----------
-    localizer : what is fed
+    localizer : what is fed; one of several scans tells which of their features it is
     max_gap_s : longest time between the two poses around a strain vector, s
     patience_s : time, by stamps, that a strain vector waits for its pose, s
 
@@ -54,7 +55,7 @@ class Tracker:
     update_times_ns : how long the last weighed updates took
     """
 
-    def __init__(self, localizer: Localizer, max_gap_s: float, patience_s: float) -> None:
+    def __init__(self, localizer: Localizer | FeatureLocalizer, max_gap_s: float, patience_s: float) -> None:
         self.localizer = localizer
         self.latest: Estimate | None = None
         self.trouble = ""

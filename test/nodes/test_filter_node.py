@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.sweeps import MEASUREMENT, START_NS, SlidingHand, scene_of, stamp_of, unseen_sweep, write_scan
 
-from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.assembly import build_identifier, build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
@@ -351,6 +351,53 @@ def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan
     node.slide(5)
     assert node.fresh()[-1].travel < 0.005, "the belief began anew"
     probe.until(lambda: node.told("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map")
+
+
+@pytest.fixture(scope="module")
+def three_scans(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("features")
+    for feature in ("bump", "snap", "grommet"):
+        write_scan(folder / f"{feature}.db", feature)
+    return [folder / f"{feature}.db" for feature in ("bump", "snap", "grommet")]
+
+
+def test_of_several_scans_it_tells_which_feature_is_felt_as_the_identifier_without_ros(
+    node_process, probe, three_scans
+):
+    from tactile_localizer.msg import FeatureProbabilities
+
+    told = probe.listen(FeatureProbabilities, "filter/feature", 1000)
+    process = node_process("filter_node", {"candidate_scan_files": three_scans, **CELL})
+    node = Filter(process, probe, SlidingHand(probe, unseen_sweep("snap")))
+    node.slide(150)
+    probe.until(lambda: told and stamp_of(told[-1]) == stamp_of(node.fresh()[-1]), "its probabilities")
+    candidates = {}
+    for path in three_scans:
+        with ScanStore.open(path) as store:
+            candidates[store.scene.name] = store.load(), store.scene
+    identifier = build_identifier(candidates, Configuration(**CELL), np.random.default_rng(0))
+    hand = node.hand
+    positions = hand.positions()
+    for message, posterior in zip(told, node.fresh(), strict=True):
+        k = hand.sample_of(message)
+        stamp_ns = hand.offset_ns + int(hand.strain_ns[k])
+        expected = identifier.update(stamp_ns, positions[k], hand.sweep.strain[k])
+        assert list(message.names) == list(expected.probabilities)
+        np.testing.assert_allclose(message.probabilities, list(expected.probabilities.values()), atol=1e-6)
+        assert message.most_probable == expected.most_probable
+        if expected.most_probable == "none of them":
+            assert not posterior.converged
+        else:
+            believed = expected.estimates[expected.most_probable]
+            np.testing.assert_allclose(posterior.mean, believed.mean, atol=1e-9)
+    assert process.stop() == 0
+
+
+def test_scans_of_one_name_cannot_be_told_apart(node_process, scan_file):
+    process = node_process("filter_node", {"candidate_scan_files": [scan_file, scan_file], **CELL})
+    assert process.wait() == 2
+    assert "candidate_scan_files: expected scenes of different names, got bump, bump" in process.output
+    assert len(process.lines) == 1
 
 
 def test_without_a_directory_no_scan_can_be_loaded(start, probe, scan_file):
