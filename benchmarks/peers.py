@@ -38,9 +38,13 @@ def environment() -> Path:
     want = hashlib.sha256(REQUIREMENTS.read_bytes()).hexdigest()
     if not (stamp.exists() and stamp.read_text() == want):
         print(f"making {ENVIRONMENT.name} with the packages to compare with (a minute or two)", flush=True)
-        subprocess.run([sys.executable, "-m", "venv", "--clear", ENVIRONMENT], check=True)
         pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        subprocess.run([*pip, "-r", REQUIREMENTS, "scipy>=1.11", "pyyaml"], check=True)
+        for command in (
+            [sys.executable, "-m", "venv", "--clear", ENVIRONMENT],
+            [*pip, "-r", REQUIREMENTS, "scipy>=1.11", "pyyaml"],
+        ):
+            if subprocess.run(command).returncode != 0:
+                sys.exit(f"{ENVIRONMENT.name}: could not be made; benchmarks/peers.py needs PyPI once")
         stamp.write_text(want)
     return python
 

@@ -55,7 +55,13 @@ def _machine() -> dict[str, Any]:
         if line.startswith("model name"):
             model = line.partition(":")[2].strip()
             break
-    return {"cpu": model, "cores": os.cpu_count(), "system": platform.system(), "kernel": platform.release()}
+    return {
+        "cpu": model,
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1),  # of the last minute: processes that wanted a core
+        "system": platform.system(),
+        "kernel": platform.release(),
+    }
 
 
 def _versions() -> dict[str, str]:
@@ -73,12 +79,13 @@ _DETAILS = {"p99_us": "p99", "peak_mb": "MB", "ratio_to_floor": "floors", "tv_to
 
 def _print(rows: Sequence[dict[str, Any]]) -> None:
     details = {key: head for key, head in _DETAILS.items() if any(key in one for one in rows)}
-    table = Table("measurement", "value", *details.values(), "asked for", "met")
-    table.columns[0].no_wrap = True
+    table = Table()
+    for head in ("measurement", "value", *details.values(), "asked for", "met"):
+        table.add_column(head, no_wrap=True)
     for one in rows:
         met = {True: "yes", False: "NO"}.get(one.get("met"), "")
         more = [f"{one[key]:.3g}" if one.get(key) is not None else "" for key in details]
         table.add_row(one["name"], f"{one['value']:.4g} {one['unit']}", *more, one.get("limit", ""), met)
     console = Console()
-    console.width = max(console.width, 120)  # also where the output is a file
+    console.width = max(console.width, 140)  # also where the output is a file
     console.print(table)
