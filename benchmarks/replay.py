@@ -6,6 +6,10 @@ Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/replay.py [-
 from __future__ import annotations
 
 import argparse
+import os
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 import tempfile
 import time
 from dataclasses import replace

@@ -37,6 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     130; a reader of standard output that has gone away ends the command quietly.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    # Matrices are small: threads of BLAS would only wait for each other, ten times longer on a busy machine.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     try:
         args = _parser(arguments).parse_args(arguments, argparse.Namespace(command_line=arguments))
         status: int = args.run(args)
