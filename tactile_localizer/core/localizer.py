@@ -10,7 +10,7 @@ import numpy as np
 from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.estimate import Belief
-from tactile_localizer.core.measurement import checked
+from tactile_localizer.core.measurement import checked, usable
 from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.phalanx_health import PhalanxHealth
@@ -140,7 +140,7 @@ class Localizer:
             A position or strain that is not finite or not of the expected shape; the belief is untouched.
         """
         position = np.array(position, dtype=np.float64)
-        if position.shape != (self.scene.dimension,) or not np.isfinite(position).all():
+        if position.shape != (self.scene.dimension,) or not usable(position):
             raise MeasurementError(
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"
             )
@@ -182,7 +182,7 @@ class Localizer:
         self._weight = min(1.0, counted / self._correlation_length)
         featureless = self._null.featureless(strain, used)
         self._log_marginal = self.filter.update(strain, used, self._weight, featureless)
-        self._log_null = self._null.log_density(strain, used)
+        self._log_null = max(featureless, self._null.unknown(strain, used))
         self._belief = self.filter.belief()
         log_ratio = self._log_marginal - self._log_null
         self._convergence.update(self._belief, log_ratio, travel)

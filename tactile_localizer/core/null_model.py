@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.fit import HeldOutFit
 from tactile_localizer.core.normal import Normal
+from tactile_localizer.core.weights import normalize
 from tactile_localizer.scene import GAUGES
 
 _LOG_2 = math.log(2.0)
@@ -64,25 +64,28 @@ class NullModel:
         ridge = np.diag(
             _RIDGE * (np.diag(within) + np.diag(between)) + (1e-6 * np.abs(strain).max(axis=0)) ** 2 + 1e-24
         )
+        self._marginals: dict[bytes, tuple[Normal, Normal, np.ndarray, np.ndarray]] = {}
         self._known = Normal(np.zeros(strain.shape[1]), within + ridge)
         # The mean of a new sweep is as uncertain as those of the known ones differ, and a little more.
         self._new = Normal(self._centre, within + between * (1.0 + 1.0 / len(numbers)) + ridge)
 
     def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material."""
-        columns = np.repeat(present, GAUGES)
-        if not present.all():
-            known, new = self._known.marginal(columns), self._new.marginal(columns)
-            strain = strain[columns]
-        else:
-            known, new = self._known, self._new
+        key = present.tobytes()
+        if key not in self._marginals:
+            columns = np.repeat(present, GAUGES)
+            known, new = (normal.marginal(columns) for normal in (self._known, self._new))
+            self._marginals[key] = known, new, self._means[:, columns], columns
+        known, new, means, columns = self._marginals[key]
+        strain = strain[columns]
         # The known sweeps share one covariance: their densities are that of the deviation from each mean.
-        of_known = known.log_density(strain - self._means[:, columns])
-        return float(
-            np.logaddexp(logsumexp(of_known) - math.log(len(of_known)), new.log_density(strain)) - _LOG_2
-        )
+        of_known = normalize(known.log_density(strain - means))[1] - math.log(len(means))
+        return float(np.logaddexp(of_known, new.log_density(strain)) - _LOG_2)
+
+    def unknown(self, strain: np.ndarray, present: np.ndarray) -> float:
+        """Log-density of a strain on material that was never scanned."""
+        return max(self._unknown.of(present), self._background.log_density(strain, present))
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain by the better of the two explanations."""
-        unknown = max(self._unknown.of(present), self._background.log_density(strain, present))
-        return max(self.featureless(strain, present), unknown)
+        return max(self.featureless(strain, present), self.unknown(strain, present))

@@ -77,9 +77,11 @@ class PhalanxHealth:
         self, states: np.ndarray, on_feature: np.ndarray, strain: np.ndarray, alone: np.ndarray
     ) -> float:
         """How much better the believed places explain one phalanx's strain than the null does, nats."""
-        expected = np.where(on_feature, -np.inf, self._null.featureless(strain, alone))
+        featureless = self._null.featureless(strain, alone)
+        expected = np.where(on_feature, -np.inf, featureless)
         by_belief = np.maximum(self._model.log_likelihood(states, strain, alone), expected)
-        return normalize(by_belief)[1] - math.log(len(states)) - self._null.log_density(strain, alone)
+        by_null = max(featureless, self._null.unknown(strain, alone))
+        return normalize(by_belief)[1] - math.log(len(states)) - by_null
 
     def _decide(self) -> None:
         """Leave out the worst phalanx that contradicts, if another one does not; take back those that are
