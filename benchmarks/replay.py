@@ -12,7 +12,6 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ from tactile_localizer.io.bag_writer import BagWriter
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
-from tactile_localizer.scene import Scene
 from tactile_localizer.sim import simulate_scan
 
 RATE_HZ = 200.0
@@ -66,17 +64,10 @@ def write_bag(path: Path, minutes: float) -> int:
     return wanted
 
 
-def scene_of_bump() -> Scene:
-    """The shipped scene with parameters, so that choosing them does not count."""
-    scene = load_scene(resource_path("config/scenes/bump.yaml"))
-    return replace(
-        scene, measurement={"position_std": 0.0012, "strain_std": 0.04, "correlation_length": 0.003}
-    )
-
-
 def measure(minutes: float) -> list[dict[str, Any]]:
     """Read and replay the bag, in processor time."""
-    scene, scan = scene_of_bump(), simulate_scan("bump", 1).to_scan()
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    scan = simulate_scan("bump", 1).to_scan()
     with tempfile.TemporaryDirectory() as folder:
         strains = write_bag(Path(folder) / "bag", minutes)
         begun_s = time.process_time()

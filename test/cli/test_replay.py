@@ -134,6 +134,7 @@ def test_a_recording_without_truth_is_localised_and_says_so(folder: Path, capsys
             "expected a sweep of at least 7000.0 mm to start in",
         ),
         ("scene.yaml --scan scan.db", "scene.yaml: expected a column 'stamp_s'"),
+        ("empty.mcap test.csv --scan scan.db", "test.csv: expected only bags beside a bag"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused_in_one_line(

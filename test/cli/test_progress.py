@@ -1,0 +1,60 @@
+"""Progress is a bar on a terminal and a line now and then elsewhere, always apart from the output."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from tactile_localizer.cli import progress
+
+PROGRAM = """
+from tactile_localizer.cli.progress import progress_bars
+with progress_bars() as show:
+    for share in (0.0, 0.5, 1.0):
+        show("sorting", share)
+print("done")
+"""
+
+
+def test_what_is_soon_done_is_not_worth_a_line(capsys: pytest.CaptureFixture) -> None:
+    with progress.progress_bars() as show:
+        show("sorting", 0.5)
+        show("sorting", 1.0)
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == ""
+
+
+def test_what_takes_long_is_told_in_plain_lines(
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = iter([0.0, 4.0, 11.0, 12.0, 22.0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(now))
+    with progress.progress_bars() as show:
+        for share in (0.1, 0.2, 0.5, 0.6, 0.9):
+            show("sorting", share)
+    assert capsys.readouterr().err == "sorting: 50%\nsorting: 90%\n"
+
+
+def test_a_terminal_gets_a_bar_that_goes_away() -> None:
+    control, terminal = pty.openpty()
+    try:
+        environment = os.environ | {"TERM": "xterm", "PYTHONPATH": os.pathsep.join(sys.path)}
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            stdout=subprocess.PIPE,
+            stderr=terminal,
+            env=environment,
+            check=True,
+        )
+        shown = os.read(control, 65536).decode()
+    finally:
+        os.close(control)
+        os.close(terminal)
+    assert done.stdout == b"done\n"
+    assert "sorting" in shown
+    assert "━" in shown
