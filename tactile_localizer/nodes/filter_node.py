@@ -76,7 +76,7 @@ class FilterNode(ManagedNode):
         self._begin()
         self._hear(StrainVectors, "strain", self._on_strain, _BEST_EFFORT)
         self._hear(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100))
-        self._hear(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=1))
+        self._hear(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10))
         for kind, name, answer in (
             (Empty, "~/reinitialize_global_localization", self._on_reinitialize),
             (LoadScan, "~/load_scan", self._on_load_scan),

@@ -76,6 +76,11 @@ class ManagedNode(LifecycleNode):
         self.deactivate()
         self.cleanup()
 
+    def destroy_node(self) -> None:
+        """Leave the graph at once, with the lifecycle services, which rclpy's state machine would keep."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive, or refuse."""
         self._is_configured = True

@@ -298,27 +298,18 @@ def test_the_belief_can_be_seeded_with_a_pose(start, probe):
     assert node.fresh()[-1].covariance_trace < 1e-5
 
 
-@pytest.mark.parametrize(
-    ("pose", "reason"),
-    [
-        ((0.01, 0.04, 1e-6, "map"), "frame 'map': expected 'material' or 'base'"),
-        ((0.2, 0.04, 1e-6), "expected a place in"),
-        ((np.nan, 0.04, 1e-6), "expected finite x, y"),
-        ((0.01, 0.04, -1.0), "expected variances of at least 0"),
-        ((0.01, 0.04, np.nan), "expected variances of at least 0"),
-    ],
-    ids=["frame", "out of bounds", "NaN", "negative variance", "NaN variance"],
-)
-def test_a_seed_that_cannot_be_used_is_refused_and_the_belief_goes_on(start, probe, pose, reason):
+def test_seeds_that_cannot_be_used_are_refused_and_the_belief_goes_on(start, probe):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     node = start()
     node.slide(50)
+    publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
+    publisher.publish(initial_pose(0.01, 0.04, 1e-6, "map"))
+    node.process.wait_for_line("initial_pose: palm pose frame 'map': expected 'material' or 'base'")
+    for pose in ((0.2, 0.04, 1e-6), (np.nan, 0.04, 1e-6), (0.01, 0.04, -1.0), (0.01, 0.04, np.nan)):
+        publisher.publish(initial_pose(*pose))
+    probe.until(lambda: node.told("inputs")[2].get("unread_initial_pose") == "5", "the refusals")
     travel = node.fresh()[-1].travel
-    publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose")
-    publisher.publish(initial_pose(*pose))
-    node.process.wait_for_line("initial_pose: ")
-    assert reason in node.process.output
     node.slide(5)
     assert node.fresh()[-1].travel > travel
 
@@ -458,27 +449,21 @@ def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe
     assert node.fresh()[-1].reason.endswith("of 42.0 nats")
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "reason"),
-    [
-        (
-            "particles",
-            10,
-            "particles: expected to be set before the node is configured, and it is configured",
-        ),
-        ("model", "gaussian", "model: expected to be set before the node is configured"),
-        ("scan_file", "/other.db", "scan_file: expected to be set before the node is configured"),
+def test_what_may_not_change_while_it_runs_is_refused_with_the_reason(start, probe):
+    node = start()
+    node.slide(5)
+    before = "expected to be set before the node is configured, and it is configured"
+    for name, value, reason in (
+        ("particles", 10, f"particles: {before}"),
+        ("model", "gaussian", f"model: {before}"),
+        ("scan_file", "/other.db", f"scan_file: {before}"),
         ("convergence_std", -1.0, "convergence_std"),
         ("stale_timeout_s", 1e6, "stale_timeout_s"),
         ("stale_timeout_s", "long", "Wrong parameter type"),
-    ],
-)
-def test_what_may_not_change_while_it_runs_is_refused_with_the_reason(start, probe, name, value, reason):
-    node = start()
-    node.slide(5)
-    answer = set_parameter(probe, name, value)
-    assert not answer.successful
-    assert reason in answer.reason
+    ):
+        answer = set_parameter(probe, name, value)
+        assert not answer.successful
+        assert reason in answer.reason
     node.slide(5)
     assert not node.fresh()[-1].stale
 
@@ -574,14 +559,25 @@ BAD = [
 
 
 @pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__)
-def test_a_configuration_that_cannot_work_ends_the_node_with_one_line(
-    node_process, scan_file, tmp_path, spoil
-):
+def test_a_configuration_that_cannot_work_is_refused_with_one_line(scan_file, tmp_path, capfd, spoil):
+    from tactile_localizer.nodes.filter_node import FilterNode
+    from tactile_localizer.nodes.lifecycle import run
+
     parameters, message = spoil(tmp_path)
-    process = node_process("filter_node", {"scan_file": scan_file, **CELL, **parameters})
+    arguments = ["--ros-args", "--disable-rosout-logs"]
+    for name, value in {"scan_file": scan_file, **CELL, **parameters}.items():
+        arguments += ["-p", f"{name}:={value}"]
+    assert run(FilterNode, arguments) == 2
+    printed = "".join(capfd.readouterr())
+    assert message in printed
+    assert "Traceback" not in printed
+    assert len(printed.splitlines()) == 1
+
+
+def test_the_process_ends_when_its_configuration_is_refused(node_process, tmp_path):
+    process = node_process("filter_node", {"scan_file": tmp_path / "none.db"})
     assert process.wait() == 2
-    assert message in process.output
-    assert "Traceback" not in process.output
+    assert "none.db: expected a scan file, found none" in process.output
     assert len(process.lines) == 1
 
 

@@ -161,3 +161,17 @@ def test_an_active_node_survives_that_its_context_goes_away(make):
     node.close()
     node.destroy_node()
     assert threading.active_count() <= before
+
+
+def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
+    node = make()
+    name = node.get_name()
+
+    def services():
+        found = probe.node.get_service_names_and_types()
+        return [service for service, _ in found if service.startswith(f"/{name}/")]
+
+    probe.until(lambda: f"/{name}/change_state" in services(), "its services")
+    node.close()
+    node.destroy_node()
+    probe.until(lambda: not services(), "its services to be gone, while it is still referred to")
