@@ -33,7 +33,8 @@ from tactile_localizer.scene import GAUGES
 REACH = 8
 """Cycles over which a counter tells which cycle a frame belongs to; later frames are taken as they come."""
 BEHIND = 2
-"""Samples that a frame may be behind the newest of its load cell to count as out of order."""
+"""Samples that a frame may be behind the newest of its load cell, or cycles behind the open one, to count as out
+of order; further behind it is rather of a cycle after many that were lost."""
 
 
 class _LoadCell:
@@ -160,7 +161,7 @@ class CycleAssembler:
     def _begin_sample(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
         """Begin a load cell's next sample, closing and opening cycles as needed; or say why there is none."""
         if cell.span == 0 or cell.counter is None:
-            self._join(cell, 0, stamp_ns)
+            self._join(cell, 0, stamp_ns, stranger=cell.span > 0)
             cell.sequence = _next(cell.sequence, counter, cell.span) if cell.span else self._cycle
         else:
             step = (counter - cell.counter) % cell.span or cell.span  # samples since the newest one
@@ -172,24 +173,29 @@ class CycleAssembler:
             in_open = cell.have and cell.cycle == self._cycle
             expected = self._cycle + (in_open or not self._open) - cell.cycle
             ahead = _nearest(step - expected, cell.span)  # cycles that it is beyond the open, or next, one
-            trusted = -cell.reach < ahead < cell.reach > expected  # else it is taken as it comes
+            trusted = -cell.behind <= ahead < cell.reach > expected  # else it is taken as it comes
             if trusted and ahead < 0:
                 return FrameKind.OUT_OF_ORDER
             self._count_lost(cell, step, expected + ahead)
-            self._join(cell, ahead if trusted else 0, stamp_ns)
+            self._join(cell, ahead if trusted else 0, stamp_ns, stranger=not trusted)
         cell.counter = counter
         cell.cycle = self._cycle
         cell.have = cell.flags = 0
         return FrameKind.DATA
 
-    def _join(self, cell: _LoadCell, ahead: int, stamp_ns: int) -> None:
-        """Make the cycle of a load cell's sample the open one: ``ahead`` of the open, or else next, one."""
+    def _join(self, cell: _LoadCell, ahead: int, stamp_ns: int, *, stranger: bool) -> None:
+        """Make the cycle of a load cell's sample the open one: ``ahead`` of the open, or else next, one.
+
+        A ``stranger`` was in no cycle lately, so that its counter does not tell which one it is of.
+        """
         if self._open and cell.have and cell.cycle == self._cycle:
             self._close()
         if self._open and ahead > 0:
             self._close()
             ahead -= 1
         pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
+        if self._open and stranger and not self._phase.admits(pause_ns):
+            self._close()
         if self._open and not self._phase.joins(pause_ns):
             self._close()
             self._forget_counters()

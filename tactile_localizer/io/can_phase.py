@@ -5,8 +5,9 @@ from __future__ import annotations
 SURE = 3
 """Right cycles in a row after which it is sure where a cycle begins."""
 
-DOUBT = 20
-"""Wrong cycles in a row after which it no longer is: frames are late at times, and in a row of cycles too."""
+TRUST = 20
+"""Most that right cycles can add up to against wrong ones: frames are late at times, and in a row of cycles
+too."""
 
 
 class CyclePhase:
@@ -15,7 +16,7 @@ class CyclePhase:
     Load cells send together, and then pause. A driver that begins to listen in the midst of a cycle would
     take the last samples of one and the first of the next for one. So the pause before a cycle's first
     frame is compared with the pauses within it: where one of these is more than twice as long, the cycle is
-    cut in the wrong place.
+    cut in the wrong place. Once it is sure where a cycle begins, right cycles outweigh as many wrong ones.
     """
 
     def __init__(self) -> None:
@@ -26,7 +27,7 @@ class CyclePhase:
         self.sure = False
         self._pause_ns = 0
         self._right = False  # whether the present cycle looks right
-        self._in_a_row = 0  # cycles that looked right, or wrong once it is sure
+        self._balance = 0  # cycles that looked right: in a row, or less wrong ones once it is sure
 
     def begin(self, pause_ns: int) -> None:
         """A cycle begins ``pause_ns`` after the frame before it; less than 0: the clock was set back."""
@@ -38,13 +39,19 @@ class CyclePhase:
         if pause_ns <= 2 * self._pause_ns:
             return True
         self._right = False
-        if self.sure and self._in_a_row < DOUBT:
+        if self.sure and self._balance > 0:
             return True
         self.forget()
         return False
 
+    def admits(self, pause_ns: int) -> bool:
+        """The same of a load cell that was in no cycle lately: at once, after a pause as before a cycle, not."""
+        return not self.sure or 2 * pause_ns <= self._pause_ns
+
     def end(self) -> None:
         """The present cycle is over."""
-        self._in_a_row = self._in_a_row + 1 if self._right != self.sure else 0
-        if not self.sure and self._in_a_row == SURE:
-            self.sure, self._in_a_row = True, 0
+        if self.sure:
+            self._balance = min(self._balance + 1, TRUST) if self._right else max(self._balance - 1, 0)
+        else:
+            self._balance = self._balance + 1 if self._right else 0
+            self.sure = self._balance >= SURE

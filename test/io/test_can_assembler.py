@@ -132,6 +132,22 @@ def test_a_silent_phalanx_is_missing_until_it_is_back() -> None:
     assert made[-1].sequence.tolist() == [299, 299]  # though the counter went round six times meanwhile
 
 
+@pytest.mark.parametrize("phalanx", [0, 1])
+@pytest.mark.parametrize("wait_s", [WAIT_S, 0.03])  # within the period, and six periods long
+def test_a_phalanx_that_is_back_is_not_put_into_the_cycle_before(phalanx: int, wait_s: float) -> None:
+    assembler = CycleAssembler(HAND, wait_s)
+    made: list[Cycle] = []
+    for n in range(300):
+        frames = spread(n)
+        if 100 <= n < 203:
+            del frames[2 * phalanx : 2 * phalanx + 2]
+        made += feed(assembler, frames)
+    assert len(made) >= 297
+    assert sum(MISSING in one.status for one in made) <= 104
+    for one in made:
+        assert_of_one_sample(one)
+
+
 def test_a_load_cell_that_starts_anew_is_taken_as_it_comes() -> None:
     fd = protocol(dbc="loadcells_fd.dbc")
     assembler = CycleAssembler(fd, WAIT_S)
@@ -145,12 +161,15 @@ def test_a_load_cell_that_starts_anew_is_taken_as_it_comes() -> None:
     assert assembler.counts.frames[FrameKind.OUT_OF_ORDER] == 0
 
 
-def test_whole_cycles_lost_are_counted_by_the_counter() -> None:
+@pytest.mark.parametrize("lost", [1, 5, 8, 9, 12, 13])
+def test_whole_cycles_lost_are_counted_by_the_counter(lost: int) -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
-    made = feed(assembler, [frame for n in (0, 1, 2, 8, 9) for frame in cycle(HAND, n)])
-    assert [one.sequence.tolist() for one in made] == [[n, n] for n in (0, 1, 2, 8, 9)]
+    numbers = [0, 1, 2, 3 + lost, 4 + lost]
+    made = feed(assembler, [frame for n in numbers for frame in cycle(HAND, n)])
+    assert [one.sequence.tolist() for one in made] == [[n, n] for n in numbers]
     assert assembler.counts.incomplete == 0
-    assert [(p.gaps, p.drops) for p in assembler.counts.phalanges] == [(5, 10)] * 2
+    assert assembler.counts.frames[FrameKind.OUT_OF_ORDER] == 0
+    assert [(p.gaps, p.drops) for p in assembler.counts.phalanges] == [(lost, 2 * lost)] * 2
 
 
 @pytest.mark.parametrize("jump_ns", [-3_600 * 10**9, -(10**9), 3_600 * 10**9])
@@ -220,6 +239,22 @@ def test_a_wrong_idea_of_where_cycles_begin_is_given_up_after_a_few() -> None:
     for one in made[-20:]:
         assert_of_one_sample(one)
         assert one.status.tolist() == [OK, OK]
+
+
+@pytest.mark.parametrize("every", [4, 10, 1000])
+def test_a_wrong_beginning_is_given_up_though_senders_pause_within_cycles_now_and_then(every: int) -> None:
+    """A busy sender pauses within the first three cycles: what is cut there must not be cut there for ever."""
+    assembler = CycleAssembler(HAND, wait_s=0.03)
+    made: list[Cycle] = []
+    for n in range(200):
+        frames = spread(n)
+        if n in (1, 2, 3) or n % every == 0:
+            for i, frame in enumerate(frames[2:]):
+                frame.timestamp += 0.0047 - 0.0001 * i
+        made += feed(assembler, frames)
+    numbers = [{number_of(p, one.strain[8 * p : 8 * p + 8]) for p in (0, 1)} for one in made]
+    assert len(made) >= 180
+    assert [len(found) for found in numbers[30:]] == [1] * len(numbers[30:])
 
 
 def test_a_frame_that_is_late_once_in_a_while_raises_no_doubt() -> None:
