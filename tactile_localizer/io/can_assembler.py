@@ -33,8 +33,8 @@ from tactile_localizer.scene import GAUGES
 REACH = 8
 """Cycles over which a counter tells which cycle a frame belongs to; later frames are taken as they come."""
 BEHIND = 2
-"""Samples that a frame may be behind the newest of its load cell, or cycles behind the open one, to count as out
-of order; further behind it is rather of a cycle after many that were lost."""
+"""Samples that a frame may be behind the newest of its load cell, or cycles behind the open one, to count as
+out of order; further behind it is rather of a cycle after many that were lost."""
 
 
 class _LoadCell:

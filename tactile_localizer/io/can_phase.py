@@ -45,7 +45,7 @@ class CyclePhase:
         return False
 
     def admits(self, pause_ns: int) -> bool:
-        """The same of a load cell that was in no cycle lately: at once, after a pause as before a cycle, not."""
+        """The same of a load cell that was in no cycle lately: not after a pause like the cycle's own."""
         return not self.sure or 2 * pause_ns <= self._pause_ns
 
     def end(self) -> None:

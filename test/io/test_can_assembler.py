@@ -243,7 +243,7 @@ def test_a_wrong_idea_of_where_cycles_begin_is_given_up_after_a_few() -> None:
 
 @pytest.mark.parametrize("every", [4, 10, 1000])
 def test_a_wrong_beginning_is_given_up_though_senders_pause_within_cycles_now_and_then(every: int) -> None:
-    """A busy sender pauses within the first three cycles: what is cut there must not be cut there for ever."""
+    """A busy sender pauses within the first three cycles: what is cut there is not cut there for ever."""
     assembler = CycleAssembler(HAND, wait_s=0.03)
     made: list[Cycle] = []
     for n in range(200):
