@@ -15,7 +15,6 @@ from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery
-from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
@@ -96,6 +95,7 @@ class Localizer:
         self._update_distance = update_distance
         self._correlation_length = correlation_length
         self._motion = MotionModel(scene)
+        self._unit = np.eye(scene.dimension)
         self._stamp_ns: int | None = None
         self._last_position: np.ndarray | None = None
         self._belief: Belief | None = None
@@ -203,16 +203,13 @@ class Localizer:
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
-        mean = belief.mean + self._pending
-        if self.scene.wraps.any():
-            mean[self.scene.wraps] = wrap_angle(mean[self.scene.wraps])
-        covariance = belief.covariance + np.diag(self._motion.variance(self._pending_travel))
+        covariance = belief.covariance + self._unit * self._motion.variance(self._pending_travel)
         convergence = self._convergence
         return Estimate(
             stamp_ns=stamp_ns,
-            mean=mean,
+            mean=self._motion.wrapped(belief.mean + self._pending),
             covariance=covariance,
-            trace=float(np.trace(covariance)),
+            trace=float(covariance.trace()),
             converged=convergence.converged,
             reason=convergence.reason,
             evidence=convergence.evidence,

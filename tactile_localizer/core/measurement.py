@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from tactile_localizer.scene import GAUGES
 _LARGEST = 1e100
 
 
+@runtime_checkable
 class MeasurementModel(Protocol):
     """P(z | x), built from a scan and a scene.
 
-    A phalanx that is not ``present`` drops out of the product over phalanges; the others go on.
+    A phalanx that is not ``present`` drops out of the product over phalanges; the others go on. A class that
+    derives from this one needs only :meth:`log_likelihood`.
     """
 
     def log_likelihood(
@@ -35,6 +37,8 @@ class MeasurementModel(Protocol):
         self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
         """The same at every combination of the coordinates of ``axes``: an array (C1, ..., Cd)."""
+        shape = tuple(len(coordinates) for coordinates in axes)
+        return self.log_likelihood(flatten_axes(axes), strain, present).reshape(shape)
 
 
 def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +58,8 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
     present = np.asarray(present, dtype=bool)
     if present.shape != (phalanges,) or not present.any():
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
-    strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+    if not present.all():
+        strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
     _require_usable(strain)
     return strain, present
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tactile_localizer.core.weights import wrap_angle
@@ -24,19 +26,24 @@ class MotionModel:
 
     def __init__(self, scene: Scene) -> None:
         self._wraps = scene.wraps
+        self._turns = bool(self._wraps.any())
         self._variance_per_metre = scene.motion_std**2
         self._lever = np.array([YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes])
 
     def displacement(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """What has to be added to ``before`` (d,) to come to ``after`` (d,); yaw along the shortest arc."""
-        step = after - before
-        if self._wraps.any():
-            step[self._wraps] = wrap_angle(step[self._wraps])
-        return step
+        return self.wrapped(after - before)
+
+    def wrapped(self, values: np.ndarray) -> np.ndarray:
+        """``values`` (d,) with those of full-turn axes in [-pi, pi)."""
+        if self._turns:
+            values[self._wraps] = wrap_angle(values[self._wraps])
+        return values
 
     def travel(self, displacement: np.ndarray) -> float:
         """Length of a displacement (d,), m; a turn counts :data:`YAW_LEVER` a radian."""
-        return float(np.sqrt(np.sum((displacement * self._lever) ** 2)))
+        levered = displacement * self._lever
+        return math.sqrt(levered @ levered)
 
     def variance(self, travel: float) -> np.ndarray:
         """Variance of the noise after ``travel`` metres, (d,)."""
