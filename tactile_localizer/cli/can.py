@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,7 @@ from tactile_localizer.errors import CanError, ParameterError
 from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can_check import CanCheck, identifier
 from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can_log import BATCH, read_log
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.resources import given_or_shipped
 
@@ -37,8 +39,8 @@ DEFAULTS: dict[str, Any] = {
 }
 """The driver's parameters of the same names, where nothing else is said; no phalanges: those of the DBC."""
 
-_BATCH = 256
 _WAIT_S = 0.1
+_PIPE_WIDTH = 120
 _RECEIVE_BUFFER = 1 << 22
 
 
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--config", type=Path, help="driver's parameters (YAML); what is given here goes first"
     )
     parser.add_argument("--interface", help="python-can interface (socketcan)")
-    parser.add_argument("--channel", help="channel of the interface (can0)")
+    parser.add_argument("--channel", help="channel of the interface (can0), or of the log (its only one)")
     parser.add_argument(
         "--option", dest="bus_options", action="append", metavar="NAME=VALUE", help="of the interface"
     )
@@ -64,7 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--phalanges", nargs="+", metavar="NAME", help="load cells (those of the DBC that send)"
     )
-    parser.add_argument("--seconds", type=float, help="how long to look (check: 5; dump: until Ctrl-C)")
+    parser.add_argument(
+        "--seconds", type=float, help="how long to look (check: 5; dump and logs: to the end)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,11 +78,12 @@ def run(args: argparse.Namespace) -> int:
         name: value for name, value in vars(args).items() if name in DEFAULTS and value is not None
     }
     protocol = _protocol(parameters)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
     if args.action == "dump":
         return _dump(console, protocol, _batches(args, parameters, protocol, args.seconds))
     check = CanCheck(protocol, parameters["cycle_timeout_s"], all_there=bool(parameters["phalanges"]))
-    for messages in _batches(args, parameters, protocol, args.seconds or 5.0):
+    seconds = 5.0 if args.seconds is None and args.log is None else args.seconds
+    for messages in _batches(args, parameters, protocol, seconds):
         check.feed(messages)
     check.finish()
     return _report(console, check)
@@ -111,9 +116,9 @@ def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:
 def _batches(
     args: argparse.Namespace, parameters: dict[str, Any], protocol: LoadCellProtocol, seconds: float | None
 ) -> Iterator[list[can.Message]]:
-    """Frames of the log, or of the bus for ``seconds``, s; ``None``: for ever."""
+    """Frames of the log or the bus, for ``seconds``, s; ``None``: all of the log, the bus for ever."""
     if args.log is not None:
-        yield from _from_log(args.log)
+        yield from read_log(args.log, args.channel, seconds)
         return
     settings = BusSettings(
         parameters["interface"],
@@ -135,24 +140,8 @@ def _waiting(bus: can.BusABC) -> list[can.Message]:
     message = bus.recv(_WAIT_S)
     while message is not None:
         messages.append(message)
-        message = bus.recv(0) if len(messages) < _BATCH else None
+        message = bus.recv(0) if len(messages) < BATCH else None
     return messages
-
-
-def _from_log(path: Path) -> Iterator[list[can.Message]]:
-    try:
-        with can.LogReader(path) as reader:
-            messages: list[can.Message] = []
-            for message in reader:
-                messages.append(message)
-                if len(messages) == _BATCH:
-                    yield messages
-                    messages = []
-            yield messages
-    except OSError as error:
-        raise CanError(f"{path}: expected a CAN log, {error.strerror}") from error
-    except Exception as error:  # each format's reader raises what it likes
-        raise CanError(f"{path}: expected a CAN log, {' '.join(str(error).split())}") from error
 
 
 def _dump(console: Console, protocol: LoadCellProtocol, batches: Iterator[list[can.Message]]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,9 @@ from cantools.database.can import Database, Message, Signal
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can_frames import EXTENDED, MAX_BYTES, wire_length
 from tactile_localizer.scene import GAUGES
+
+# cantools logs what is refused below in one line of our own.
+logging.getLogger("cantools").addHandler(logging.NullHandler())
 
 GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(GAUGES))
 """Default names of the gauge pairs' signals."""
@@ -155,8 +159,9 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
     Raises
     ------
     CanError
-        A gauge is missing, given twice or in a unit that is not of volts; a message is multiplexed or
-        longer than a frame; only some messages of a phalanx have a counter; two messages share an identifier.
+        A gauge is missing, given twice, scaled by 0 or in a unit that is not of volts; a message is
+        multiplexed or longer than a frame; only some messages of a phalanx have a counter; two messages
+        share an identifier.
     """
     rows = []
     for index, (phalanx, own) in enumerate(zip(phalanges, messages, strict=True)):
@@ -203,6 +208,8 @@ def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], cou
             raise CanError(
                 f"signal {gauge!r} of {where}: expected a unit of V, mV or uV, found {found[0].unit!r}"
             )
+        if not found[0].scale:
+            raise CanError(f"signal {gauge!r} of {where}: expected a scale other than 0, found 0")
     counters = {signal.length for signal in signals if signal.name == counter}
     having = sum(any(signal.name == counter for signal in message.signals) for message in messages)
     if having not in (0, len(messages)) or len(counters) > 1:

@@ -84,6 +84,65 @@ def test_a_dump_is_a_line_a_frame_decoded_or_raw(tmp_path: Path, capsys: pytest.
     assert lines[1].split()[1:5] == ["102", "index_a", "3", "-0.99400"]
 
 
+CANDUMP = "(1700000000.{:06}) can0 {}\n"
+"""A line as ``candump -l`` writes it; the first place is for the microseconds."""
+
+
+def candump(path: Path, lines: Iterable[str]) -> Path:
+    path.write_text("".join(CANDUMP.format(100 * i, frame) for i, frame in enumerate(lines)))
+    return path
+
+
+def frames_of(numbers: range) -> list[str]:
+    return [f"{frame.arbitration_id:03X}#{frame.data.hex().upper()}" for frame in cycles(numbers)]
+
+
+def test_error_and_remote_frames_of_every_class_are_told_of_a_candump_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    others = ["20000004#0008000000000000", "20000080#0000000000000000", "102#R8", "102#R"]
+    log = candump(tmp_path / "hand.log", frames_of(range(20)) + others)
+    assert main(["can", "check", "--log", str(log)]) == 1
+    told = capsys.readouterr().out
+    assert "wrong: error frames: 2" in told
+    assert "wrong: remote frames: 2" in told
+    assert "not in the DBC" not in told
+
+
+def test_a_log_of_two_buses_is_read_by_the_one_that_is_chosen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = candump(tmp_path / "hand.log", frames_of(range(20)))
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(line + line.replace("can0", "can1") for line in lines))
+    assert main(["can", "check", "--log", str(log)]) == 2
+    assert "expected frames of one channel, found can0 and can1" in capsys.readouterr().err
+    assert main(["can", "check", "--log", str(log), "--channel", "can1"]) == 0
+
+
+def test_a_log_is_read_for_the_time_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = write_log(tmp_path / "hand.log", cycles(range(400)))
+    assert main(["can", "check", "--log", str(log), "--seconds", "0.9975"]) == 0
+    assert capsys.readouterr().out.startswith("800 frames in 0.99 s")
+
+
+@pytest.mark.parametrize(
+    "line", ["hello", "# comment", "  can0  102   [8]  60 30 18 1C 06 8B C1 00", "(1.0) can0 102#0g", "(1.0"]
+)
+def test_a_line_that_candump_does_not_log_is_told_with_its_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str
+) -> None:
+    log = candump(tmp_path / "hand.log", frames_of(range(20)))
+    log.write_text(log.read_text() + line + "\n")
+    for action in ("check", "dump"):
+        assert main(["can", action, "--log", str(log)]) == 2
+        told = capsys.readouterr().err
+        assert (
+            told
+            == f"error: {log} line 81: expected a frame as candump -l writes it, found {line.strip()!r}\n"
+        )
+
+
 def test_a_bus_is_looked_at_for_the_time_asked_for(
     simulated_can: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
