@@ -51,7 +51,7 @@ def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PRESET",
         help=f"{', '.join(PRESETS)}, or a YAML file; what is given here goes first",
     )
-    parser.add_argument("--model", choices=MODELS, help="measurement model")
+    parser.add_argument("--model", metavar="MODEL", help=f"{', '.join(MODELS)}, or one's own as module:Class")
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter; grid: exact")
     parser.add_argument("--particles", type=int, metavar="N", help="of the particle filter")
 

@@ -20,6 +20,7 @@ from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
+from tactile_localizer.core.own_model import SEPARATOR, build_own_model
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.phalanx_health import PhalanxHealth
@@ -121,6 +122,8 @@ def build_model(
     scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
 ) -> MeasurementModel:
     """The measurement model that ``configuration`` names."""
+    if SEPARATOR in configuration.model:
+        return build_own_model(configuration.model, scan, scene, parameters)
     common: dict[str, Any] = {"evaluation": configuration.evaluation, "precision": configuration.precision}
     widths = (parameters.position_std, parameters.strain_std)
     if configuration.model == "sum_of_gaussians":

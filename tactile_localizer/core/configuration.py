@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactile_localizer.core.kernel_sum import EVALUATIONS
+from tactile_localizer.core.own_model import SEPARATOR
 from tactile_localizer.core.resampling import RESAMPLERS
 from tactile_localizer.errors import ParameterError
 
@@ -18,7 +19,6 @@ RECOVERIES = ("evidence", "constant", "none")
 PRECISIONS = ("float64", "float32")
 
 _CHOICES = {
-    "model": MODELS,
     "filter": FILTERS,
     "evaluation": EVALUATIONS,
     "precision": PRECISIONS,
@@ -33,7 +33,7 @@ class Configuration:
 
     Parameters
     ----------
-    model : measurement model, one of :data:`MODELS`
+    model : measurement model, one of :data:`MODELS`, or one's own as ``module:Class`` (:mod:`.own_model`)
     filter : ``particle``, or ``grid``, the exact recursion on cells
     particles : how many particles
     cell : largest cell of the grid filter, in position kernel widths
@@ -78,6 +78,10 @@ class Configuration:
     convergence_travel: float = 0.0005
 
     def __post_init__(self) -> None:
+        if self.model not in MODELS and SEPARATOR not in self.model:
+            raise ParameterError(
+                f"model {self.model!r}: expected one of {', '.join(MODELS)}, or module:Class"
+            )
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")

@@ -26,23 +26,23 @@ def _number(
     return Parameter(name, getattr(_DEFAULTS, name), description, unit, lower, upper, live=live)
 
 
-def _switch(name: str, description: str) -> Parameter:
+def _plain(name: str, description: str) -> Parameter:
     return Parameter(name, getattr(_DEFAULTS, name), description)
 
 
 CONFIGURATION = (
-    _choice("model", "Measurement model", MODELS),
+    _plain("model", f"Measurement model: {', '.join(MODELS)}, or one's own as module:Class"),
     _choice("filter", "Particles, or the exact recursion on the cells of a grid", FILTERS),
     _number("particles", "How many particles; the paper has 75", "", 1, 10_000_000),
     _number("cell", "Largest cell of the grid, in widths of the position kernel", "", 0.01, 10.0),
     _choice("evaluation", "How kernel sums are evaluated", EVALUATIONS),
     _choice("precision", "Of the strains in memory", PRECISIONS),
-    _switch("conditional", "Sum of Gaussians in conditional form; false: the paper's joint form"),
+    _plain("conditional", "Sum of Gaussians in conditional form; false: the paper's joint form"),
     _choice("resampling", "Resampling scheme of the particle filter", RESAMPLERS),
     _number(
         "resample_below", "Effective share of the particles below which they are resampled", "", 0.01, 1.0
     ),
-    _switch("adaptive", "Choose the number of particles by KLD sampling, up to particles"),
+    _plain("adaptive", "Choose the number of particles by KLD sampling, up to particles"),
     _choice(
         "recovery", "Spread a contradicted belief; constant: random_particles at each update", RECOVERIES
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,6 +105,10 @@ class Parameters:
                 raise ParameterError(
                     f"parameter {parameter.name}: {_reason(error, parameter.name)}"
                 ) from error
+
+    def __iter__(self) -> Iterator[Parameter]:
+        """What is declared, in its order."""
+        return iter(self._declared.values())
 
     def __getitem__(self, name: str) -> Any:
         value = self._node.get_parameter_or(name).value

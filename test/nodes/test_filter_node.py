@@ -532,7 +532,7 @@ def choices_that_do_not_go_together(tmp_path):
 
 
 def unknown_model(tmp_path):
-    return {"model": "oracle"}, "model: expected one of sum_of_gaussians"
+    return {"model": "oracle"}, "model 'oracle': expected one of sum_of_gaussians"
 
 
 def negative_particles(tmp_path):

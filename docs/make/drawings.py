@@ -1,0 +1,172 @@
+"""Draws the pictures of docs/concepts.md into docs/images, from the simulated hand. `make docs` runs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangle
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan, simulate_sweep
+
+IMAGES = Path(__file__).parents[1] / "images"
+SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
+MM = 1e3
+INDEX, MIDDLE, PALM, FEATURE = "tab:blue", "tab:orange", "0.25", "#f3d9a4"
+STRAIN = 5
+"""The strain element that is shown: one that a bump moves well."""
+
+
+def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], colour: str, style: str) -> None:
+    """An arrow between two places."""
+    axes.add_patch(FancyArrowPatch(start, end, arrowstyle=style, mutation_scale=9, color=colour, lw=1.3))
+
+
+def material(axes: Axes, region: bool = True) -> None:
+    """The square that the palm moves in, and where the fingers can touch the feature."""
+    assert SCENE.feature is not None
+    (left, bottom), (right, top) = SCENE.lower * MM, SCENE.upper * MM
+    axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, lw=1.0, ec="0.4"))
+    if region:
+        low, high = np.multiply(SCENE.feature.lower, MM), np.multiply(SCENE.feature.upper, MM)
+        axes.add_patch(Rectangle(tuple(low), *(high - low), fc=FEATURE, ec="none", zorder=0))
+    axes.set_aspect("equal")
+    axes.set_xlabel("x, mm")
+    axes.set_ylabel("y, mm")
+
+
+def frames() -> None:
+    """Palm, phalanges, material and reference frame, seen from above."""
+    figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    material(axes)
+    palm = np.array([21.0, 25.0])
+    axes.add_patch(Circle((32.0, 25.4), 5.5, fc="#e0b765", ec="#b98a2f"))
+    axes.text(32.0, 25.4, "bump", ha="center", va="center")
+    axes.text(46.8, 7.0, "feature region\n(of the phalanges)", ha="right", va="bottom", color="#8a6620")
+    for phalanx, colour in zip(SCENE.phalanges, (INDEX, MIDDLE), strict=True):
+        place = palm + np.multiply(phalanx.offset, MM)
+        axes.add_patch(
+            FancyBboxPatch(
+                place - (3, 3.2), 6, 6.4, boxstyle="round,rounding_size=2", fc="white", ec=colour, lw=1.6
+            )
+        )
+        axes.text(*place, phalanx.name, ha="center", va="center", color=colour, fontsize=7.5)
+        arrow(axes, tuple(palm), tuple(place - np.sign(place - palm) * (0, 3.4)), colour, "-|>")
+    axes.text(palm[0] - 1.0, palm[1] + 5.4, "offset", ha="right", color=INDEX)
+    axes.plot(*palm, "o", color=PALM)
+    axes.text(palm[0] + 1.2, palm[1] - 2.6, "palm", color=PALM, weight="bold")
+    arrow(axes, (0.0, 0.0), tuple(palm), PALM, "-|>")
+    axes.text(11.2, 11.6, "state", color=PALM, rotation=50, ha="center", va="center")
+    for end, name in (((9.0, 0.0), "x"), ((0.0, 9.0), "y")):
+        arrow(axes, (0.0, 0.0), end, "black", "-|>")
+        axes.text(end[0] + 1.0, end[1] + 1.0, name, weight="bold")
+    axes.text(-2.4, -4.4, "material frame", weight="bold")
+    base = np.array([-33.0, -2.0])
+    for end, name in ((base + np.array([9, 0]), "x"), (base + np.array([0, 9]), "y")):
+        arrow(axes, tuple(base), tuple(end), "black", "-|>")
+        axes.text(end[0] + 0.8, end[1] + 0.8, name, weight="bold")
+    axes.text(base[0], base[1] - 4.4, "reference frame", weight="bold", ha="center")
+    arrow(axes, tuple(base), (0.0, 0.0), "tab:green", "-|>")
+    axes.text(-14.0, -7.0, "material_pose,\nto scan with", ha="center", color="tab:green")
+    arrow(axes, tuple(base), tuple(palm), "tab:purple", "-|>")
+    axes.text(-20.0, 11.0, "palm_pose, what\nthe arm reports", ha="center", color="tab:purple")
+    axes.annotate(
+        "bounds", (50.0, 51.8), (54.5, 47.0), color="0.4", arrowprops={"arrowstyle": "-", "color": "0.4"}
+    )
+    axes.set_xlim(-47, 62)
+    axes.set_ylim(-10, 55)
+    axes.axis("off")
+    save(figure, "frames")
+
+
+def scan() -> None:
+    """A training scan: where it was felt, and one strain element along three sweeps."""
+    recorded = simulate_scan("bump", seed=1)
+    figure, (above, along) = plt.subplots(
+        1, 2, figsize=(7.6, 3.1), layout="constrained", width_ratios=(1, 1.45)
+    )
+    material(above, region=False)
+    colours = above.scatter(
+        *(recorded.odometry[::4] * MM).T,
+        c=recorded.strain[::4, STRAIN],
+        s=1.5,
+        cmap="viridis",
+        rasterized=True,
+    )
+    figure.colorbar(colours, ax=above, label="volts", shrink=0.8)
+    above.set_title(f"pairs of 21 sweeps, coloured by index {STRAIN + 1}")
+    for number in (9, 10, 11):
+        part = recorded.slices()[number]
+        label = f"y = {recorded.odometry[part, 1].mean() * MM:.1f} mm"
+        along.plot(recorded.odometry[part, 0] * MM, recorded.strain[part, STRAIN], lw=0.8, label=label)
+    along.axvspan(*(np.array([SCENE.feature.lower[0], SCENE.feature.upper[0]]) * MM), color=FEATURE, zorder=0)
+    along.set_xlabel("x, mm")
+    along.set_ylabel("volts")
+    along.set_title(f"index {STRAIN + 1} along three neighbouring sweeps")
+    along.legend(frameon=False)
+    save(figure, "scan")
+
+
+def belief() -> None:
+    """The belief along one new sweep, and what decides whether it may be believed."""
+    recorded = simulate_scan("bump", seed=1)
+    training = Scan(recorded.odometry, recorded.strain, recorded.sweep, SCENE.axis_names, SCENE.phalanx_names)
+    localizer = build_localizer(training, SCENE, Configuration(), np.random.default_rng(1))
+    sweep = simulate_sweep("bump", seed=1, number=0, start=(0.002, 0.0241))
+    estimates, pictures = [], {}
+    shown = np.searchsorted(sweep.truth[:, 0], (0.012, 0.022, 0.027, 0.042))
+    for row, (stamp, position, strain) in enumerate(
+        zip(sweep.stamp_ns, sweep.odometry, sweep.strain, strict=True)
+    ):
+        estimates.append(localizer.update(int(stamp), position, strain))
+        if row in shown:
+            pictures[row] = localizer.hypotheses()
+    figure = plt.figure(figsize=(7.6, 4.6), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1.15, 1))
+    for axes, row in zip(above.subplots(1, 4, sharey=True), shown, strict=True):
+        states, weights = pictures[row]
+        side = (len(np.unique(states[:, 0])), len(np.unique(states[:, 1])))
+        low, high = states.min(axis=0) * MM, states.max(axis=0) * MM
+        image = np.sqrt(weights.reshape(side).T)
+        axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), cmap="Blues")
+        material(axes, region=False)
+        axes.plot(*(sweep.truth[row] * MM), "+", color="tab:red", ms=9, mew=1.6)
+        axes.set_title(f"palm at x = {sweep.truth[row, 0] * MM:.0f} mm")
+        axes.label_outer()
+    x = sweep.truth[:, 0] * MM
+    spread, proof = below.subplots(1, 2)
+    spread.semilogy(x, [np.sqrt(estimate.trace / 2) * MM for estimate in estimates])
+    spread.axhline(Configuration().convergence_std * MM, color="0.5", ls="--", lw=0.8)
+    spread.set_title("standard deviation an axis, mm (dashed: narrow)")
+    proof.plot(x, [estimate.evidence for estimate in estimates])
+    proof.axhline(Configuration().convergence_evidence, color="0.5", ls="--", lw=0.8)
+    proof.set_title("evidence, nats (dashed: enough)")
+    converged = np.array([estimate.converged for estimate in estimates])
+    for axes in (spread, proof):
+        axes.fill_between(
+            x, 0, 1, where=converged, transform=axes.get_xaxis_transform(), color="tab:green", alpha=0.2
+        )
+        axes.axvline(x[sweep.contact], color=FEATURE, lw=2, zorder=0)
+        axes.set_xlabel("x of the palm, mm (line: contact; green: converged)")
+    save(figure, "belief")
+
+
+def save(figure: plt.Figure, name: str) -> None:
+    """Write a picture that is the same to the byte when nothing has changed."""
+    figure.savefig(IMAGES / f"{name}.svg", metadata={"Date": None}, dpi=200)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    plt.switch_backend("Agg")
+    plt.rcParams.update({"svg.hashsalt": "tactile_localizer", "font.size": 8.5, "axes.titlesize": 9})
+    frames()
+    scan()
+    belief()

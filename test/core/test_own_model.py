@@ -1,0 +1,81 @@
+"""A measurement model from outside the package is found by name, and what is none is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.scans import scan, scene
+
+from tactile_localizer.core.assembly import build_localizer, build_model, with_parameters
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import GAUGES
+
+OWN = """
+import numpy as np
+from tactile_localizer.core.measurement import MeasurementModel
+
+class Slope(MeasurementModel):
+    def __init__(self, scan, scene, parameters):
+        self.made_of = scan, scene, parameters
+
+    def log_likelihood(self, states, strain, present=None):
+        return -((states[:, 0] - 0.01) / 0.002) ** 2 - ((states[:, 1] - 0.03) / 0.002) ** 2
+
+def nothing(scan, scene, parameters):
+    return "no model"
+"""
+SCENE = scene()
+SCAN = scan(np.random.default_rng(1), SCENE)
+PARAMETERS = ModelParameters(0.002, 0.03, 0.002)
+
+
+@pytest.fixture(autouse=True)
+def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "slopes_of_ones_own.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def model(name: str) -> MeasurementModel:
+    return build_model(SCAN, SCENE, Configuration(model=name), PARAMETERS)
+
+
+def test_it_is_made_of_scan_scene_and_parameters() -> None:
+    made = model("slopes_of_ones_own:Slope")
+    assert made.made_of == (SCAN, SCENE, PARAMETERS)  # type: ignore[attr-defined]
+
+
+def test_a_whole_grid_is_evaluated_by_its_points_where_the_model_knows_nothing_better() -> None:
+    axes = [np.linspace(0.0, 0.02, 3), np.linspace(0.02, 0.04, 5)]
+    made, strain = model("slopes_of_ones_own:Slope"), np.zeros(2 * GAUGES)
+    on_grid = made.log_likelihood_on(axes, strain)
+    assert on_grid.shape == (3, 5)
+    assert on_grid[1, 3] == made.log_likelihood(np.array([[axes[0][1], axes[1][3]]]), strain)[0]
+
+
+@pytest.mark.parametrize("kind", ["grid", "particle"])
+def test_both_filters_believe_what_it_says(kind: str) -> None:
+    configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)
+    localizer = build_localizer(
+        SCAN, with_parameters(SCENE, PARAMETERS), configuration, np.random.default_rng(1)
+    )
+    for step in range(4):
+        estimate = localizer.update(step, np.zeros(2) + 0.002 * step, np.zeros(2 * GAUGES))
+    assert estimate.mean == pytest.approx([0.01, 0.03], abs=0.003)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("no_such_module_anywhere:Model", "PYTHONPATH"),
+        ("slopes_of_ones_own:Hill", "expected Hill in .*slopes_of_ones_own.py, found none"),
+        ("slopes_of_ones_own:nothing", "expected a measurement model, got str"),
+    ],
+)
+def test_what_is_no_model_is_refused_by_name(name: str, reason: str) -> None:
+    with pytest.raises(ParameterError, match=f"model '{name}': .*{reason}"):
+        model(name)

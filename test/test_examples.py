@@ -1,0 +1,122 @@
+"""The examples do what their pages say, on copies of them, outside the source tree."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import can
+import cantools
+import numpy as np
+import pytest
+from support.waiting import wait_until
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+VOLTS = {"LC1_STRAIN": 0.1 * np.arange(1, 9), "LC2_STRAIN": -0.002 * np.arange(1, 9)}
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Callable[[str], Path]:
+    return lambda name: Path(shutil.copytree(EXAMPLES / name, tmp_path / name))
+
+
+def commands(page: Path, but: tuple[str, ...]) -> str:
+    """The command lines of a page, but for those that have one of these words in them."""
+    lines = [line.strip() for line in page.read_text().splitlines() if line.startswith("    ")]
+    return "\n".join(line for line in lines if not any(word in line for word in but))
+
+
+def follow(page: Path, more: str = "", but: tuple[str, ...] = ()) -> str:
+    """Run a page's commands beside it, the last one with ``more`` arguments, and return what they print."""
+    done = subprocess.run(
+        ["bash", "-euc", commands(page, but) + more],
+        cwd=page.parent,
+        env={"PYTHONPATH": "", **os.environ},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def summary(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text())["summary"]
+
+
+def frames() -> list[can.Message]:
+    """A sample of the load cells of ``own_dbc``, encoded by cantools and not by the package."""
+    database = cantools.database.load_file(EXAMPLES / "own_dbc/hand.dbc")
+    return [
+        can.Message(
+            arbitration_id=database.get_message_by_name(name).frame_id,
+            is_extended_id=False,
+            is_fd=True,
+            data=database.encode_message(name, {f"sg{i + 1}": 1e6 * value for i, value in enumerate(volts)}),
+        )
+        for name, volts in VOLTS.items()
+    ]
+
+
+def test_load_cells_of_ones_own_are_recognised_in_a_log(copied: Callable[[str], Path]) -> None:
+    folder = copied("own_dbc")
+    with can.Logger(folder / "frames.log") as log:
+        for number in range(50):
+            for frame in frames():
+                frame.timestamp = 1000.0 + 0.01 * number
+                log(frame)
+    command = ["tactile-localizer", "can", "check", "--config", "driver.yaml", "--log", "frames.log"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "all is well" in done.stdout
+    assert "+0.1000 to +0.8000" in done.stdout
+
+
+@pytest.mark.ros
+def test_the_driver_publishes_the_volts_of_load_cells_of_ones_own(
+    copied: Callable[[str], Path], node_process: Any, probe: Any, simulated_can: dict[str, Any]
+) -> None:
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+    from tactile_localizer.msg import StrainVectors
+
+    folder = copied("own_dbc")
+    best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+    heard = probe.listen(StrainVectors, "strain", best_effort)
+    bus = {name: simulated_can[name] for name in ("interface", "channel")}
+    bus |= {"bus_options": [f"port={simulated_can['port']}"], "cycle_timeout_s": 0.2}
+    own = {**bus, "dbc": folder / "hand.dbc", "tare_file": folder / "tare.yaml"}
+    node_process("driver_node", own, parameter_files=[folder / "driver.yaml"])
+    with can.Bus(**simulated_can, fd=True, hop_limit=0) as hand:
+
+        def send_and_hear() -> list[Any]:
+            for frame in frames():
+                hand.send(frame)
+            probe.executor.spin_once(timeout_sec=0.05)
+            return heard
+
+        wait_until(send_and_hear, "a strain vector", 30.0)
+    assert heard[-1].phalanges == ["index", "middle"]
+    np.testing.assert_allclose(heard[-1].strain, np.concatenate(list(VOLTS.values())), atol=1e-6)
+
+
+def test_a_scene_of_ones_own_is_scanned_and_localised_on(copied: Callable[[str], Path]) -> None:
+    page = copied("own_scene") / "README.md"
+    follow(page, more=" --json out.json", but=("scan plot", "tune"))
+    found = summary(page.parent / "out.json")
+    assert found["converged_sweeps"] == found["sweeps"] == 6
+    assert found["error_converged_m"]["median"] < 0.002
+
+
+def test_a_measurement_model_of_ones_own_localises(copied: Callable[[str], Path]) -> None:
+    page = copied("own_model") / "README.md"
+    printed = follow(page, more=" --json out.json")
+    assert "nearest_student:NearestStudent" in printed
+    found = summary(page.parent / "out.json")
+    assert found["error_converged_m"]["median"] < 0.004
