@@ -93,13 +93,8 @@ def scan() -> None:
         1, 2, figsize=(7.6, 3.1), layout="constrained", width_ratios=(1, 1.45)
     )
     material(above, region=False)
-    colours = above.scatter(
-        *(recorded.odometry[::4] * MM).T,
-        c=recorded.strain[::4, STRAIN],
-        s=1.5,
-        cmap="viridis",
-        rasterized=True,
-    )
+    x, y = recorded.odometry[::4].T * MM
+    colours = above.scatter(x, y, 1.5, recorded.strain[::4, STRAIN], cmap="viridis")
     figure.colorbar(colours, ax=above, label="volts", shrink=0.8)
     above.set_title(f"pairs of 21 sweeps, coloured by index {STRAIN + 1}")
     for number in (9, 10, 11):
@@ -159,14 +154,14 @@ def belief() -> None:
 
 
 def save(figure: plt.Figure, name: str) -> None:
-    """Write a picture that is the same to the byte when nothing has changed."""
-    figure.savefig(IMAGES / f"{name}.svg", metadata={"Date": None}, dpi=200)
+    """Write a picture."""
+    figure.savefig(IMAGES / f"{name}.png", dpi=130)
     plt.close(figure)
 
 
 if __name__ == "__main__":
     plt.switch_backend("Agg")
-    plt.rcParams.update({"svg.hashsalt": "tactile_localizer", "font.size": 8.5, "axes.titlesize": 9})
+    plt.rcParams.update({"font.size": 8.5, "axes.titlesize": 9})
     frames()
     scan()
     belief()
