@@ -80,7 +80,9 @@ PARAMETERS = (
         live=True,
     ),
     Parameter(
-        "tare_file", "", "Where the tare is kept; empty: tactile_localizer/tare.yaml in ROS_HOME or ~/.ros"
+        "tare_file",
+        "",
+        "Where the tare is kept; empty: tactile_localizer/NAMESPACE/tare.yaml in ROS_HOME or ~/.ros",
     ),
     Parameter("frame_id", "palm", "Frame in the header of the strain vectors"),
 )
@@ -126,11 +128,14 @@ class DriverNode(ManagedNode):
             parameters["reconnect_delay_limit_s"],
         )
         self._use_sim_time = self.get_parameter("use_sim_time").value
-        self._tare_file = _tare_path(parameters["tare_file"])
+        self._tare_file = _tare_path(parameters["tare_file"], self.get_namespace())
         self._driver = LoadCellDriver(protocol, settings, self._publish, self.get_logger().warning)
         self._driver.offset = load_tare(self._tare_file, phalanges)
         self._diagnostics = DriverDiagnostics(
-            self._driver, self.get_name(), str(bus), parameters["stale_timeout_s"]
+            self._driver,
+            self.get_fully_qualified_name().lstrip("/"),
+            str(bus),
+            parameters["stale_timeout_s"],
         )
         self._message = StrainVectors(phalanges=phalanges)
         self._message.header.frame_id = parameters["frame_id"]
@@ -246,9 +251,10 @@ class DriverNode(ManagedNode):
         return self._driver
 
 
-def _tare_path(name: str) -> Path:
-    home = Path(os.environ.get("ROS_HOME", "~/.ros"))
-    return (Path(name) if name else home / "tactile_localizer" / "tare.yaml").expanduser()
+def _tare_path(name: str, namespace: str) -> Path:
+    """Where the tare is kept; unless named, each namespace has its own: two hands have two."""
+    own = Path(os.environ.get("ROS_HOME", "~/.ros"), "tactile_localizer", namespace.lstrip("/"), "tare.yaml")
+    return (Path(name) if name else own).expanduser()
 
 
 def main() -> int:

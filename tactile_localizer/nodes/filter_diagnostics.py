@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from tactile_localizer.core.pairing import Pairing
+from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.nodes.tracker import Tracker
+
+
+@dataclass
+class Inputs:
+    """How the inputs are.
+
+    Parameters
+    ----------
+    unread : messages that could not be used at all, by topic
+    lost : strain vectors that never came
+    silent : topics on which nothing has come for a while
+    stale : why the position is stale; empty when it is not
+    """
+
+    unread: dict[str, int]
+    lost: int = 0
+    silent: Sequence[str] = ()
+    stale: str = ""
 
 
 class FilterDiagnostics:
@@ -24,17 +45,16 @@ class FilterDiagnostics:
         self._name = name
         self._lost: dict[str, int] = {}
 
-    def statuses(self, tracker: Tracker, scan_file: str, stale: str, unread: Mapping[str, int]) -> list[Any]:
+    def statuses(self, tracker: Tracker, scan_file: str, inputs: Inputs) -> list[Any]:
         """The belief, then the inputs.
 
         Parameters
         ----------
         tracker : what is told about
         scan_file : the map in use
-        stale : why the position is stale; empty when it is not
-        unread : messages that could not be used at all, by topic
+        inputs : what the tracker does not know of them
         """
-        return [self._of_belief(tracker, scan_file, stale), self._of_inputs(tracker, stale, unread)]
+        return [self._of_belief(tracker, scan_file, inputs.stale), self._of_inputs(tracker, inputs)]
 
     def _of_belief(self, tracker: Tracker, scan_file: str, stale: str) -> Any:
         estimate = tracker.latest
@@ -67,17 +87,19 @@ class FilterDiagnostics:
         message = "nothing felt yet" if estimate is None else estimate.reason
         return self._status("belief", DiagnosticStatus.OK, message, values)
 
-    def _of_inputs(self, tracker: Tracker, stale: str, unread: Mapping[str, int]) -> Any:
+    def _of_inputs(self, tracker: Tracker, inputs: Inputs) -> Any:
         counts = dataclasses.asdict(tracker.counts)
         absent = counts.pop("absent")
         pairing = tracker.pairing
         lost = {
+            "strain vectors that never came": inputs.lost,
             "strain vectors without a pose": counts["gaps"],
             "strain vectors without a phalanx that is well": counts["unusable"],
             "strain vectors that are not finite": counts["refused"],
             **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
-            **{f"messages of {topic} that cannot be used": count for topic, count in unread.items()},
+            **{f"messages of {topic} that cannot be used": count for topic, count in inputs.unread.items()},
             "messages that came late": pairing.late,
+            "times that stamps went back": pairing.resets,
         }
         new = {what: count - self._lost.get(what, 0) for what, count in lost.items()}
         told = ", ".join(f"{count} {what}" for what, count in new.items() if count > 0)
@@ -85,16 +107,17 @@ class FilterDiagnostics:
         values = {
             **counts,
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
-            **{f"unread_{topic}": count for topic, count in unread.items()},
+            **{f"unread_{topic}": count for topic, count in inputs.unread.items()},
+            "lost": inputs.lost,
             "late": pairing.late,
             "time_jumps": pairing.resets,
+            "waiting_s": f"{_waiting_s(pairing):.3f}",
             "trouble": tracker.trouble,
         }
-        if stale:
-            return self._status("inputs", DiagnosticStatus.ERROR, stale, values)
-        if told:
-            return self._status("inputs", DiagnosticStatus.WARN, told, values)
-        return self._status("inputs", DiagnosticStatus.OK, "well", values)
+        missing = inputs.stale or (f"no {' and no '.join(inputs.silent)}" if inputs.silent else "")
+        message = "; ".join(filter(None, [missing, told])) or "well"
+        level = DiagnosticStatus.WARN if missing or told else DiagnosticStatus.OK
+        return self._status("inputs", DiagnosticStatus.ERROR if inputs.stale else level, message, values)
 
     def _status(self, what: str, level: bytes, message: str, values: Mapping[str, Any]) -> Any:
         told = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
@@ -109,3 +132,10 @@ def _left_out(tracker: Tracker) -> list[str]:
         return []
     names = tracker.localizer.scene.phalanx_names
     return [name for name, trusted in zip(names, tracker.latest.trusted, strict=True) if not trusted]
+
+
+def _waiting_s(pairing: Pairing[Any]) -> float:
+    """How long, by stamps, the oldest strain vector has waited for its pose; bounded by the patience."""
+    if pairing.waiting_ns is None or pairing.newest_ns is None:
+        return 0.0
+    return (pairing.newest_ns - pairing.waiting_ns) / NANOSECONDS

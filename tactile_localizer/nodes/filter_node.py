@@ -35,7 +35,7 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
 from tactile_localizer.nodes.feature_localizer import FeatureLocalizer
-from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics
+from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics, Inputs
 from tactile_localizer.nodes.filter_outputs import FilterOutputs
 from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
@@ -139,8 +139,7 @@ class FilterNode(ManagedNode):
     def _begin(self) -> None:
         self._tracker.interrupt()
         self._tracker.reset()
-        self._stale = ""
-        self._unread = {"strain": 0, "palm_pose": 0, "initial_pose": 0}
+        self._inputs = Inputs({"strain": 0, "palm_pose": 0, "initial_pose": 0})
         now_ns = self.get_clock().now().nanoseconds
         self._heard_ns = {"strain": now_ns, "palm_pose": now_ns}
         self._estimated_ns = now_ns
@@ -221,31 +220,33 @@ class FilterNode(ManagedNode):
         self._arrived.clear()
         age_s = max((now_ns - self._estimated_ns) / NANOSECONDS, self._tracker.age_s)
         silent = [t for t, heard_ns in self._heard_ns.items() if now_ns - heard_ns > timeout_s * NANOSECONDS]
-        was_stale, self._stale = bool(self._stale), ""
+        was_stale, stale = bool(self._inputs.stale), ""
         if self._tracker.latest is not None and age_s > timeout_s:
             why = f"no {' and no '.join(silent or [self._tracker.behind])}"
             if self._tracker.trouble and not silent:
                 why = self._tracker.trouble
-            self._stale = f"{why}, nothing new for {age_s:.1f} s"
-        if bool(self._stale) != was_stale:
-            self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")
-        if self._stale and not was_stale:
+            stale = f"{why}, nothing new for {age_s:.1f} s"
+        self._inputs.stale, self._inputs.silent = stale, silent
+        if bool(stale) != was_stale:
+            self.get_logger().warning(f"stale: {stale}" if stale else "no longer stale")
+        if stale and not was_stale:
             self._repeat_as_stale()
 
     def _repeat_as_stale(self) -> None:
         if self._tracker.latest is not None:
-            self._outputs.publish(self._tracker.latest, self._tracker.localizer, self._stale)
+            self._outputs.publish(self._tracker.latest, self._tracker.localizer, self._inputs.stale)
 
     def _on_diagnostics_due(self) -> None:
-        if self._stale:
+        if self._inputs.stale:
             self._repeat_as_stale()
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
-        message.status = self._diagnostics.statuses(self._tracker, self._scan_file, self._stale, self._unread)
+        self._inputs.lost = self._reader.lost
+        message.status = self._diagnostics.statuses(self._tracker, self._scan_file, self._inputs)
         self._health.publish(message)
 
     def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
-        self._unread[topic] += 1
+        self._inputs.unread[topic] += 1
         self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=1.0)
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:

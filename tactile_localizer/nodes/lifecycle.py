@@ -50,7 +50,11 @@ class ManagedNode(LifecycleNode):
         super().__init__(name, **kwargs)
         self._is_configured = False
         self.threads = threads
-        self.parameters = Parameters(self, (*_OWN_PARAMETERS, *declared), lambda: self._is_configured)
+        try:
+            self.parameters = Parameters(self, (*_OWN_PARAMETERS, *declared), lambda: self._is_configured)
+        except TactileLocalizerError:
+            self.destroy_node()  # nobody else has it
+            raise
 
     def configure(self) -> None:
         """Read the parameters and make everything that is needed."""

@@ -83,7 +83,7 @@ class MappingNode(ManagedNode):
         )
         self._status = self.create_publisher(ScanStatus, "~/status", latched)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._diagnostics = MappingDiagnostics(self.get_name())
+        self._diagnostics = MappingDiagnostics(self.get_fully_qualified_name().lstrip("/"))
         self._map = MapPublisher(self, store.path, of["material_frame"])
         self._map.refresh()
 

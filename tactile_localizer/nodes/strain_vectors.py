@@ -8,6 +8,9 @@ from tactile_localizer.errors import MeasurementError
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.scene import GAUGES, Scene
 
+_RESTART = 1_000_000
+"""Cycles. A longer step of the load cells' counter is not a loss: they, or the driver, have started anew."""
+
 
 class StrainReader:
     """Picks a scene's phalanges out of :class:`StrainVectors` messages, which may hold others too.
@@ -15,11 +18,18 @@ class StrainReader:
     Parameters
     ----------
     scene : names the phalanges
+
+    Attributes
+    ----------
+    lost : strain vectors that never came, by the load cells' counters. DDS drops the oldest of a full queue
+        without a word, so that only this tells of a reader that is too slow
     """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._names: tuple[str, ...] | None = None
+        self._sequence: int | None = None
+        self.lost = 0
 
     def read(self, message: StrainVectors) -> tuple[np.ndarray, np.ndarray]:
         """Strain voltages (8F,), V, and status bits (F,) uint8.
@@ -31,6 +41,7 @@ class StrainReader:
         MeasurementError
             The lengths of its arrays do not fit each other.
         """
+        self._count(max(message.sequence, default=None))
         names = tuple(message.phalanges)
         if names != self._names:
             self._channels = self._scene.channels(names)
@@ -44,3 +55,8 @@ class StrainReader:
             )
         strain = np.asarray(message.strain, dtype=np.float64)[self._channels]
         return strain, np.asarray(message.status, dtype=np.uint8)[self._rows]
+
+    def _count(self, sequence: int | None) -> None:
+        if sequence is not None and self._sequence is not None and 0 < sequence - self._sequence < _RESTART:
+            self.lost += sequence - self._sequence - 1
+        self._sequence = sequence

@@ -12,6 +12,7 @@ import can
 import numpy as np
 import pytest
 from support.load_cells import cycle, number_of, protocol
+from support.processes import node_command
 
 pytestmark = pytest.mark.ros
 
@@ -288,6 +289,23 @@ def test_a_tare_is_asked_for_published_kept_and_undone(
     assert tares.call("clear_tare").success
     tares.feel(raw, "strain as it is")
     assert not Path(parameters["tare_file"]).read_text().count("index")
+
+
+def test_two_hands_tell_of_themselves_and_keep_their_tares_apart(
+    process: Callable[..., Any], parameters: dict[str, Any], probe: Any, tmp_path: Path
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from std_srvs.srv import Trigger
+
+    del parameters["tare_file"]
+    for hand in ("left", "right"):
+        process(node_command("driver_node", parameters, namespace=f"/{hand}"), {"ROS_HOME": str(tmp_path)})
+    told: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
+    wanted = {"left/driver_node: CAN bus", "right/driver_node: CAN bus"}
+    probe.until(lambda: wanted <= {status.name for array in told for status in array.status}, "both")
+    for hand in ("left", "right"):
+        answer = probe.call(Trigger, f"{hand}/driver_node/clear_tare")
+        assert answer.message.endswith(f"stored in {tmp_path}/tactile_localizer/{hand}/tare.yaml")
 
 
 @pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM])

@@ -199,6 +199,26 @@ def test_strain_that_is_not_finite_is_refused_and_counted(start, probe):
     assert node.process.running
 
 
+def test_inputs_that_never_come_are_told_of(start, probe):
+    node = start()
+    probe.until(lambda: node.told("inputs")[1] == "no strain and no palm_pose", "the missing inputs")
+    assert node.told("inputs")[0] == b"\x01"
+    assert node.posteriors == [], "no position is made up"
+    node.slide(10)
+    assert not node.posteriors[-1].stale
+
+
+def test_strain_vectors_that_never_come_are_counted(start, probe):
+    node = start()
+    node.slide(10)
+    node.hand.feel(10, sequence=[13, 13])  # the 10th to the 12th were lost on the way
+    node.hand.next += 1
+    node.slide(5, sequence=[14, 14])
+    probe.until(lambda: node.told("inputs")[2].get("lost") == "3", "what was lost")
+    told = [s.message for array in node.diagnostics for s in array.status if s.name == "filter: inputs"]
+    assert any("3 strain vectors that never came" in message for message in told)
+
+
 def test_late_poses_are_waited_for_and_make_the_same_belief(start, probe):
     node = start(stale_timeout_s=5.0)
     node.hand.slide(20, poses=False)

@@ -167,11 +167,28 @@ def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
     node = make()
     name = node.get_name()
 
-    def services():
-        found = probe.node.get_service_names_and_types()
-        return [service for service, _ in found if service.startswith(f"/{name}/")]
-
-    probe.until(lambda: f"/{name}/change_state" in services(), "its services")
+    probe.until(lambda: f"/{name}/change_state" in lifecycle_services(probe), "its services")
     node.close()
     node.destroy_node()
-    probe.until(lambda: not services(), "its services to be gone, while it is still referred to")
+    probe.until(lambda: not lifecycle_services(probe), "its services to be gone, while it is referred to")
+
+
+def test_a_node_that_cannot_be_made_leaves_nothing_in_the_graph(make, probe):
+    import rclpy
+
+    from tactile_localizer.errors import ParameterError
+
+    rclpy.shutdown()
+    rclpy.init(args=["--ros-args", "-p", "autostart:=maybe"])
+    with pytest.raises(ParameterError) as refusal:
+        make()
+    after = rclpy.create_node("after")
+    probe.until(lambda: probe.node.count_services("/after/get_parameters"), "what was made after it")
+    assert lifecycle_services(probe) == []
+    after.destroy_node()
+    assert "autostart" in str(refusal.value)
+
+
+def lifecycle_services(probe):
+    found = probe.node.get_service_names_and_types()
+    return [service for service, _ in found if service.endswith("/change_state")]
