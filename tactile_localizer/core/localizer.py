@@ -18,6 +18,10 @@ from tactile_localizer.core.recovery import Recovery
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
+WEIGHING_PERIOD_NS = 8_000_000
+"""Least time between two weighed strains, ns, by their stamps. A hand that moves fast, as between sweeps,
+passes an update distance with every strain; weighing them all would take longer than they take to come."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -60,8 +64,9 @@ class Localizer:
     """Feeds a Bayes filter by travelled distance and decides when it may be believed.
 
     The filter is given only displacements of the palm. Consecutive strains are correlated: one is weighed
-    each ``update_distance`` of travel, with its likelihood raised to the share of ``correlation_length`` that
-    was travelled. A hand at rest learns nothing new. The first strain counts as one update distance.
+    each ``update_distance`` of travel, and not more often than each :data:`WEIGHING_PERIOD_NS`, with its
+    likelihood raised to the share of ``correlation_length`` that was travelled. A hand at rest learns nothing
+    new. The first strain counts as one update distance.
 
     Parameters
     ----------
@@ -97,6 +102,7 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._unit = np.eye(scene.dimension)
         self._stamp_ns: int | None = None
+        self._weighed_ns = 0
         self._last_position: np.ndarray | None = None
         self._belief: Belief | None = None
         self._pending: np.ndarray = np.zeros(scene.dimension)
@@ -153,9 +159,13 @@ class Localizer:
         self._last_position = position
         # As the crow flies: a pose that trembles about one place does not travel.
         self._pending_travel = self._motion.travel(self._pending)
-        updated = self._belief is None or self._pending_travel >= self._update_distance
+        updated = self._belief is None or (
+            self._pending_travel >= self._update_distance
+            and stamp_ns - self._weighed_ns >= WEIGHING_PERIOD_NS
+        )
         self._weight = 0.0
         if updated:
+            self._weighed_ns = stamp_ns
             self._weigh(strain, here)
         return self._estimate(stamp_ns, updated)
 

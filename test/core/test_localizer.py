@@ -56,6 +56,20 @@ def test_it_finds_where_the_palm_is_whatever_the_arms_frame(localizer):
     assert estimate.travel == pytest.approx(39 * math.hypot(0.0006, 0.0002))
 
 
+def test_a_fast_hand_is_not_weighed_with_every_strain_but_moved_along_between(localizer):
+    """At 1 kHz and 0.5 m/s every strain is an update distance further on."""
+    estimates = []
+    for n in range(60):
+        truth = np.array([0.01, 0.02]) + n * np.array([0.0005, 0.0])
+        strain = strain_at(truth[None])[0]
+        estimates.append((truth, localizer.update(n * 1_000_000, truth + ANYWHERE, strain)))
+    weighed = [n for n, (_, estimate) in enumerate(estimates) if estimate.updated]
+    assert weighed == list(range(0, 60, 8))
+    truth, estimate = estimates[-1]
+    assert np.linalg.norm(estimate.mean - truth) < 0.002
+    assert estimate.travel == pytest.approx(59 * 0.0005)
+
+
 def test_a_hand_at_rest_learns_nothing(localizer):
     list(slide(localizer, steps=10))
     place = np.array([0.0154, 0.0218])
@@ -134,7 +148,7 @@ def test_a_silent_phalanx_drops_out_and_the_other_goes_on(localizer):
         truth = np.array([0.010 + 0.0005 * n, 0.020])
         strain = strain_at(truth[None])[0]
         strain[:8] = np.nan
-        estimate = localizer.update(n, truth + ANYWHERE, strain, np.array([False, True]))
+        estimate = localizer.update(n * 10_000_000, truth + ANYWHERE, strain, np.array([False, True]))
     assert np.linalg.norm(estimate.mean - truth) < 0.0015
 
 
@@ -166,7 +180,7 @@ def test_the_callers_arrays_are_neither_kept_nor_changed(localizer):
     for n in range(40):
         strain = strain_at(position[None])[0]
         before = strain.copy(), position.copy()
-        estimate = localizer.update(n, position, strain)
+        estimate = localizer.update(n * 10_000_000, position, strain)
         assert (strain == before[0]).all()
         assert (position == before[1]).all()
         position += [0.0006, 0.0002]
