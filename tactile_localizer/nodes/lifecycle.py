@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -156,6 +157,9 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         node = make()
         if node.parameters["autostart"] and not node.start():
             return 2
+        # What is there now stays: looking through it again for garbage would stop the stream for 50 ms.
+        gc.collect()
+        gc.freeze()
         with _executor(node) as executor:
             executor.add_node(node)
             executor.spin()
