@@ -16,7 +16,7 @@ run := scripts/in_env
 
 .PHONY: help
 help: ## List the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-6s  %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s  %s\n", $$1, $$2}' Makefile
 
 .PHONY: venv
 venv: ## Make the environment: ROS 2 (ROS_DISTRO=jazzy or kilted, or a sourced one) and the libraries
@@ -40,6 +40,20 @@ lint: venv ## Check style and types
 .PHONY: test
 test: build lint ## Run all checks and tests; ARGS="-k name" passes arguments to pytest
 	$(run) python -m pytest $(if $(CI),--reruns 2) $(ARGS)
+
+.PHONY: coverage
+coverage: build ## Say which branches of core and io no test of theirs takes; fails below 95 %
+	$(run) python -m pytest --cov=tactile_localizer.core --cov=tactile_localizer.io --cov-branch --cov-fail-under=95 \
+		--cov-report=term-missing:skip-covered test/core test/io
+
+.PHONY: mutants
+mutants: build ## Seed known faults into copies of the core, one by one, and see that a test fails for each
+	$(run) python test/mutants.py
+
+.PHONY: docs
+docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of docs/concepts.md
+	$(run) python docs/make/parameters.py >docs/parameters.md
+	$(run) python docs/make/drawings.py
 
 .PHONY: demo
 demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap or grommet)
