@@ -1,0 +1,142 @@
+"""A scene that cannot be meant is refused with the place, and one that can survives its YAML form."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from tactile_localizer.errors import SceneError
+from tactile_localizer.io.scene_file import load_scene, save_scene, scene_from_dict, scene_to_dict
+from tactile_localizer.scene import Axis, Phalanx, Region, Scene
+
+GOOD: dict[str, Any] = {
+    "name": "strip",
+    "axes": {"x": {"bounds": [0.0, 0.1], "motion_std": 0.002}, "yaw": {"bounds": [-0.5, 0.5]}},
+    "phalanges": {"index": {"offset": {"x": 0.01}}, "thumb": None},
+    "feature": {"x": [0.02, 0.05]},
+    "measurement": {"strain_std": 0.03},
+}
+BAD: dict[str, tuple[dict[str, Any], str]] = {
+    "an unknown key": ({"axis": {}}, "scene key 'axis': expected one of name, axes"),
+    "axes in a list": ({"axes": ["x"]}, "axes: expected a mapping"),
+    "an unknown axis": ({"axes": {"z": {"bounds": [0, 1]}}}, "axis 'z': expected one of x, y, yaw"),
+    "no bounds": ({"axes": {"x": {}}}, "axis x bounds: expected \\[lower, upper\\], got None"),
+    "bounds the wrong way": (
+        {"axes": {"x": {"bounds": [1, 0]}}},
+        "axis x: expected finite bounds with lower",
+    ),
+    "bounds that are words": (
+        {"axes": {"x": {"bounds": ["here", "there"]}}},
+        "expected a number, got 'here'",
+    ),
+    "bounds that are switches": ({"axes": {"x": {"bounds": [False, True]}}}, "expected a number, got False"),
+    "more than a turn": ({"axes": {"yaw": {"bounds": [-4, 4]}}}, "axis yaw: expected at most a full turn"),
+    "a negative motion": (
+        {"axes": {"x": {"bounds": [0, 1], "motion_std": -1}}},
+        "axis x: expected motion_std >= 0",
+    ),
+    "an unknown entry of an axis": (
+        {"axes": {"x": {"bounds": [0, 1], "unit": "m"}}},
+        "axis x: expected bounds and motion_std, got 'unit'",
+    ),
+    "no axis": ({"axes": {}, "phalanges": ["index"], "feature": None}, "expected one to three axes, got 0"),
+    "no phalanx": ({"phalanges": {}}, "scene strip: expected at least one phalanx"),
+    "an offset on an axis that is not there": (
+        {"phalanges": {"index": {"offset": {"y": 0.1}}}},
+        "phalanx index offset: expected axes of x, yaw, got 'y'",
+    ),
+    "an unknown entry of a phalanx": (
+        {"phalanges": {"index": {"place": 1}}},
+        "phalanx index: expected offset, got 'place'",
+    ),
+    "an infinite offset": (
+        {"phalanges": {"index": {"offset": {"x": ".inf"}}}},
+        "phalanx index: expected 2 finite offsets",
+    ),
+    "a region on an axis that is not there": (
+        {"feature": {"y": [0, 1]}},
+        "feature: expected axes of x, yaw, got 'y'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_cannot_be_meant_is_refused_with_its_place(name: str) -> None:
+    change, reason = BAD[name]
+    with pytest.raises(SceneError, match=reason):
+        scene_from_dict(yaml.safe_load(yaml.safe_dump({**GOOD, **change}).replace("'.inf'", ".inf")))
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (None, "could not read it: No such file"),
+        (b"\xff\xfe\x00", "could not read it: not text"),
+        (b"axes: [", "expected YAML"),
+        (b"- x", "scene: expected a mapping"),
+    ],
+)
+def test_a_file_that_is_no_scene_is_named(tmp_path: Path, content: bytes | None, reason: str) -> None:
+    path = tmp_path / "scene.yaml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SceneError, match=f"{path}: .*{reason}"):
+        load_scene(path)
+
+
+def test_a_scene_survives_its_file(tmp_path: Path) -> None:
+    scene = scene_from_dict(GOOD)
+    save_scene(scene, tmp_path / "scene.yaml")
+    assert load_scene(tmp_path / "scene.yaml") == scene
+
+
+def test_phalanges_may_be_a_list_of_names_and_numbers_may_lack_their_dot() -> None:
+    content = {**GOOD, "phalanges": ["index", "middle"], "axes": {"x": {"bounds": [0, "1e-1"]}}}
+    scene = scene_from_dict(content)
+    assert scene.phalanx_names == ("index", "middle")
+    assert scene.axes[0].upper == 0.1
+    assert scene_to_dict(scene)["phalanges"]["index"] == {"offset": {"x": 0.0}}
+
+
+def test_a_region_without_a_limit_on_an_axis_contains_all_of_it() -> None:
+    region = scene_from_dict(GOOD).feature
+    assert region is not None
+    assert region.contains(np.array([[0.03, 9.0], [0.06, 0.0]])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"axes": (Axis("x", 0, 1), Axis("x", 0, 2))}, "axis 'x': expected once, found 2 times"),
+        ({"phalanges": (Phalanx("index", (0.0, 0.0)),) * 2}, "phalanx 'index': expected once"),
+        ({"phalanges": (Phalanx("index", (0.0,)),)}, "phalanx index: expected 2 finite offsets"),
+        ({"feature": Region((0.0,), (1.0,))}, "expected a feature region of 2 axes"),
+    ],
+)
+def test_a_scene_made_in_code_is_checked_too(change: dict[str, Any], reason: str) -> None:
+    made = {
+        "axes": (Axis("x", 0, 1), Axis("y", 0, 1)),
+        "phalanges": (Phalanx("index", (0.0, 0.0)),),
+        **change,
+    }
+    with pytest.raises(SceneError, match=reason):
+        Scene("made", **made)
+
+
+def test_a_phalanx_that_turns_past_half_a_turn_comes_in_on_the_other_side() -> None:
+    scene = Scene("turn", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (1.0,)),))
+    placed = scene.placed(np.array([[3.0]]), scene.phalanges[0])
+    assert placed == pytest.approx(4.0 - 2 * math.pi)
+
+
+def test_what_a_scan_does_not_have_is_named() -> None:
+    scene = scene_from_dict(GOOD)
+    with pytest.raises(SceneError, match=r"axis 'yaw' of scene 'strip': expected one of x, y"):
+        scene.columns(("x", "y"))
+    with pytest.raises(SceneError, match=r"phalanx 'thumb' of scene 'strip': expected one of index"):
+        scene.channels(("index",))
