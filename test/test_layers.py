@@ -129,3 +129,15 @@ def test_no_file_grows_past_five_hundred_lines() -> None:
         if len(path.read_text(encoding="utf-8").splitlines()) > 500
     }
     assert long == set()
+
+
+def test_no_function_needs_a_scroll() -> None:
+    long = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                assert node.end_lineno is not None
+                lines = node.end_lineno - node.lineno + 1 - len((ast.get_docstring(node) or "").splitlines())
+                if lines > 60:
+                    long.add(f"{path.relative_to(PACKAGE)}: {node.name}, {lines} lines beside its docstring")
+    assert long == set()

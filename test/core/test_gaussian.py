@@ -106,6 +106,21 @@ def test_without_shrinkage_held_out_strains_are_hundreds_of_deviations_away_and_
     assert Gaussian(made, of, 8).shrinkage.after == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.parametrize("share", [0.02, 1.0])
+def test_sweeps_that_it_has_not_seen_are_explained_better_than_by_another_shrinkage(share, monkeypatch):
+    of = scene()
+    train, test = (simulate_scan("bump", 1, kind).to_scan() for kind in ("train", "test"))
+    rows = np.linspace(0, len(test) - 1, 300).astype(int)
+
+    def explained():
+        model = Gaussian(train, of, 8)
+        return [model.log_likelihood(test.states[row][None], test.strain[row])[0] for row in rows]
+
+    chosen = np.median(explained())
+    monkeypatch.setattr("tactile_localizer.core.gaussian._SHARES", (share,))
+    assert chosen > np.median(explained()) + 0.5
+
+
 def test_strains_of_sweeps_that_it_has_not_seen_are_as_far_away_as_it_says():
     of = scene()
     train, test = (simulate_scan("bump", 1, kind).to_scan() for kind in ("train", "test"))
