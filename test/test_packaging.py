@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -72,3 +76,47 @@ def test_every_executable_script_is_installed() -> None:
     scripts = {path.name for path in (ROOT / "scripts").glob("*_node")}
     installed = set(re.findall(r"scripts/(\w+_node)", (ROOT / "CMakeLists.txt").read_text()))
     assert scripts == installed
+
+
+@pytest.mark.slow
+def test_a_wheel_made_of_the_sdist_replays_without_ros_and_without_the_source_tree(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    for name in ("tactile_localizer", "config", "msg", "requirements"):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+
+    def built(what: str, where: Path) -> Path:
+        code = f"import setuptools.build_meta as build; build.build_{what}({str(tmp_path)!r})"
+        subprocess.run([sys.executable, "-c", code], cwd=where, check=True, capture_output=True, timeout=120)
+        return next(tmp_path.glob({"sdist": "*.tar.gz", "wheel": "*.whl"}[what]))
+
+    shutil.unpack_archive(built("sdist", source), tmp_path / "unpacked")
+    wheel = built("wheel", next((tmp_path / "unpacked").iterdir()))
+    shutil.unpack_archive(wheel, tmp_path / "installed", "zip")
+
+    code = """if True:
+        import sys
+        from tactile_localizer.cli import main
+        assert main("simulate bump --test 1 -o .".split()) == 0
+        assert main("import csv train.csv --scene bump.yaml -o scan.db".split()) == 0
+        assert main("replay test.csv --scan scan.db --seed 1".split()) == 0
+        ros = [name for name in sys.modules if name.split(".")[0] in ("rclpy", "launch", "std_msgs")]
+        assert ros == [], ros
+        print(sys.modules["tactile_localizer"].__file__)
+    """
+    environment = {name: value for name, value in os.environ.items() if name != "AMENT_PREFIX_PATH"}
+    environment["PYTHONPATH"] = str(tmp_path / "installed")
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith(str(tmp_path / "installed"))
+    assert "1 of 1 sweeps converged" in done.stdout
