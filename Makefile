@@ -4,6 +4,7 @@
 
 ROS_DISTRO ?= jazzy
 FEATURE ?= bump
+MINUTES ?= 30
 export ROS_DISTRO
 
 # Recorded data for the tests that need it; they skip without.
@@ -58,6 +59,10 @@ docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of
 .PHONY: demo
 demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap or grommet)
 	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
+
+.PHONY: soak
+soak: build ## Inject faults at random into the live system (MINUTES=30), report in out/soak
+	@$(run) tactile-localizer soak --minutes $(MINUTES) --out out/soak
 
 .PHONY: bench
 bench: build ## Measure the speed of everything that benchmarks/ has, into out/bench.json

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-import yaml
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Empty, Trigger
@@ -20,7 +19,7 @@ from tactile_localizer.evaluation.live_sweep import LiveSweep, contact_of
 from tactile_localizer.io.bag_writer import BagWriter
 from tactile_localizer.live.domain import Domain, own_domain
 from tactile_localizer.live.heard import TOPICS, Heard
-from tactile_localizer.live.processes import NodeProcess, NodeProcesses
+from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.live.watcher import Watcher
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
@@ -135,7 +134,7 @@ class _Demo:
             "channel": "239.74.163.2",
             "bus_options": [f"port={domain.can_port}"],
         }
-        self._simulator = _shipped("simulator") | {
+        self._simulator = shipped("simulator") | {
             "feature": settings.feature,
             "seed": settings.seed,
             "speed": settings.speed,
@@ -147,12 +146,12 @@ class _Demo:
         self._view.phase("starting simulator, driver and mapping")
         self._nodes.start("simulator", "simulator_node", self._simulator | self._bus)
         tare = {"tare_file": str(self._settings.folder / "log" / "tare.yaml")}
-        self._nodes.start("driver", "driver_node", _shipped("driver") | self._bus | tare)
+        self._nodes.start("driver", "driver_node", shipped("driver") | self._bus | tare)
         scene = resource_path(f"config/scenes/{self._settings.feature}.yaml")
         self._mapping = self._nodes.start(
             "mapping",
             "mapping_node",
-            _shipped("mapping") | {"scan_file": str(self._scan_file), "scene_file": str(scene)},
+            shipped("mapping") | {"scan_file": str(self._scan_file), "scene_file": str(scene)},
         )
         received = self._watcher.received
         self._until(
@@ -176,7 +175,7 @@ class _Demo:
     def localize(self) -> list[LiveSweep]:
         """Localise on sweeps that begin at places which the filter is not told."""
         self._view.phase("loading the scan")
-        parameters = _shipped("filter") | {"scan_file": str(self._scan_file)}
+        parameters = shipped("filter") | {"scan_file": str(self._scan_file)}
         node = self._nodes.start("filter", "filter_node", parameters)
         self._until(lambda: self._heard.posteriors, "the filter", _LOADING_S, node)
         mode = SetParameters.Request(parameters=[Parameter("mode", value="localize").to_parameter_msg()])
@@ -250,12 +249,6 @@ class _Demo:
             note = "" if node is None else node.last_line
             self._view.show(self._heard, self._watcher.received, note)
             time.sleep(_POLL_S)
-
-
-def _shipped(name: str) -> dict[str, Any]:
-    """A node's parameters as the package ships them."""
-    text = resource_path(f"config/{name}.yaml").read_text(encoding="utf-8")
-    return dict(yaml.safe_load(text)["/**"]["ros__parameters"])
 
 
 def _fresh(folder: Path) -> Path:

@@ -9,12 +9,13 @@ import subprocess
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any
 
 import yaml
 
 from tactile_localizer.errors import LiveError
+from tactile_localizer.resources import resource_path
 
 _PATIENCE_S = 5.0
 _LAST_BYTES = 4096
@@ -30,6 +31,7 @@ class NodeProcess:
     parameters : by name
     folder : where its parameters and its log are written
     environment : variables on top of this process's own
+    remaps : from name to name
     """
 
     def __init__(
@@ -39,12 +41,15 @@ class NodeProcess:
         parameters: Mapping[str, Any],
         folder: Path,
         environment: Mapping[str, str],
+        remaps: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self.name = name
         self.log = folder / f"{name}.log"
         given = folder / f"{name}.yaml"
         given.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}), encoding="utf-8")
         command = [str(executable), "--ros-args", "--params-file", str(given)]
+        for source, target in remaps.items():
+            command += ["-r", f"{source}:={target}"]
         with self.log.open("wb") as log:
             self._popen = subprocess.Popen(
                 command,
@@ -127,11 +132,18 @@ class NodeProcesses:
         for node in reversed(self._running):
             node.stop()
 
-    def start(self, name: str, executable: str, parameters: Mapping[str, Any]) -> NodeProcess:
+    def start(
+        self,
+        name: str,
+        executable: str,
+        parameters: Mapping[str, Any],
+        remaps: Mapping[str, str] = MappingProxyType({}),
+    ) -> NodeProcess:
         """Start an installed node."""
         path = node_executable(executable)
-        self._running.append(NodeProcess(name, path, parameters, self._folder, self._environment))
-        return self._running[-1]
+        node = NodeProcess(name, path, parameters, self._folder, self._environment, remaps)
+        self._running.append(node)
+        return node
 
     def stop(self, node: NodeProcess) -> None:
         """End one of them.
@@ -175,3 +187,9 @@ def node_executable(name: str) -> Path:
     raise LiveError(
         f"{name}: expected it below AMENT_PREFIX_PATH, found none; build and source the workspace"
     )
+
+
+def shipped(name: str) -> dict[str, Any]:
+    """A node's parameters as the package ships them."""
+    text = resource_path(f"config/{name}.yaml").read_text(encoding="utf-8")
+    return dict(yaml.safe_load(text)["/**"]["ros__parameters"])

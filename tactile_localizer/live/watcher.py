@@ -27,14 +27,15 @@ class Watcher:
     Parameters
     ----------
     domain : ROS domain id
-    sink : given every message of every topic that is listened to; called from the spinning thread
+    sink : given every message of every topic that is listened to; called from the spinning thread. ``None``:
+        nothing is recorded
 
     Attributes
     ----------
     received : messages of each topic so far
     """
 
-    def __init__(self, domain: int, sink: Sink) -> None:
+    def __init__(self, domain: int, sink: Sink | None = None) -> None:
         self.received: dict[str, int] = {}
         self._sink = sink
         self._failure: Exception | None = None
@@ -72,11 +73,16 @@ class Watcher:
 
         def take(raw: bytes) -> None:
             self.received[topic] += 1
-            self._sink(name, time.time_ns(), raw)
+            if self._sink is not None:
+                self._sink(name, time.time_ns(), raw)
             if work is not None:
                 work(deserialize_message(raw, kind))
 
         self._node.create_subscription(kind, topic, take, quality, raw=True)
+
+    def publisher(self, kind: Any, topic: str, quality: QoSProfile | int) -> Any:
+        """A publisher of the watcher's own."""
+        return self._node.create_publisher(kind, topic, quality)
 
     def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 20.0) -> Any:
         """A service's answer.

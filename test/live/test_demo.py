@@ -5,6 +5,7 @@ import os
 import signal
 
 import pytest
+from support.processes import children
 
 from tactile_localizer.io.bag_reader import read_messages
 from tactile_localizer.io.scan_store import ScanStore
@@ -49,16 +50,3 @@ def test_the_demo_scans_localises_draws_and_judges_itself(process, tmp_path):
     assert {"/palm_pose", "/simulator/ground_truth", "/mapping/status", "/diagnostics"} <= set(heard.topics)
     for picture in ("map", "error", "sweep"):
         assert (folder / f"{picture}.png").stat().st_size > 10_000
-
-
-def children(pid):
-    """Processes that ``pid`` has started."""
-    return [int(entry) for entry in os.listdir("/proc") if entry.isdigit() and parent_of(entry) == pid]
-
-
-def parent_of(entry):
-    try:
-        with open(f"/proc/{entry}/stat") as stat:
-            return int(stat.read().rpartition(")")[2].split()[1])
-    except OSError:
-        return 0

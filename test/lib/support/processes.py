@@ -145,3 +145,15 @@ def _yaml(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_yaml, value))}]"
     return str(value)
+
+
+def children(pid: int) -> list[int]:
+    """Processes that ``pid`` has started."""
+    return [int(entry) for entry in os.listdir("/proc") if entry.isdigit() and _parent_of(entry) == pid]
+
+
+def _parent_of(entry: str) -> int:
+    try:
+        return int(Path("/proc", entry, "stat").read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0

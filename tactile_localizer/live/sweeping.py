@@ -1,0 +1,94 @@
+"""The hand that sweeps for as long as a soak lasts, whatever happens to the nodes meanwhile."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool
+from std_srvs.srv import Empty, Trigger
+
+from tactile_localizer.errors import LiveError
+from tactile_localizer.live.belief_watch import BeliefWatch
+from tactile_localizer.live.heard import TOPICS
+from tactile_localizer.live.relay import Relay
+from tactile_localizer.live.watcher import Watcher
+
+_ANSWER_S = 4.0
+_LONGEST_SWEEP_S = 15.0
+_EVERY = 10
+"""One sweep in so many is recorded: a scan that grows takes memory, and that is no leak."""
+
+
+class Sweeping:
+    """Lets the simulated hand sweep, over and over, in a thread of its own.
+
+    Each sweep begins at a place that the filter is not told. A node that does not answer, because it was
+    stopped on purpose, costs the sweep; the next one is tried.
+
+    Attributes
+    ----------
+    done : sweeps that came to their end
+    """
+
+    def __init__(self, watcher: Watcher, relay: Relay, belief: BeliefWatch) -> None:
+        self.done = 0
+        self._watcher, self._relay, self._belief = watcher, relay, belief
+        self._stop = threading.Event()
+        self._active: list[bool] = []
+        kept = TOPICS["simulator/sweep_active"].quality
+        watcher.listen(
+            Bool, "simulator/sweep_active", kept, lambda message: self._active.append(message.data)
+        )
+        self._thread = threading.Thread(target=self._sweep_on, name="sweeping", daemon=True)
+
+    def __enter__(self) -> Sweeping:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _sweep_on(self) -> None:
+        number = 0
+        while not self._stop.is_set():
+            number += 1
+            recorded = number % _EVERY == 0
+            try:
+                self._sweep(recorded)
+                self.done += 1
+            except LiveError:
+                self._stop.wait(0.2)
+            self._belief.end_sweep()
+
+    def _sweep(self, recorded: bool) -> None:
+        # Only in the mode to scan does the arm know where the material is, as the mapping must.
+        self._set_mode("scan" if recorded else "localize")
+        self._ask("simulator/prepare")
+        if recorded:
+            self._ask("mapping/start_sweep")
+        self._watcher.call(Empty, "filter/reinitialize_global_localization", timeout_s=_ANSWER_S)
+        self._belief.begin_sweep(time.time_ns() + self._relay.clock_ns)
+        self._active.clear()
+        self._ask("simulator/sweep")
+        deadline = time.monotonic() + _LONGEST_SWEEP_S
+        while not (True in self._active and not self._active[-1]):
+            if time.monotonic() > deadline:
+                raise LiveError("sweep: expected it to end, it did not")
+            if self._stop.wait(0.02):
+                return
+        if recorded:
+            self._ask("mapping/end_sweep")
+
+    def _set_mode(self, mode: str) -> None:
+        request = SetParameters.Request(parameters=[Parameter("mode", value=mode).to_parameter_msg()])
+        self._watcher.call(SetParameters, "simulator/set_parameters", request, timeout_s=_ANSWER_S)
+
+    def _ask(self, service: str) -> None:
+        answer = self._watcher.call(Trigger, service, timeout_s=_ANSWER_S)
+        if not answer.success:
+            raise LiveError(f"service {service}: {answer.message}")

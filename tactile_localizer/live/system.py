@@ -1,0 +1,72 @@
+"""The running system, as far as things can be done to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import can
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+
+from tactile_localizer.errors import LiveError
+from tactile_localizer.live.belief_watch import BeliefWatch
+from tactile_localizer.live.processes import NodeProcess
+from tactile_localizer.live.relay import Relay
+from tactile_localizer.live.told import Told
+from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.srv import LoadScan
+
+_LOADING_S = 60.0
+
+
+@dataclass(frozen=True)
+class System:
+    """What a fault can be done to.
+
+    Parameters
+    ----------
+    nodes : processes, by name
+    told : what they tell
+    watcher : calls their services
+    relay : between the sensors and the filter
+    bus : another end of the load cells' bus
+    seeds : publisher of initial poses
+    belief : is told when it may be misled
+    scans : names of the scan files in the filter's directory: the right one, another, and one that is broken
+    """
+
+    nodes: Mapping[str, NodeProcess]
+    told: Told
+    watcher: Watcher
+    relay: Relay
+    bus: can.BusABC
+    seeds: Any
+    belief: BeliefWatch
+    scans: tuple[str, str, str]
+
+    def set(self, node: str, name: str, value: Any) -> str:
+        """Set a parameter; returns why that was refused, or nothing."""
+        if value == []:
+            value = Parameter(name, Parameter.Type.STRING_ARRAY, [])
+        else:
+            value = Parameter(name, value=value)
+        request = SetParameters.Request(parameters=[value.to_parameter_msg()])
+        result = self.watcher.call(SetParameters, f"{node}/set_parameters", request).results[0]
+        return "" if result.successful else str(result.reason)
+
+    def change(self, node: str, *transitions: int) -> None:
+        """Take a node through lifecycle transitions."""
+        for transition in transitions:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            if not self.watcher.call(ChangeState, f"{node}/change_state", request, _LOADING_S).success:
+                raise LiveError(f"{node}: expected transition {transition}, it was refused")
+
+    def load(self, name: str) -> str:
+        """Let the filter load a scan; returns why that was refused, or nothing."""
+        request = LoadScan.Request(path=name)
+        answer = self.watcher.call(LoadScan, "filter/load_scan", request, timeout_s=_LOADING_S)
+        return "" if answer.success else str(answer.message)
