@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -13,7 +14,13 @@ from rich.console import Console
 from rich.table import Table as Shown
 
 from tactile_localizer.cli.progress import progress_bars
-from tactile_localizer.cli.recordings import add_recording_arguments, read_recordings, scan_from_arguments
+from tactile_localizer.cli.recordings import (
+    add_recording_arguments,
+    add_start_arguments,
+    check_starts,
+    read_recordings,
+    scan_from_arguments,
+)
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.evaluation.conditions import (
     SIMULATED_FEATURES,
@@ -23,9 +30,10 @@ from tactile_localizer.evaluation.conditions import (
 )
 from tactile_localizer.evaluation.evaluate import Results, evaluate
 from tactile_localizer.evaluation.evaluation_report import evaluation_report
+from tactile_localizer.evaluation.fabric import FABRICS, fabric_condition
 from tactile_localizer.evaluation.figures import evaluation_figures
 from tactile_localizer.evaluation.jobs import Workers
-from tactile_localizer.evaluation.methods import Method, standard_methods
+from tactile_localizer.evaluation.methods import Method, standard_methods, tuning_methods
 from tactile_localizer.evaluation.plain_json import write_json
 from tactile_localizer.evaluation.report import save_figures
 from tactile_localizer.evaluation.tables import Table, evaluation_tables
@@ -33,6 +41,8 @@ from tactile_localizer.io.configuration_file import load_configuration
 
 NAME = "evaluate"
 HELP = "measure accuracy, convergence and calibration of all models and filters"
+DATA = "TACTILE_LOCALIZER_DATA"
+"""Names the directory of recorded data in the environment."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods",
         nargs="+",
         metavar="NAME",
-        help=f"presets, YAML files, or of: {', '.join(standard_methods())} (default: all of these)",
+        help=f"YAML files, or of: {', '.join(standard_methods())} (default: all of these); "
+        f"or of: {', '.join(tuning_methods())}",
     )
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
@@ -53,9 +64,16 @@ def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds:
     parser.add_argument(
         "--features",
         nargs="+",
-        choices=SIMULATED_FEATURES,
+        choices=(*SIMULATED_FEATURES, *FABRICS),
         default=SIMULATED_FEATURES,
-        help="simulated features (default: all; none where recordings are given)",
+        help=f"default: {', '.join(SIMULATED_FEATURES)}; fabrics need --data; none of it with recordings",
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=os.environ.get(DATA),
+        metavar="DIR",
+        help=f"holds fabric_slide/*.csv (default: {DATA} of the environment)",
     )
     parser.add_argument(
         "--sweeps", type=int, default=sweeps, metavar="N", help=f"simulated test sweeps (default {sweeps})"
@@ -70,6 +88,7 @@ def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds:
     parser.add_argument("--scan", metavar="SCAN", help="scan file, to evaluate on own recordings")
     parser.add_argument("--scene", help="scene file (default: the scan's)")
     add_recording_arguments(parser, "*")
+    add_start_arguments(parser)
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,11 +117,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def methods_of(names: Sequence[str] | None) -> list[Method]:
-    """Methods of a list of names: standard ones, presets, or files of configurations."""
+    """Methods of a list of names: standard ones, those that compare parameters, or YAML files."""
     standard = standard_methods()
     if names is None:
         return list(standard.values())
-    return [standard.get(name) or Method(Path(name).stem, load_configuration(name)) for name in names]
+    known = standard | tuning_methods()
+    return [known.get(name) or Method(Path(name).stem, load_configuration(name)) for name in names]
 
 
 def conditions_from_arguments(args: argparse.Namespace) -> list[Condition]:
@@ -123,12 +143,28 @@ def conditions_from_arguments(args: argparse.Namespace) -> list[Condition]:
     if args.scan is None:
         if args.recordings:
             raise ParameterError("recordings: expected --scan with them")
-        return [SimulatedCondition(f, seed, args.sweeps, blanks) for f in args.features for seed in seeds]
+        return [
+            _fabric(name, seed, args.data)
+            if name in FABRICS
+            else SimulatedCondition(name, seed, args.sweeps, blanks)
+            for name in args.features
+            for seed in seeds
+        ]
     if not args.recordings:
         raise ScanError(f"{args.scan}: expected recordings to localise on it")
     scan, scene = scan_from_arguments(args)
     recording, _ = read_recordings(args, scene)
-    return [RecordedCondition(scene.name, seed, scan, scene, recording) for seed in seeds]
+    check_starts(args)
+    return [
+        RecordedCondition(scene.name, seed, scan, scene, recording, args.starts, args.travel)
+        for seed in seeds
+    ]
+
+
+def _fabric(name: str, seed: int, folder: Path | None) -> Condition:
+    if folder is None:
+        raise ParameterError(f"--features {name}: expected --data or {DATA} to say where the recordings are")
+    return fabric_condition(name, seed, Path(folder) / "fabric_slide")
 
 
 def print_tables(tables: Sequence[Table]) -> None:

@@ -14,7 +14,7 @@ from tactile_localizer.cli.import_ import (
 )
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.evaluation.odometry import EXACT, RECORDED, SIMULATED
 from tactile_localizer.io.bag_recording import read_bag
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
@@ -72,6 +72,32 @@ def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -
     )
     add_csv_arguments(parser)
     add_bag_arguments(parser)
+
+
+def add_start_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare random starts in the recordings."""
+    parser.add_argument(
+        "--starts", type=int, metavar="N", help="start N times, at random places of the recording"
+    )
+    parser.add_argument(
+        "--travel", type=float, metavar="M", help="of each start, m (default: to the sweep's end)"
+    )
+
+
+def check_starts(args: argparse.Namespace) -> None:
+    """Refuse what ``add_start_arguments`` has declared, where it makes no sense.
+
+    Raises
+    ------
+    ParameterError
+        A number out of its range, or a travel without starts.
+    """
+    if args.starts is not None and args.starts < 1:
+        raise ParameterError(f"--starts: expected at least 1, got {args.starts}")
+    if args.travel is not None and not args.travel > 0:
+        raise ParameterError(f"--travel: expected a positive number of metres, got {args.travel}")
+    if args.travel is not None and args.starts is None:
+        raise ParameterError("--travel: expected --starts with it")
 
 
 def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, bool]:

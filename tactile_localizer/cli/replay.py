@@ -16,13 +16,14 @@ from tactile_localizer.cli.recordings import (
     add_configuration_arguments,
     add_recording_arguments,
     add_scan_arguments,
+    add_start_arguments,
+    check_starts,
     configuration_from_arguments,
     odometry_of,
     read_recordings,
     scan_from_arguments,
 )
 from tactile_localizer.core.assembly import build_localizer, complete_parameters, with_parameters
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.evaluation.metrics import INCH
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.evaluation.plain_json import write_json
@@ -39,18 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scan_arguments(parser)
     add_configuration_arguments(parser)
     parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
-    parser.add_argument(
-        "--starts", type=int, metavar="N", help="start N times, at random places of the recording"
-    )
-    parser.add_argument(
-        "--travel", type=float, metavar="M", help="of each start, m (default: to the sweep's end)"
-    )
+    add_start_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every update and the summary")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay, print the error along the travel, and write every update where asked."""
-    _check(args)
+    check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
     recording, true_positions = read_recordings(args, scene)
@@ -71,15 +67,6 @@ def run(args: argparse.Namespace) -> int:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {len(document['updates'])} updates")
     return 0
-
-
-def _check(args: argparse.Namespace) -> None:
-    if args.starts is not None and args.starts < 1:
-        raise ParameterError(f"--starts: expected at least 1, got {args.starts}")
-    if args.travel is not None and not args.travel > 0:
-        raise ParameterError(f"--travel: expected a positive number of metres, got {args.travel}")
-    if args.travel is not None and args.starts is None:
-        raise ParameterError("--travel: expected --starts with it")
 
 
 def _print(document: dict[str, Any]) -> None:

@@ -10,10 +10,16 @@ from tactile_localizer.cli.evaluate import print_tables
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
 from tactile_localizer.core.assembly import with_parameters
-from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.neighbours import search_neighbours
 from tactile_localizer.core.selection import search
 from tactile_localizer.evaluation.report import save_figures
-from tactile_localizer.evaluation.tuning import best_of, tuning_figure, tuning_table
+from tactile_localizer.evaluation.tuning import (
+    best_neighbours,
+    best_of,
+    neighbours_table,
+    tuning_figure,
+    tuning_table,
+)
 from tactile_localizer.io.scene_file import save_scene
 
 NAME = "tune"
@@ -38,10 +44,10 @@ def run(args: argparse.Namespace) -> int:
     scan, scene = scan_from_arguments(args)
     with progress_bars() as progress:
         trials = search(scan, scene, progress)
-    print_tables([tuning_table(trials, scene.axis_names)])
-    pictures = save_figures({args.output.stem: tuning_figure(trials)}, args.output.parent)
-    neighbours = ModelParameters.from_mapping(scene.measurement).neighbours
-    chosen = replace(best_of(trials).parameters, neighbours=neighbours)
+        by_neighbours = search_neighbours(scan, scene, progress)
+    print_tables([tuning_table(trials, scene.axis_names), neighbours_table(by_neighbours)])
+    pictures = save_figures({args.output.stem: tuning_figure(trials, by_neighbours)}, args.output.parent)
+    chosen = replace(best_of(trials).parameters, neighbours=best_neighbours(by_neighbours).neighbours)
     save_scene(with_parameters(scene, chosen), args.output)
     print(f"{args.output}, {pictures[0]}")
     return 0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.evaluation.odometry import SIMULATED, with_odometry
+from tactile_localizer.evaluation.odometry import SIMULATED, random_starts, with_odometry
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
 from tactile_localizer.io.scene_file import load_scene, scene_to_dict
 from tactile_localizer.resources import resource_path
@@ -114,6 +114,7 @@ class RecordedCondition:
     seed : of the odometry's noise and of the filter
     scan, scene : the map and what is modelled
     recording : its positions are the truth, unless it has a truth of its own
+    starts, travel : start so often at random places and go on for so many m; ``None``: the sweeps as they are
     """
 
     name: str
@@ -121,6 +122,8 @@ class RecordedCondition:
     scan: Scan
     scene: Scene
     recording: Recording
+    starts: int | None = None
+    travel: float | None = None
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -135,14 +138,18 @@ class RecordedCondition:
             "name": self.name,
             "seed": self.seed,
             "scene": scene_to_dict(self.scene),
+            "starts": self.starts,
+            "travel": self.travel,
             "data": digest.hexdigest(),
         }
 
     def load(self) -> Material:
         """With odometry, and contact where the scene's feature region says so."""
-        recording = self.recording
+        recording, rng = self.recording, np.random.default_rng([self.seed, 1])
+        if self.starts is not None:
+            recording = random_starts(recording, self.scene, self.starts, self.travel, rng)
         if any(sweep.truth is None for sweep in recording.sweeps):
-            recording = with_odometry(recording, self.scene, np.random.default_rng([self.seed, 1]), SIMULATED)
+            recording = with_odometry(recording, self.scene, rng, SIMULATED)
         contact = [_first_and_last(self.scene, sweep) for sweep in recording.sweeps]
         return Material(self.scan, self.scene, recording, np.array(contact).reshape(-1, 2))
 

@@ -12,10 +12,12 @@ import numpy as np
 
 from tactile_localizer.core.assembly import build_localizer, complete_parameters
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.neighbours import choose_neighbours
+from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition
 from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
-from tactile_localizer.evaluation.methods import Method
+from tactile_localizer.evaluation.methods import SCENE, TUNED, Method
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.evaluation.replay import replay
@@ -58,6 +60,16 @@ class Results:
         """Mean of one number over the sweeps, with its confidence interval."""
         return mean_interval(self.values(method, name, condition))
 
+    def felt(self, condition: str) -> bool:
+        """Whether it is known when the feature of a condition is touched."""
+        return any(np.isfinite(self.values(m, "error_contact_m", condition)).any() for m in self.methods)
+
+    def only(self, names: Sequence[str]) -> Results:
+        """The results on some of the conditions."""
+        kept = [index for index, condition in enumerate(self.conditions) if condition.name in names]
+        tasks = {method: [of[index] for index in kept] for method, of in self.tasks.items()}
+        return Results(tuple(self.conditions[index] for index in kept), self.methods, tasks)
+
     def sweep_axis(self, condition: str) -> tuple[str, np.ndarray]:
         """Name of the axis that a condition's sweeps go along, and middles of the curves' stretches on it."""
         task = self._of(next(iter(self.methods)), condition)[0]
@@ -99,32 +111,53 @@ def evaluate(
     ParameterError
         A configuration that cannot be used, or workers that cannot be had.
     """
-    choosing = [Task(choose, (condition,), condition.identity) for condition in conditions]
-    chosen = run_tasks(choosing, folder, workers, progress, "choosing parameters")
-    tasks = [
-        Task(localise, (condition, {**parameters, **method.measurement}, method.configuration), identity)
-        for method in methods
-        for condition, parameters in zip(conditions, chosen, strict=True)
-        for identity in [_identity(condition, parameters, method)]
-    ]
+    tasks = []
+    parameters = chosen_parameters(conditions, methods, folder, workers, progress)
+    for method in methods:
+        for condition, own in zip(conditions, parameters[method.parameters], strict=True):
+            measurement = {**own, **method.measurement}
+            identity = {
+                "condition": condition.identity,
+                "measurement": measurement,
+                "configuration": vars(method.configuration),
+            }
+            tasks.append(Task(localise, (condition, measurement, method.configuration), identity))
     results = run_tasks(tasks, folder, workers, progress, "localising")
     n = len(conditions)
     by_method = {method.name: results[i * n : (i + 1) * n] for i, method in enumerate(methods)}
     return Results(tuple(conditions), {method.name: method for method in methods}, by_method)
 
 
-def _identity(condition: Condition, parameters: dict[str, Any], method: Method) -> dict[str, Any]:
-    return {
-        "condition": condition.identity,
-        "measurement": {**parameters, **method.measurement},
-        "configuration": vars(method.configuration),
-    }
+def chosen_parameters(
+    conditions: Sequence[Condition],
+    methods: Sequence[Method],
+    folder: Path,
+    workers: Workers,
+    progress: Progress | None = None,
+) -> dict[str, list[dict[str, Any]]]:
+    """Parameters of the measurement model for every condition, by the ways that the methods get them."""
+    ways = sorted({method.parameters for method in methods})
+    tasks = [Task(CHOICES[way], (condition,), condition.identity) for way in ways for condition in conditions]
+    chosen = run_tasks(tasks, folder, workers, progress, "choosing parameters")
+    n = len(conditions)
+    return {way: chosen[i * n : (i + 1) * n] for i, way in enumerate(ways)}
 
 
 def choose(condition: Condition) -> dict[str, Any]:
-    """Parameters of the measurement model for a condition's scan."""
+    """Parameters of a condition's scene; what it leaves open is chosen from the scan."""
     material = condition.load()
     return complete_parameters(material.scan, material.scene).to_mapping()
+
+
+def choose_anew(condition: Condition) -> dict[str, Any]:
+    """Parameters chosen from a condition's scan, as ``tune`` does; those of the scene do not count."""
+    material = condition.load()
+    widths = choose_parameters(material.scan, material.scene)
+    neighbours = choose_neighbours(material.scan, material.scene)
+    return replace(widths, neighbours=neighbours).to_mapping()
+
+
+CHOICES = {SCENE: choose, TUNED: choose_anew}
 
 
 def localise(

@@ -31,16 +31,25 @@ _CONDITIONS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
 def evaluation_figures(results: Results) -> dict[str, Figure]:
     """Every picture of an evaluation, by the name of the file that it belongs into."""
     have = results.methods.keys()
+    featured, _ = by_feature(results)
+    compared = featured or results
     figures = {}
-    for condition in results.condition_names:
+    for condition in compared.condition_names:
         if _FIG_5.keys() <= have:
-            figures[f"fig5_{condition}"] = error_along_sweep(results, condition)
+            figures[f"fig5_{condition}"] = error_along_sweep(compared, condition)
         if _FIG_8.keys() <= have:
-            figures[f"fig8_{condition}"] = error_and_trace(results, condition)
-    figures["methods"] = errors_of_methods(results)
-    if compared_error(results)[0] == "error_contact_m" and _LOOKS.keys() & have:
-        figures["convergence"] = convergence(results)
+            figures[f"fig8_{condition}"] = error_and_trace(compared, condition)
+    figures["methods"] = errors_of_methods(compared)
+    if featured is not None and _LOOKS.keys() & have:
+        figures["convergence"] = convergence(featured)
     return figures
+
+
+def by_feature(results: Results) -> tuple[Results | None, Results | None]:
+    """The results where it is known when a feature is touched, and those where it is not; ``None``: none."""
+    felt = [name for name in results.condition_names if results.felt(name)]
+    rest = [name for name in results.condition_names if name not in felt]
+    return results.only(felt) if felt else None, results.only(rest) if rest else None
 
 
 def error_along_sweep(results: Results, condition: str) -> Figure:

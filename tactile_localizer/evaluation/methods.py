@@ -28,14 +28,30 @@ PAPER_PARAMETERS = {
 }
 """The paper's hand-set widths (III-C) in m and V; each strain counts in full."""
 
+PAPER_NEIGHBOURS = 8
+"""k of the paper's Gaussian models (Fig. 6)."""
+
+
+SCENE, TUNED = "scene", "tuned"
+"""Where parameters of the measurement model come from: the scene, or the scan alone as ``tune`` does it."""
+
 
 @dataclass(frozen=True)
 class Method:
-    """A configuration under a name; ``measurement`` goes before parameters that are chosen from the scan."""
+    """A configuration under a name.
+
+    Parameters
+    ----------
+    name : for tables and figures
+    configuration : choices of the user
+    measurement : parameters of the measurement model that go before those of ``parameters``
+    parameters : :data:`SCENE` or :data:`TUNED`
+    """
 
     name: str
     configuration: Configuration
     measurement: dict[str, Any] = field(default_factory=dict)
+    parameters: str = SCENE
 
 
 def paper_form(model: str) -> str:
@@ -61,4 +77,22 @@ def standard_methods() -> dict[str, Method]:
         cell = 0.3 if model in ("sum_of_gaussians", "featureless") else 0.6
         exact = Configuration(model=model, filter="grid", cell=cell, conditional=False)
         methods.append(Method(exact_form(model), exact, dict(PAPER_PARAMETERS)))
+    return {method.name: method for method in methods}
+
+
+def tuning_methods() -> dict[str, Method]:
+    """By name: parameters by data beside the paper's, for the default and for the single Gaussian.
+
+    The paper counts every strain in full; *tempered* has its widths, but tempering by data. The Gaussians are
+    both tempered by data and differ in the number of neighbours.
+    """
+    gaussian = Configuration(model="gaussian", filter="particle")
+    widths = {name: PAPER_PARAMETERS[name] for name in ("position_std", "strain_std")}
+    methods = [
+        Method("tuned", Configuration(), parameters=TUNED),
+        Method("hand-set", Configuration(), dict(PAPER_PARAMETERS), TUNED),
+        Method("hand-set-tempered", Configuration(), widths, TUNED),
+        Method("gaussian-tuned", gaussian, parameters=TUNED),
+        Method("gaussian-hand-set", gaussian, {"neighbours": PAPER_NEIGHBOURS}, TUNED),
+    ]
     return {method.name: method for method in methods}

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from tactile_localizer.evaluation.metrics import CONFIDENCE, position_error, squared_mahalanobis
+from tactile_localizer.evaluation.metrics import (
+    CONFIDENCE,
+    MARKS,
+    error_at,
+    position_error,
+    squared_mahalanobis,
+)
 from tactile_localizer.evaluation.replay import Track
 from tactile_localizer.scene import Scene
 
@@ -58,6 +64,9 @@ def sweep_outcome(scene: Scene, track: Track, contact: tuple[int, int], axis: in
         "error_curve_m": _binned(scene, track, errors, axis),
         "trace_curve_m2": _binned(scene, track, trace, axis),
         "error_after_contact_m": _by_travel(track, errors, first, last),
+        "error_after_travel_m": {
+            f"{mark:g}": float(error) for mark in MARKS for error in error_at([errors], [track], mark)
+        },
     }
 
 

@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.evaluation.bootstrap import Interval
-from tactile_localizer.evaluation.evaluate import Results
-from tactile_localizer.evaluation.figures import compared_error
+from tactile_localizer.evaluation.evaluate import Results, as_array
+from tactile_localizer.evaluation.figures import by_feature, compared_error
 from tactile_localizer.evaluation.findings import check_findings, own_criterion, plain_criteria
-from tactile_localizer.evaluation.metrics import INCH
+from tactile_localizer.evaluation.metrics import INCH, MARKS
 
 _SOON = 0.005
 """m of travel after contact within which convergence counts as prompt."""
+
+FOUND = 0.005
+"""m of error up to which a start counts as found."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,15 @@ class Table:
 
 def evaluation_tables(results: Results) -> list[Table]:
     """All tables; what a recording cannot tell is left out."""
-    tables = [error_table(results), quality_table(results)]
-    if compared_error(results)[0] == "error_contact_m":
-        tables.insert(1, convergence_table(results))
-        tables.insert(2, criteria_table(results))
-    findings = check_findings(results)
+    featured, featureless = by_feature(results)
+    compared = featured or results
+    tables = [error_table(compared)]
+    if featureless is not None:
+        tables.append(travel_table(featureless))
+    if featured is not None:
+        tables += [convergence_table(featured), criteria_table(featured)]
+    tables.append(quality_table(compared))
+    findings = check_findings(compared)
     if findings:
         rows = [(f.verdict, f.statement, f.source, f.numbers) for f in findings]
         note = "Judged by the 95 % interval over sweeps; open: it allows both."
@@ -72,6 +79,30 @@ def error_table(results: Results) -> Table:
     n = len(results.sweeps(next(iter(results.methods))))
     note = f"Mean {what}, 95 % interval over sweeps ({n} in all); to exact: against the same model on a grid."
     return Table("Error", columns, rows, note)
+
+
+def travel_table(results: Results) -> Table:
+    """Error on material without a feature, where no contact tells when to begin: after some travel."""
+    after = {
+        (condition, method): [sweep["error_after_travel_m"] for sweep in results.sweeps(method, condition)]
+        for condition in results.condition_names
+        for method in results.methods
+    }
+    marks = [f"{mark:g}" for mark in MARKS if any(f"{mark:g}" in own[0] for own in after.values())]
+    rows = []
+    for (condition, method), own in after.items():
+        medians = [_of(np.median, as_array([errors.get(mark) for errors in own])) for mark in marks]
+        at_end = results.values(method, "final_error_m", condition)
+        found, worst = float(np.mean(at_end <= FOUND)), _of(np.max, at_end)
+        coverage = _of(np.mean, results.values(method, "coverage", condition))
+        last = (_percent(found), _in_mm(worst), _percent(coverage))
+        rows.append((condition, method, *map(_in_mm, medians), *last))
+    columns = ("on", "method", *(f"{float(mark) * 1e3:g} mm" for mark in marks), "found", "worst", "coverage")
+    note = (
+        f"Median error, mm, after so much travel from a start; found: within {FOUND * 1e3:g} mm at the end; "
+        "worst: at the end, mm; coverage of the 95 % region."
+    )
+    return Table("Error along the travel", columns, rows, note)
 
 
 def convergence_table(results: Results) -> Table:
@@ -167,6 +198,10 @@ def _mm(interval: Interval | None) -> str:
     if interval is None:
         return ""
     return f"{interval.mean * 1e3:.2f} ({interval.low * 1e3:.2f}-{interval.high * 1e3:.2f})"
+
+
+def _in_mm(value: float) -> str:
+    return _number(value * 1e3)
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""The choice of parameters as a table and a picture: what was tried, and how well it localised."""
+"""The choice of parameters as tables and a picture: what was tried, and how well it localised."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from itertools import starmap
 import numpy as np
 from matplotlib.figure import Figure
 
+from tactile_localizer.core.neighbours import NeighbourTrial
 from tactile_localizer.core.selection import Trial
 from tactile_localizer.evaluation.tables import Table
 
@@ -49,11 +50,37 @@ def tuning_table(trials: Sequence[Trial], axes: Sequence[str]) -> Table:
     return Table("Kernel widths", columns, rows, note)
 
 
-def tuning_figure(trials: Sequence[Trial]) -> Figure:
-    """Merit over the kernel widths, and over the correlation length at the chosen ones."""
+def best_neighbours(trials: Sequence[NeighbourTrial]) -> NeighbourTrial:
+    """The number of neighbours that is chosen."""
+    return max(trials, key=lambda trial: trial.score)
+
+
+def neighbours_table(trials: Sequence[NeighbourTrial]) -> Table:
+    """The numbers of neighbours of the Gaussian models that were tried; the chosen one is marked."""
+    best = best_neighbours(trials)
+    rows = [
+        (
+            "*" if trial is best else "",
+            str(trial.neighbours),
+            f"{trial.shrinkage:.2f}",
+            f"{trial.score:.2f}",
+        )
+        for trial in trials
+    ]
+    columns = ("", "k", "shrinkage", "score, nats")
+    note = (
+        "Of the Gaussian models. Shrinkage: share of the covariance that is that of held-out residuals, "
+        "itself chosen by their likelihood; score: log-likelihood of held-out strains; *: chosen."
+    )
+    return Table("Neighbours", columns, rows, note)
+
+
+def tuning_figure(trials: Sequence[Trial], by_neighbours: Sequence[NeighbourTrial]) -> Figure:
+    """Merit over the kernel widths, and over the correlation length at the chosen ones; likelihood
+    over the neighbours."""
     best = best_of(trials)
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    widths, lengths = figure.subplots(1, 2)
+    figure = Figure(figsize=(13.0, 3.8), layout="constrained")
+    widths, lengths, neighbours = figure.subplots(1, 3)
     for factor in sorted({trial.position_factor for trial in trials}):
         own = [trial for trial in by_widths(trials) if trial.position_factor == factor]
         label = f"S_x at {factor:g} of the sweeps' spacing"
@@ -80,7 +107,15 @@ def tuning_figure(trials: Sequence[Trial]) -> Figure:
     coverage.set_ylabel("coverage of the 95 % region", color="tab:blue")
     coverage.tick_params(colors="tab:blue")
     lengths.legend(fontsize=7, loc="lower center")
-    for plot, tried in ((widths, {trial.strain_factor for trial in trials}), (lengths, set(length_mm))):
+    numbers = [trial.neighbours for trial in by_neighbours]
+    chosen_k = best_neighbours(by_neighbours)
+    neighbours.plot(numbers, [trial.score for trial in by_neighbours], "o-", ms=4, color="black")
+    neighbours.plot(chosen_k.neighbours, chosen_k.score, "o", ms=12, mfc="none", mec="black")
+    neighbours.set_xscale("log")
+    neighbours.set_xlabel("neighbours k of the Gaussian models")
+    neighbours.set_ylabel("log-likelihood of held-out sweeps, nats a strain")
+    factors = {trial.strain_factor for trial in trials}
+    for plot, tried in ((widths, factors), (lengths, set(length_mm)), (neighbours, set(numbers))):
         plot.set_xticks(sorted(tried), [f"{value:g}" for value in sorted(tried)], fontsize=8)
         plot.minorticks_off()
         plot.grid(color="0.92")

@@ -80,6 +80,18 @@ def test_an_interrupted_run_goes_on_where_it_was(folder: Path) -> None:
     assert all(file.stat().st_mtime_ns == written for file, written in before.items())
 
 
+def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) -> None:
+    arguments = [*OWN.split(), "--seeds", "1", "--starts", "3", "--travel", "0.02", "-o", "starts"]
+    scene = replace(load_scene("scene.yaml"), feature=None)
+    save_scene(scene, "plain.yaml")
+    assert main([*arguments, "--scene", "plain.yaml"]) == 0
+    assert "Error along the travel" in capsys.readouterr().out
+    document = json.loads(Path("starts/evaluate.json").read_text())
+    (task,) = document["tasks"]["own"]
+    assert len(task["sweeps"]) == 3
+    assert {"0.01", "0.02"} <= task["sweeps"][0]["error_after_travel_m"].keys()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -89,6 +101,8 @@ def test_an_interrupted_run_goes_on_where_it_was(folder: Path) -> None:
         ("--jobs 0", "jobs: expected at least 1"),
         ("--methods none.yaml", "none.yaml: expected a configuration file"),
         ("test.csv", "recordings: expected --scan with them"),
+        ("--features linen --data nowhere", "Linen_F250_V10mmps_0.csv"),
+        ("test.csv --scan scan.db --travel 0.1", "--travel: expected --starts with it"),
         ("--scan scan.db", "scan.db: expected recordings to localise on it"),
     ],
 )

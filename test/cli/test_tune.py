@@ -8,9 +8,17 @@ from pathlib import Path
 import pytest
 
 from tactile_localizer.cli import main, tune
+from tactile_localizer.core.neighbours import NeighbourTrial
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.selection import Trial
-from tactile_localizer.evaluation.tuning import best_of, by_widths, tuning_figure, tuning_table
+from tactile_localizer.evaluation.tuning import (
+    best_neighbours,
+    best_of,
+    by_widths,
+    neighbours_table,
+    tuning_figure,
+    tuning_table,
+)
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.sim import simulate_scan
@@ -27,6 +35,11 @@ TRIALS = [
     trial(0.5, 2.0, 0.002, 9.0, coverage=0.5),
     trial(1.0, 1.0, 0.002, 3.1),
 ]
+NEIGHBOURS = [
+    NeighbourTrial(4, 0.9, 1.0),
+    NeighbourTrial(8, 0.8, 1.6),
+    NeighbourTrial(16, 0.5, 1.2),
+]
 
 
 def test_the_best_is_honest_first() -> None:
@@ -41,11 +54,21 @@ def test_the_table_marks_what_is_chosen() -> None:
     assert rows[0][3] == "5"
 
 
+def test_the_neighbours_of_the_best_score_are_chosen_and_marked() -> None:
+    assert best_neighbours(NEIGHBOURS) is NEIGHBOURS[1]
+    assert [row[:3] for row in neighbours_table(NEIGHBOURS).rows] == [
+        ("", "4", "0.90"),
+        ("*", "8", "0.80"),
+        ("", "16", "0.50"),
+    ]
+
+
 def test_the_picture_has_a_line_for_each_position_width() -> None:
-    widths, lengths, coverage = tuning_figure(TRIALS).axes
+    widths, lengths, neighbours, coverage = tuning_figure(TRIALS, NEIGHBOURS).axes
     labels = [text.get_text() for text in widths.get_legend().get_texts()]
     assert labels == ["S_x at 0.5 of the sweeps' spacing", "S_x at 1 of the sweeps' spacing"]
     assert list(lengths.get_lines()[0].get_xdata()) == [2.0, 5.0]
+    assert list(neighbours.get_lines()[0].get_xdata()) == [4, 8, 16]
     assert coverage.get_ylabel() == "coverage of the 95 % region"
 
 
@@ -65,6 +88,7 @@ def test_linen_is_tuned_into_a_scene_that_replay_takes_as_it_is(folder: Path, ca
     assert main(["tune", "--scan", "scan.db", "-o", "tuned.yaml"]) == 0
     printed = capsys.readouterr().out
     assert "Kernel widths" in printed
+    assert "Neighbours" in printed
     assert "tuned.yaml, tuned.png" in printed
     tuned = load_scene("tuned.yaml")
     assert ModelParameters.from_mapping(tuned.measurement).complete
@@ -89,9 +113,12 @@ def test_linen_is_tuned_into_a_scene_that_replay_takes_as_it_is(folder: Path, ca
     )
 
 
-def test_what_the_scene_says_of_neighbours_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_scene_said_is_replaced_by_what_was_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tune, "search", lambda scan, scene, progress: TRIALS)
+    monkeypatch.setattr(tune, "search_neighbours", lambda scan, scene, progress: NEIGHBOURS)
     scene = load_scene(Path(__file__).parents[2] / "config/scenes/bump.yaml")
     save_scene(replace(scene, measurement={"neighbours": 12}), "scene.yaml")
     train = simulate_scan("bump", 1, sweeps=1)
@@ -101,5 +128,5 @@ def test_what_the_scene_says_of_neighbours_is_kept(tmp_path: Path, monkeypatch: 
         store.end_sweep()
     assert main(["tune", "--scan", "scan.db", "--scene", "scene.yaml", "-o", "tuned.yaml"]) == 0
     measurement = load_scene("tuned.yaml").measurement
-    assert measurement["neighbours"] == 12
+    assert measurement["neighbours"] == 8
     assert measurement["correlation_length"] == 0.005

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from support.evaluations import QUICK, TUNED, condition, results
 
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.evaluation import evaluate as evaluate_module
 from tactile_localizer.evaluation.conditions import SimulatedCondition
-from tactile_localizer.evaluation.evaluate import choose, evaluate, localise
+from tactile_localizer.evaluation.evaluate import choose, choose_anew, evaluate, localise
 from tactile_localizer.evaluation.jobs import Workers
-from tactile_localizer.evaluation.methods import PAPER_PARAMETERS, standard_methods
+from tactile_localizer.evaluation.methods import PAPER_PARAMETERS, standard_methods, tuning_methods
+from tactile_localizer.evaluation.methods import TUNED as TUNED_BY_DATA
 
 
 def test_every_method_is_tried_on_every_condition(tmp_path: Path) -> None:
@@ -66,6 +70,22 @@ def test_the_standard_methods_are_the_default_the_presets_and_the_papers_models_
         assert paper.configuration.random_particles == 10
         assert exact.configuration.filter == "grid"
         assert paper.measurement == exact.measurement == PAPER_PARAMETERS
+
+
+def test_parameters_by_data_stand_beside_the_papers() -> None:
+    methods = tuning_methods()
+    assert methods["tuned"].measurement == {}
+    assert methods["hand-set"].measurement == PAPER_PARAMETERS
+    assert {method.parameters for method in methods.values()} == {TUNED_BY_DATA}
+    assert methods["tuned"].configuration == methods["hand-set"].configuration == Configuration()
+
+
+def test_parameters_are_chosen_anew_where_a_method_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    widths = ModelParameters(0.001, 0.02, 0.005)
+    monkeypatch.setattr(evaluate_module, "choose_parameters", lambda scan, scene: widths)
+    monkeypatch.setattr(evaluate_module, "choose_neighbours", lambda scan, scene: 16)
+    assert choose_anew(condition()) == {**widths.to_mapping(), "neighbours": 16}
+    assert choose(condition())["position_std"] == TUNED["position_std"]
 
 
 def test_the_papers_widths_are_variances_in_inches() -> None:

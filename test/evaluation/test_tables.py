@@ -10,6 +10,7 @@ from tactile_localizer.evaluation.tables import (
     error_table,
     evaluation_tables,
     quality_table,
+    travel_table,
 )
 
 
@@ -46,4 +47,26 @@ def test_large_numbers_stay_short() -> None:
 def test_what_a_recording_cannot_tell_is_left_out() -> None:
     unknown = {"error_contact_m": None, "coverage_contact": None, "nees_contact": None}
     titles = [t.title for t in evaluation_tables(results(dict.fromkeys(results().methods, unknown)))]
-    assert titles == ["Error", "Calibration and time", "Findings of the paper"]
+    assert titles == ["Error", "Error along the travel", "Calibration and time", "Findings of the paper"]
+
+
+def test_where_no_feature_is_felt_errors_stand_along_the_travel() -> None:
+    unfelt = {"error_contact_m": None, "error_after_travel_m": {"0.01": 0.02}, "final_error_m": 0.009}
+    found = travel_table(
+        results({"default": unfelt | {"error_after_travel_m": {"0.01": 0.02, "0.04": 0.006}}})
+    )
+    assert found.columns[2:] == ("10 mm", "40 mm", "found", "worst", "coverage")
+    snap = next(r for r in found.rows if r[:2] == ("snap", "default"))
+    assert snap[2:4] == ("20.00", "6.00")
+    assert snap[4:6] == ("0.0 %", "9.45")
+
+
+def test_features_and_materials_without_one_are_told_apart() -> None:
+    mixed = results()
+    unfelt = [{**sweep, "error_contact_m": None} for sweep in mixed.sweeps("default", "snap")]
+    for of in mixed.tasks.values():
+        of[1] = {**of[1], "sweeps": unfelt}
+    tables = {table.title: table for table in evaluation_tables(mixed)}
+    assert "snap, mm" not in tables["Error"].columns
+    assert {r[0] for r in tables["Error along the travel"].rows} == {"snap"}
+    assert "Convergence" in tables

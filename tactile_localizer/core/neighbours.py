@@ -1,0 +1,74 @@
+"""How many neighbours the Gaussian models average over, chosen by the likelihood of held-out sweeps.
+
+The paper has 8 (Fig. 6). More neighbours make a covariance that needs less shrinkage, but of pairs that are
+further away. Each number is judged by the mean log-density that a map without a sweep gives to the strains of
+that sweep, at their true positions on the feature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from tactile_localizer.core.fit import held_out_log_densities
+from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import Scene
+
+NEIGHBOURS = (2, 4, 8, 16, 32, 64)
+"""Not more: an update costs in proportion."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class NeighbourTrial:
+    """One number of neighbours.
+
+    Parameters
+    ----------
+    neighbours : k
+    shrinkage : share of the covariance that is that of all held-out residuals (:class:`~.gaussian.Shrinkage`)
+    score : log-likelihood of held-out sweeps, nats a strain
+    """
+
+    neighbours: int
+    shrinkage: float
+    score: float
+
+
+def choose_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None) -> int:
+    """The best of :func:`search_neighbours`."""
+    return max(search_neighbours(scan, scene, progress), key=lambda trial: trial.score).neighbours
+
+
+def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[NeighbourTrial]:
+    """Score all :data:`NEIGHBOURS` for the Gaussian model with full covariance.
+
+    Parameters
+    ----------
+    scan, scene : the training pairs and what is modelled
+    progress : told what is being done and which share of it is done
+
+    Raises
+    ------
+    ScanError
+        The scan has no pairs on the feature.
+    """
+    rows = np.flatnonzero(scene.on_feature(scan.states[:, scene.columns(scan.axes)]))
+    if not len(rows):
+        raise ScanError(f"scan: expected pairs in the feature region of scene {scene.name}, found none")
+    trials = []
+    for count, k in enumerate(NEIGHBOURS):
+        if progress is not None:
+            progress("choosing the number of neighbours", count / len(NEIGHBOURS))
+        build = partial(Gaussian, scene=scene, neighbours=k)
+        _, scores, _ = held_out_log_densities(scan, scene, rows, build)
+        trials.append(NeighbourTrial(k, build(scan).shrinkage.share, float(scores.mean())))
+    if progress is not None:
+        progress("choosing the number of neighbours", 1.0)
+    return trials
