@@ -52,9 +52,10 @@ mutants: build ## Seed known faults into copies of the core, one by one, and see
 	$(run) python test/mutants.py
 
 .PHONY: docs
-docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of docs/concepts.md
+docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of the pages
 	$(run) python docs/make/parameters.py >docs/parameters.md
 	$(run) python docs/make/drawings.py
+	$(run) python docs/make/layouts.py
 
 .PHONY: demo
 demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap or grommet)

@@ -16,21 +16,19 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.can_bus import BusSettings, open_bus
-from tactile_localizer.io.scan_store import ScanStore
-from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.live.belief_watch import BeliefWatch
 from tactile_localizer.live.domain import Domain, own_domain
 from tactile_localizer.live.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
 from tactile_localizer.live.memory import Memory, resident_bytes
 from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.live.relay import SENT, Relay
+from tactile_localizer.live.simulated_scan import write_simulated_scan
 from tactile_localizer.live.soak_result import Injection, SoakResult
 from tactile_localizer.live.sweeping import Sweeping
 from tactile_localizer.live.system import System
 from tactile_localizer.live.told import Told
 from tactile_localizer.live.watcher import Watcher
 from tactile_localizer.resources import resource_path
-from tactile_localizer.sim.scan import simulate_scan
 
 WELL_WITHIN_S = 20.0
 """How long all may take to be well again after a fault."""
@@ -275,13 +273,7 @@ def _start(processes: NodeProcesses, settings: SoakSettings, domain: Domain) -> 
 def _write_scans(folder: Path, seed: int) -> None:
     """The right scan, another one, and a file that is none."""
     for feature in (_SCANNED, _OTHER):
-        scan = simulate_scan(feature, seed)
-        scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
-        with ScanStore.create(folder / f"{feature}.db", scene) as store:
-            for part in scan.slices():
-                store.begin_sweep()
-                store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
-                store.end_sweep()
+        write_simulated_scan(folder / f"{feature}.db", feature, seed)
     (folder / _BROKEN).write_bytes(b"not a scan " * 1000)
 
 

@@ -122,6 +122,11 @@ FILTER = Launched(
     "filter",
     (
         Argument("scan_file", "Scan file: the map"),
+        Argument(
+            "candidate_scan_files",
+            "Scan files of several features, as a list, in place of scan_file: which is it?",
+            kind=yaml.safe_load,
+        ),
         SCENE_FILE,
         Argument("scan_directory", "Directory that ~/load_scan may read scan files from"),
     ),
