@@ -64,7 +64,7 @@ def test_both_filters_believe_what_it_says(kind: str) -> None:
         SCAN, with_parameters(SCENE, PARAMETERS), configuration, np.random.default_rng(1)
     )
     for step in range(4):
-        estimate = localizer.update(step, np.zeros(2) + 0.002 * step, np.zeros(2 * GAUGES))
+        estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * GAUGES))
     assert estimate.mean == pytest.approx([0.01, 0.03], abs=0.003)
 
 
