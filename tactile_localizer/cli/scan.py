@@ -13,7 +13,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.core.region import propose_region
+from tactile_localizer.core.assembly import BELIEVED_REGION, region_confidence
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.region import Proposal, propose_region
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.selection import base_widths
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.display import INCH_MM, MM
@@ -21,6 +25,7 @@ from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.scan_export import export_scan
 from tactile_localizer.io.scan_store import ScanStore, SweepInfo
 from tactile_localizer.io.scene_file import save_scene, scene_to_dict
+from tactile_localizer.scene import Scene
 
 NAME = "scan"
 HELP = "look at scan files, mend them, write them in other forms"
@@ -176,23 +181,51 @@ def _export(args: argparse.Namespace) -> int:
 def _region(args: argparse.Namespace) -> int:
     with ScanStore.open(args.scan) as store:
         scan, scene = store.load(), store.scene
-    proposal = propose_region(scan, scene)
+    proposal, confidence = _proposed_region(scan, scene)
+    if scene.feature is not None:
+        of_given = region_confidence(scan, scene, _parameters(scan, scene))
+        print(f"{args.scan}: region given by the scene, confidence {of_given:.0%}\n{_box(scene)}")
     if proposal.region is None:
-        print(f"{args.scan}: no region: the material is alike everywhere, or differs everywhere")
+        print(f"{args.scan}: no region found: the material is alike everywhere, or differs everywhere")
         return 0
-    accepted = replace(scene, feature=proposal.region)
-    print(f"{args.scan}: proposed region of the feature, confidence {proposal.confidence:.0%}")
-    limits = zip(scene.axis_names, proposal.region.lower, proposal.region.upper, strict=True)
-    for axis, lower, upper in limits:
-        print(f"  {axis} {_range(axis, lower, upper)}")
+    proposed = replace(scene, feature=proposal.region)
+    if not confidence > BELIEVED_REGION:
+        print(
+            f"{args.scan}: no region found: a place stands out, but only {confidence:.0%} of what held-out "
+            f"sweeps felt outside it is as featureless material\n{_box(proposed)}"
+        )
+        return 0
+    print(f"{args.scan}: proposed region of the feature, confidence {confidence:.0%}\n{_box(proposed)}")
     sides = ", ".join(
-        f"{axis}: [{low:.4f}, {high:.4f}]" for axis, (low, high) in scene_to_dict(accepted)["feature"].items()
+        f"{axis}: [{low:.4f}, {high:.4f}]" for axis, (low, high) in scene_to_dict(proposed)["feature"].items()
     )
     print(f"as a line of the scene file, to accept or change:\nfeature: {{{sides}}}")
     if args.output:
-        save_scene(accepted, args.output)
+        save_scene(proposed, args.output)
         print(f"written to {args.output}")
     return 0
+
+
+def _proposed_region(scan: Scan, scene: Scene) -> tuple[Proposal, float]:
+    """A region proposed from the data, and the confidence that held-out sweeps give it."""
+    proposal = propose_region(scan, scene)
+    if proposal.region is None:
+        return proposal, 0.0
+    proposed = replace(scene, feature=proposal.region)
+    return proposal, region_confidence(scan, proposed, _parameters(scan, scene))
+
+
+def _parameters(scan: Scan, scene: Scene) -> ModelParameters:
+    """The scene's measurement parameters, or quick ones: choosing them well takes longer than a look."""
+    given = ModelParameters.from_mapping(scene.measurement)
+    return given if given.complete else ModelParameters(*base_widths(scan, scene))
+
+
+def _box(scene: Scene) -> str:
+    region = scene.feature
+    assert region is not None
+    limits = zip(scene.axis_names, region.lower, region.upper, strict=True)
+    return "\n".join(f"  {axis} {_range(axis, lower, upper)}" for axis, lower, upper in limits)
 
 
 def _plot(args: argparse.Namespace) -> int:
@@ -205,7 +238,8 @@ def _plot(args: argparse.Namespace) -> int:
     try:
         args.output.mkdir(parents=True, exist_ok=True)
         figures = scan_figures(scan, scene, unit=unit)
-        figures["region"] = region_sheet(make_map(scan, scene), scene, propose_region(scan, scene), unit=unit)
+        proposed = _proposed_region(scan, scene)
+        figures["region"] = region_sheet(make_map(scan, scene), scene, *proposed, unit=unit)
         for name, figure in figures.items():
             path = args.output / f"{name}.png"
             figure.savefig(path, dpi=args.dpi)

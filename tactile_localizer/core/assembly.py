@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -32,6 +33,9 @@ from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pai
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
+
+BELIEVED_REGION = 0.5
+"""Confidence above which a proposed region of the feature is believed."""
 
 
 def build_localizer(
@@ -153,18 +157,25 @@ def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
     if scene.feature is not None:
         return scene
     candidate = dataclasses.replace(scene, feature=propose_region(scan, scene).region)
-    if candidate.feature is None:
+    if candidate.feature is None or not region_confidence(scan, candidate, parameters) > BELIEVED_REGION:
         return scene
-    off = np.flatnonzero(~candidate.on_feature(training_pairs(scan, candidate)[0]))
+    return candidate
+
+
+def region_confidence(scan: Scan, scene: Scene, parameters: ModelParameters) -> float:
+    """Share of held-out strains outside the scene's region that are explained no better by knowing the
+    position than by the featureless null; NaN where there are none.
+    """
+    off = np.flatnonzero(~scene.on_feature(training_pairs(scan, scene)[0]))
     tried, of_map, _ = held_out_log_densities(
         scan, scene, off, lambda rest: build_model(rest, scene, Configuration(), parameters)
     )
     if len(tried) == 0:
-        return scene
-    null = _null(scan, candidate, parameters)
+        return math.nan
+    null = _null(scan, scene, parameters)
     present = np.ones(len(scene.phalanges), dtype=bool)
     of_null = [null.featureless(strain, present) for strain in training_pairs(scan, scene)[1][tried]]
-    return candidate if np.median(of_map - of_null) <= 0.0 else scene
+    return float(np.mean(of_map <= of_null))
 
 
 def _null(

@@ -3,7 +3,7 @@
 Featureless material is what most of a phalanx's strains have in common: a tight cluster, found robustly. The
 region is the box around the places where the strain leaves that cluster. Material that is featured
 everywhere, such as woven cloth, has a cluster too; whether what lies outside a proposed box is featureless is
-for held-out sweeps to say (:func:`~.assembly.with_region`).
+for held-out sweeps to say (:func:`~.assembly.region_confidence`).
 """
 
 from __future__ import annotations
@@ -32,18 +32,16 @@ _CELLS = 24
 
 @dataclass(frozen=True)
 class Proposal:
-    """A region and how sure it is.
+    """A region and what speaks for it.
 
     Parameters
     ----------
     region : box in phalanx coordinates; ``None`` where the material is featured everywhere or nowhere
-    confidence : share of the cells on the right side of the box: touched inside, untouched outside
     cells : one entry a phalanx, (cells, ...) bool, where the strain leaves the featureless cluster
     axes : one entry a phalanx, centres of the cells along each axis, m (yaw: rad)
     """
 
     region: Region | None
-    confidence: float
     cells: list[np.ndarray]
     axes: list[list[np.ndarray]]
 
@@ -61,12 +59,12 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
         axes.append(centres)
     boxes = [box for box in map(_box, cells, axes) if box is not None]
     if not boxes:
-        return Proposal(None, 0.0, cells, axes)
+        return Proposal(None, cells, axes)
     region = Region(
         tuple(map(float, np.min([low for low, _ in boxes], axis=0))),
         tuple(map(float, np.max([high for _, high in boxes], axis=0))),
     )
-    return Proposal(region, _agreement(region, cells, axes), cells, axes)
+    return Proposal(region, cells, axes)
 
 
 def featureless_cluster(strain: np.ndarray) -> Normal:
@@ -129,12 +127,3 @@ def _box(touched: np.ndarray, centres: list[np.ndarray]) -> tuple[np.ndarray, np
     low = np.array([c[i] for c, i in zip(centres, places.min(axis=0), strict=True)]) - 1.5 * size
     high = np.array([c[i] for c, i in zip(centres, places.max(axis=0), strict=True)]) + 1.5 * size
     return low, high
-
-
-def _agreement(region: Region, cells: list[np.ndarray], axes: list[list[np.ndarray]]) -> float:
-    right = total = 0
-    for touched, centres in zip(cells, axes, strict=True):
-        places = np.stack(np.meshgrid(*centres, indexing="ij"), axis=-1).reshape(-1, touched.ndim)
-        right += int(np.count_nonzero(region.contains(places) == touched.ravel()))
-        total += touched.size
-    return right / total

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from tactile_localizer.core.assembly import BELIEVED_REGION
 from tactile_localizer.core.region import Proposal
 from tactile_localizer.core.tactile_map import TactileMap
 from tactile_localizer.evaluation.display import label_axis, legend_below, shown
@@ -17,20 +18,24 @@ from tactile_localizer.scene import Region, Scene
 _GIVEN = {"edgecolor": "black", "linestyle": "-", "linewidth": 1.4}
 _PROPOSED = {"edgecolor": "tab:red", "linestyle": "--", "linewidth": 1.6}
 _TOUCHED = "tab:red"
+_DOTS = "not as featureless material"
 _NO_DATA = "lightsteelblue"
 
 
-def region_sheet(tactile_map: TactileMap, scene: Scene, proposal: Proposal, *, unit: str = "V") -> Figure:
+def region_sheet(
+    tactile_map: TactileMap, scene: Scene, proposal: Proposal, confidence: float, *, unit: str = "V"
+) -> Figure:
     """How far each phalanx's strain is from featureless material, where the phalanx was, and the regions.
 
     Dots are the cells in which most strains are not those of featureless material. Solid is the region
-    that the scene gives, dashed the one that the data propose.
+    that the scene gives, dashed the one that the data propose, where held-out sweeps confirm it.
 
     Parameters
     ----------
     tactile_map : of the scan
     scene : may give a region
     proposal : of :func:`~tactile_localizer.core.region.propose_region`
+    confidence : of the proposed region (:func:`~tactile_localizer.core.assembly.region_confidence`)
     unit : of the strain
     """
     felt = [np.linalg.norm(tactile_map.phalanx(name), axis=-1) for name in scene.phalanx_names]
@@ -40,11 +45,12 @@ def region_sheet(tactile_map: TactileMap, scene: Scene, proposal: Proposal, *, u
     for plot in figure.axes[: len(felt)]:
         if scene.feature is not None:
             _box(plot, scene.feature, tactile_map.axes, "given by the scene", _GIVEN)
-        if proposal.region is not None:
-            label = f"proposed, confidence {proposal.confidence:.0%}"
+        if proposal.region is not None and confidence > BELIEVED_REGION:
+            label = f"proposed, confidence {confidence:.0%}"
             _box(plot, proposal.region, tactile_map.axes, label, _PROPOSED)
     legend_below(figure, figure.axes[0])
-    figure.suptitle(f"{scene.name}: the feature's region, by where each phalanx was")
+    found = "the feature's region" if confidence > BELIEVED_REGION else "no region of a feature was found"
+    figure.suptitle(f"{scene.name}: {found}; by where each phalanx was")
     return figure
 
 
@@ -58,7 +64,7 @@ def _draw_plane(
         x, y = _places(tactile_map, scene, number)
         values = np.ma.masked_invalid(felt[number].T)
         colours = plot.pcolormesh(x, y, values, cmap="Greys", vmin=0, vmax=limit)
-        plot.plot(*_touched(tactile_map, proposal, number), ".", color=_TOUCHED, markersize=3)
+        plot.plot(*_touched(tactile_map, proposal, number), ".", color=_TOUCHED, markersize=3, label=_DOTS)
         plot.set_facecolor(_NO_DATA)
         plot.set_title(scene.phalanx_names[number], fontsize=10)
         label_axis(plot, "x", tactile_map.axes[0])
@@ -80,7 +86,7 @@ def _draw_line(
     for number, plot in enumerate(plots):
         plot.plot(_places(tactile_map, scene, number)[0], felt[number], color="0.3", linewidth=0.8)
         (cells,) = _touched(tactile_map, proposal, number)
-        plot.plot(cells, np.full(len(cells), -0.04 * limit), ".", color=_TOUCHED, markersize=4)
+        plot.plot(cells, np.full(len(cells), -0.04 * limit), ".", color=_TOUCHED, markersize=4, label=_DOTS)
         plot.set_title(scene.phalanx_names[number], fontsize=10)
         plot.set_ylabel(unit)
         label_axis(plot, "x", tactile_map.axes[0], label=number == count - 1, inches=number == 0)

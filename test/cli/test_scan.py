@@ -172,8 +172,11 @@ def simulated(feature: str) -> None:
         (Phalanx("index", (0.0, 0.0127)), Phalanx("middle", (0.0, -0.0127))),
     )
     with ScanStore.create(f"{feature}.db", scene) as store:
-        store.begin_sweep()
-        store.append(np.arange(len(recorded)), recorded.states, recorded.strain)
+        for number in recorded.sweep_numbers:
+            mine = recorded.sweep == number
+            store.begin_sweep(int(number))
+            store.append(np.flatnonzero(mine), recorded.states[mine], recorded.strain[mine])
+            store.end_sweep()
 
 
 def test_a_region_is_proposed_and_written_to_a_scene_when_asked(tmp_path, monkeypatch, capsys):
@@ -181,7 +184,7 @@ def test_a_region_is_proposed_and_written_to_a_scene_when_asked(tmp_path, monkey
     simulated("bump")
     assert main(["scan", "region", "bump.db", "-o", "scene.yaml"]) == 0
     output = capsys.readouterr().out
-    assert "proposed region of the feature, confidence " in output
+    assert "proposed region of the feature, confidence 100%" in output
     region = load_scene("scene.yaml").feature
     assert 0.01 < region.lower[0] < 0.02
     assert 0.04 < region.upper[0] < 0.05
@@ -193,6 +196,25 @@ def test_material_without_a_feature_has_no_region(tmp_path, monkeypatch, capsys)
     simulated("none")
     assert main(["scan", "region", "none.db", "-o", "scene.yaml"]) == 0
     assert "no region" in capsys.readouterr().out
+    assert not (tmp_path / "scene.yaml").exists()
+
+
+def test_what_stands_out_of_material_that_is_featured_everywhere_is_no_region(tmp_path, monkeypatch, capsys):
+    """A weave of 1 V with one coarser patch: its place can be told outside the patch as well."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    x = np.linspace(0.0, 0.6, 1500)
+    weave = np.sin(x[:, None] * rng.uniform(60, 200, 8) + rng.uniform(0, 6, 8))
+    weave[(x > 0.2) & (x < 0.25)] *= 12.0
+    scene = Scene("weave", (Axis("x", 0.0, 0.6),), (Phalanx("index", (0.0,)),))
+    with ScanStore.create("weave.db", scene) as store:
+        for _ in range(3):
+            store.begin_sweep()
+            felt = weave + 0.02 * rng.standard_normal(weave.shape)
+            store.append(np.arange(len(x)), x[:, None], felt)
+            store.end_sweep()
+    assert main(["scan", "region", "weave.db", "-o", "scene.yaml"]) == 0
+    assert "weave.db: no region found: a place stands out, but only 0% of what" in capsys.readouterr().out
     assert not (tmp_path / "scene.yaml").exists()
 
 
