@@ -87,14 +87,21 @@ def _answer(args: argparse.Namespace, trades: Sequence[Trade]) -> int:
 
 
 def _say(asked: str, found: Trade | None, nearest: Trade) -> bool:
+    """Print an answer: what to type in comments, and the configuration as YAML."""
     if found is None:
-        print(f"{asked}: nothing; nearest is {describe(nearest)}")
+        print(f"# {asked}: nothing; nearest is {describe(nearest)}")
         return False
-    print(f"{asked}: {describe(found)}")
-    changes, neighbours = found.candidate.changes, found.candidate.neighbours
-    print(yaml.safe_dump(changes, sort_keys=False).rstrip() if changes else "# the defaults")
-    if neighbours != NEIGHBOURS:
-        print(f"# and in the scene, measurement: {{neighbours: {neighbours}}}")
+    candidate = found.candidate
+    given = [f"-p {name}:={str(value).lower()}" for name, value in candidate.changes.items()]
+    print(f"# {asked}: {describe(found)}")
+    print("# save this and give it as --config, or put it under ros__parameters in config/filter.yaml")
+    if candidate.preset:
+        print(f"# shipped: tactile-localizer replay --config {candidate.preset}")
+    if given:
+        print(f"# live: ros2 run tactile_localizer filter_node --ros-args {' '.join(given)}")
+    if candidate.neighbours != NEIGHBOURS:
+        print(f"# and in the scene, measurement: {{neighbours: {candidate.neighbours}}}")
+    print(yaml.safe_dump(candidate.changes, sort_keys=False).rstrip() if given else "# the defaults")
     return True
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -12,17 +13,23 @@ import numpy as np
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition, Material
 from tactile_localizer.evaluation.evaluate import as_array, choose, localise
 from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
+from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.odometry import piece
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 
 _WIDEST = 200
 """Samples from the start of a sweep, in which memory is measured."""
+
+_TIMED_SWEEPS = 2
+_PASSES = 3
+"""Times that the sweeps are localised to measure time."""
 
 NEIGHBOURS = ModelParameters().neighbours
 """Of the Gaussian models, where nothing else is said."""
@@ -74,7 +81,7 @@ class Trade:
     ----------
     error : m, mean from contact to the feature's end (over the sweep where contact is not known)
     coverage : share of estimates whose 95 % region holds the truth
-    update_us, update_p99_us : processor time of a weighed strain, median and 99th percentile
+    update_us, update_p99_us : processor time of a weighed strain, median and 99th percentile (:func:`cost`)
     us_per_mm : processor time a millimetre of travel
     memory_mb : most memory held, beside the scan, MB
     """
@@ -121,12 +128,10 @@ def candidates() -> list[Candidate]:
     """Configurations over model, filter, evaluation, particles, cells, neighbours, map size and precision."""
     found = [Candidate(load_configuration(preset), preset=preset) for preset in PRESETS]
     found += [Candidate(configuration) for configuration in _configurations()]
-    base = Configuration()
-    small = replace(base, filter="particle", particles=300)
-    found += [Candidate(one, every=every) for one in (base, small) for every in (2, 4, 8)]
-    for model in ("gaussian", "gaussian_independent"):
-        one = replace(base, model=model, filter="particle", particles=300)
-        found += [Candidate(one, neighbours=k) for k in (4, 16)]
+    few = replace(Configuration(), filter="particle", particles=300)
+    found += [Candidate(few, every=every) for every in (2, 4, 8)]
+    found += [Candidate(Configuration(), every=4)]
+    found += [Candidate(replace(few, model="gaussian"), neighbours=k) for k in (4, 16)]
     unique: dict[tuple[Any, ...], Candidate] = {}
     for candidate in found:
         unique.setdefault((candidate.configuration, candidate.neighbours, candidate.every), candidate)
@@ -134,23 +139,21 @@ def candidates() -> list[Candidate]:
 
 
 def _configurations() -> Iterator[Configuration]:
-    base = Configuration()
-    for model in ("sum_of_gaussians", "featureless"):
-        own = replace(base, model=model)
-        for step in (0.0005, 0.001):
-            for cell in (0.2, 0.3, 0.5, 0.8):
-                yield replace(own, filter="grid", cell=cell, update_distance=step)
-            for particles in (75, 150, 300, 1000, 3000):
-                yield replace(own, filter="particle", particles=particles, update_distance=step)
-        for particles in (75, 300):
-            for evaluation in ("truncated", "exact"):
-                yield replace(own, filter="particle", particles=particles, evaluation=evaluation)
-            yield replace(own, filter="particle", particles=particles, precision="float32")
-        yield replace(own, filter="grid", precision="float32")
+    grid = Configuration()
+    particle = replace(grid, filter="particle", particles=300)
+    for step in (0.0005, 0.001, 0.002):
+        for cell in (0.3, 0.8):
+            yield replace(grid, cell=cell, update_distance=step)
+        for particles in (75, 150, 300, 1000):
+            yield replace(particle, particles=particles, update_distance=step)
+    for evaluation in ("truncated", "exact"):
+        yield replace(particle, particles=75, evaluation=evaluation)
+    for one in (grid, particle):
+        yield replace(one, precision="float32")
+        yield replace(one, model="featureless")
     for model in ("gaussian", "gaussian_independent"):
-        for particles in (75, 300, 1000):
-            yield replace(base, model=model, filter="particle", particles=particles)
-    yield replace(base, filter="particle", particles=3000, adaptive=True)
+        yield replace(particle, model=model)
+    yield replace(particle, particles=3000, adaptive=True)
 
 
 def trade(
@@ -182,47 +185,57 @@ def trade(
             task = Task(localise, (thinned, measurement, one.configuration), identity)
             tasks.append(task)
             if condition is conditions[0]:
-                weighing.append(Task(memory, task.arguments, identity))
+                weighing.append(Task(cost, task.arguments, identity))
     results = run_tasks(tasks, folder, workers, progress, "trying configurations")
-    sizes = run_tasks(weighing, folder, workers, progress, "measuring memory")
+    # One at a time, whoever does the rest: they would take time from each other.
+    costs = run_tasks(weighing, folder, Workers(), progress, "measuring time and memory")
     n = len(conditions)
-    return [_gather(one, results[i * n : (i + 1) * n], sizes[i]["peak_bytes"]) for i, one in enumerate(tried)]
+    return [_gather(one, results[i * n : (i + 1) * n], costs[i]) for i, one in enumerate(tried)]
 
 
-def memory(
+def cost(
     condition: Condition | Thinned, measurement: dict[str, Any], configuration: Configuration
 ) -> dict[str, Any]:
-    """Most memory that a localizer holds beside the scan, bytes: at first, when the belief is widest."""
+    """What a localizer takes: processor time of one thread, and most memory beside the scan.
+
+    A strain's time is the least of several passes, so that what else the machine does counts little.
+    """
     material = condition.load()
     scene = replace(material.scene, measurement=measurement)
-    start = piece(material.recording.sweeps[0], slice(_WIDEST), 1)
-    recording = replace(material.recording, sweeps=(start,))
+    few = replace(material.recording, sweeps=material.recording.sweeps[:_TIMED_SWEEPS])
+
+    def build() -> Localizer:
+        return build_localizer(material.scan, scene, configuration, np.random.default_rng(condition.seed))
+
+    localizer = build()
+    passes = [replay(localizer, few, clock=time.thread_time) for _ in range(_PASSES)]
+    least = [
+        replace(tracks[0], seconds=np.min([track.seconds for track in tracks], axis=0))
+        for tracks in zip(*passes, strict=True)
+    ]
+    # The belief is widest at first.
+    start = replace(few, sweeps=(piece(few.sweeps[0], slice(_WIDEST), 1),))
     tracemalloc.start()
     try:
-        localizer = build_localizer(
-            material.scan, scene, configuration, np.random.default_rng(condition.seed)
-        )
-        replay(localizer, recording)
+        replay(build(), start)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    return {"peak_bytes": peak}
+    return {"timing": timing(least), "peak_bytes": peak}
 
 
-def _gather(candidate: Candidate, results: Sequence[dict[str, Any]], peak_bytes: int) -> Trade:
+def _gather(candidate: Candidate, results: Sequence[dict[str, Any]], cost: dict[str, Any]) -> Trade:
     sweeps = [sweep for result in results for sweep in result["sweeps"]]
     contact = as_array([sweep["error_contact_m"] for sweep in sweeps])
     errors = contact if np.isfinite(contact).any() else as_array([sweep["error_m"] for sweep in sweeps])
-    times = [result["timing"] for result in results]
-    error = mean_interval(errors) or Interval(np.nan, np.nan, np.nan)
     return Trade(
         candidate,
-        error,
+        mean_interval(errors) or Interval(np.nan, np.nan, np.nan),
         coverage=float(np.nanmean(as_array([sweep["coverage"] for sweep in sweeps]))),
-        update_us=float(np.median([time["update_median_us"] for time in times])),
-        update_p99_us=float(np.median([time["update_p99_us"] for time in times])),
-        us_per_mm=float(np.mean([time["us_per_mm"] for time in times])),
-        memory_mb=peak_bytes / 1e6,
+        update_us=cost["timing"]["update_median_us"],
+        update_p99_us=cost["timing"]["update_p99_us"],
+        us_per_mm=cost["timing"]["us_per_mm"],
+        memory_mb=cost["peak_bytes"] / 1e6,
     )
 
 

@@ -22,8 +22,8 @@ from tactile_localizer.evaluation.tradeoff import (
     Thinned,
     Trade,
     candidates,
+    cost,
     for_target,
-    memory,
     pareto_front,
     trade,
     within_budget,
@@ -97,7 +97,7 @@ def test_candidates_are_tried_and_weighed(tmp_path: Path) -> None:
 
 
 def test_a_larger_map_takes_more_memory() -> None:
-    whole, thin = (memory(Thinned(condition(), every), TUNED, QUICK[0].configuration) for every in (1, 4))
+    whole, thin = (cost(Thinned(condition(), every), TUNED, QUICK[0].configuration) for every in (1, 4))
     assert 2 < whole["peak_bytes"] / thin["peak_bytes"] < 8
 
 
