@@ -43,9 +43,9 @@ test: build lint ## Run all checks and tests; ARGS="-k name" passes arguments to
 	$(run) python -m pytest $(if $(CI),--reruns 2) $(ARGS)
 
 .PHONY: coverage
-coverage: build ## Say which branches of core and io no test of theirs takes; fails below 95 %
+coverage: build ## Say which branches of core and io no test takes; fails below 95 %
 	$(run) python -m pytest --cov=tactile_localizer.core --cov=tactile_localizer.io --cov-branch --cov-fail-under=95 \
-		--cov-report=term-missing:skip-covered test/core test/io
+		--cov-report=term-missing:skip-covered test/core test/io test/cli test/test_scene.py
 
 .PHONY: mutants
 mutants: build ## Seed known faults into copies of the core, one by one, and see that a test fails for each

@@ -22,6 +22,7 @@ def test_whole_numbers_serve_where_numbers_are_expected() -> None:
     [
         ({"partcles": 5}, "did you mean particles"),
         ({"model": "gausian"}, "expected one of sum_of_gaussians"),
+        ({"filter": "kalman"}, "filter 'kalman': expected one of grid, particle"),
         ({"particles": 7.5}, "expected int"),
         ({"adaptive": 1}, "expected bool"),
         ({"update_distance": 0.0}, "expected a positive number"),

@@ -201,3 +201,17 @@ def test_more_cells_than_memory_is_meant_for_are_refused():
         ParameterError, match=r"cells: expected at most 4000000, got 2.5e\+09; use larger cells"
     ):
         GridFilter(scene(), FlatModel(), np.array([1e-6, 1e-6]))
+
+
+def test_a_belief_that_leaves_the_scene_whole_begins_anew():
+    """By steps shorter than the scene, each of which is believed; nothing is left to normalise."""
+    grid = GridFilter(line(), FlatModel(), np.array([0.01]))
+    grid.seed(np.array([0.45]), np.array([0.001]))
+    grid.predict(np.array([0.6]), 0.6)
+    np.testing.assert_allclose(grid.hypotheses()[1], 0.01)
+
+
+def test_the_density_over_a_uniform_one_is_zero_outside_and_one_where_nothing_is_known():
+    grid = GridFilter(line(), FlatModel(), np.array([0.01]))
+    density = [grid.relative_density(np.array([x])) for x in (-0.6, 0.0, 0.6)]
+    assert density == pytest.approx([0.0, 1.0, 0.0])

@@ -118,3 +118,10 @@ def test_any_order_of_arrival_gives_what_interpolating_the_recording_gives(order
     for pair, position in zip(pairs, expected, strict=True):
         if pair.position is not None:
             np.testing.assert_array_equal(pair.position, position)
+
+
+def test_it_knows_the_newest_strain_vector():
+    pairing = Pairing(AXES)
+    assert pairing.newest_ns is None
+    strain(pairing, 105)
+    assert pairing.newest_ns == 105 * MS

@@ -106,3 +106,9 @@ def test_positions_near_the_bounds_differ_by_whole_turns_only():
     np.testing.assert_allclose(moved[:, 1], [6.0 - math.tau, -6.5 + math.tau, 0.4])
     np.testing.assert_array_equal(given_positions[:, 1], [6.0, -6.5, 0.4])
     assert near_bounds((X,), given_positions) is given_positions
+
+
+def test_without_poses_there_is_no_position():
+    positions, found = interpolate_poses((X,), np.array([], np.int64), np.empty((0, 1)), np.array([SECOND]))
+    assert np.isnan(positions).all()
+    assert not found.any()
