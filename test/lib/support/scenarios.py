@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,16 +11,20 @@ from typing import Any
 import numpy as np
 from support.probe import Probe
 from support.processes import node_command
-from support.sweeps import SlidingHand, unseen_sweep
+from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep
 
+from tactile_localizer.io.bag_writer import BagWriter
 from tactile_localizer.resources import resource_path
+
+BIN = Path(__file__).parents[1] / "bin"
+STRAIN, POSE = "tactile_localizer/msg/StrainVectors", "geometry_msgs/msg/PoseStamped"
 
 _BUS = ("interface", "channel", "bus_options")
 _ACCEPTED = {
     "simulator": (*_BUS, "feature", "speed", "mode"),
     "driver": (*_BUS, "dbc", "phalanges"),
     "mapping": ("scan_file", "scene_file"),
-    "filter": ("scan_file", "scene_file", "scan_directory"),
+    "filter": ("scan_file", "scene_file", "scan_directory", "use_sim_time"),
 }
 """Launch arguments that become parameters of each node."""
 
@@ -33,11 +38,13 @@ class Started:
     launch_file : that starts them; empty: they stand for hardware, and no launch file does
     nodes : their names
     arguments : launch arguments; ``namespace``, ``pose_topic`` and parameters of the nodes
+    beside : commands that the launch file runs beside the nodes
     """
 
     launch_file: str
     nodes: Sequence[str]
     arguments: Mapping[str, Any] = field(default_factory=dict)
+    beside: Sequence[Sequence[str]] = ()
 
     def launch_arguments(self) -> list[tuple[str, str]]:
         """As a launch file takes them."""
@@ -45,7 +52,7 @@ class Started:
 
     def commands(self) -> list[list[str]]:
         """The command lines that the launch file amounts to."""
-        return [
+        nodes = [
             node_command(
                 f"{node}_node",
                 {name: self.arguments[name] for name in _ACCEPTED[node] if name in self.arguments},
@@ -55,6 +62,7 @@ class Started:
             )
             for node in self.nodes
         ]
+        return [*nodes, *map(list, self.beside)]
 
     def _is_remapped(self, node: str) -> bool:
         return node in ("mapping", "filter") and "pose_topic" in self.arguments
@@ -180,12 +188,59 @@ def _see_a_belief_from_the_arms_topic(probe: Probe, place: Place) -> None:
     probe.until(lambda: posteriors[-1].travel > 0.008, "a belief that moves with the arm")
 
 
+def _replaying(place: Place) -> Sequence[Started]:
+    bag = _write_bag(place.folder / "bag")
+    arguments = {"scan_file": place.scan_file, "bag": bag, "rate": 3.0, "loop": True, "use_sim_time": True}
+    play = [ros2(), "bag", "play", str(bag), "--clock", "200", "--rate", "3.0", "--loop"]
+    return [Started("replay.launch.py", ("filter",), arguments, [play])]
+
+
+def ros2() -> str:
+    """The distribution's command, or what stands in for it."""
+    return shutil.which("ros2") or str(BIN / "ros2")
+
+
+def _write_bag(path: Path) -> Path:
+    """A sweep that no scan has, recorded without a simulator's ground truth."""
+    from geometry_msgs.msg import PoseStamped
+    from rclpy.serialization import serialize_message
+
+    from tactile_localizer.msg import StrainVectors
+
+    sweep = unseen_sweep(rate=50.0)
+    with BagWriter(path, {"/strain": STRAIN, "/palm_pose": POSE}) as bag:
+        for k, stamp_ns in enumerate(sweep.stamp_ns.tolist()):
+            pose, strain = PoseStamped(), StrainVectors(phalanges=["index", "middle"])
+            for message in (pose, strain):
+                set_stamp(message, START_NS + stamp_ns)
+            pose.header.frame_id = "base"
+            pose.pose.position.x, pose.pose.position.y = map(float, sweep.odometry[k])
+            pose.pose.orientation.w = 1.0
+            strain.strain, strain.status, strain.sequence = sweep.strain[k].tolist(), [0, 0], [k, k]
+            bag.write("/palm_pose", START_NS + stamp_ns, serialize_message(pose))
+            bag.write("/strain", START_NS + stamp_ns, serialize_message(strain))
+    return path
+
+
+def _see_the_bag_believed_again_and_again(probe: Probe, place: Place) -> None:
+    from tactile_localizer.msg import Posterior
+
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    probe.until(lambda: posteriors and posteriors[-1].travel > 0.03, "the bag's sweep", 60.0)
+    assert posteriors[-1].converged, posteriors[-1].reason
+    assert START_NS <= stamp_of(posteriors[-1]) < START_NS + 60 * 10**9, "stamps are the bag's"
+    posteriors.clear()
+    probe.until(lambda: posteriors and 0.0 < posteriors[-1].travel < 0.01, "the bag to begin again")
+    probe.until(lambda: posteriors[-1].travel > 0.03, "the sweep once more")
+
+
 SCENARIOS = (
     Scenario("simulated hand and its driver", _simulated, _see_strain_and_poses),
     Scenario("a robot that scans", _scanning, _see_a_sweep_recorded),
     Scenario("a robot that localises", _localizing, _see_a_belief),
     Scenario("two hands", _two_hands, _see_two_beliefs),
     Scenario("an arm that calls its pose otherwise", _on_an_arm, _see_a_belief_from_the_arms_topic),
+    Scenario("a bag, in the bag's time", _replaying, _see_the_bag_believed_again_and_again),
 )
 
 
