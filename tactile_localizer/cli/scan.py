@@ -91,6 +91,8 @@ def _info(args: argparse.Namespace) -> int:
         print(f"  recorded   {_when(sweeps)}")
         for at, what, detail in store.history():
             print(f"  history    {at} {what}{_detail(detail)}")
+            for note in detail.get("notes", ()):
+                print(f"               {note}")
         found = findings(store.load(), scene, sweeps) if pairs else ["there are no pairs"]
     print("to look at:" if found else "nothing to mend was found")
     for finding in found:
@@ -273,5 +275,5 @@ def _when(sweeps: list[SweepInfo]) -> str:
 
 
 def _detail(detail: dict[str, object]) -> str:
-    shown = {key: value for key, value in detail.items() if key not in ("version", "history") and value}
+    shown = {key: value for key, value in detail.items() if key not in ("version", "history", "notes") and value}
     return ": " + ", ".join(f"{key} {value}" for key, value in shown.items()) if shown else ""

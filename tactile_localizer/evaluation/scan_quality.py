@@ -20,6 +20,9 @@ from tactile_localizer.scene import GAUGES, Scene
 _LOSS = 0.05
 """Share of a sweep's samples lost to gaps, or skipped, that is worth a line."""
 
+_ON_BOUND = 0.02
+"""Distance of a sweep from a bound of the scene, as a share of its extent, over which it wobbles."""
+
 _HOLE = 0.85
 """Distance to the nearest pair, in distances of the sweeps, that shows uneven spacing: half a distance is
 the most between even ones, a whole one where one is missing."""
@@ -56,6 +59,7 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> list[str]
     kept = [sweep for sweep in sweeps if not sweep.dropped]
     return [
         *_recording(kept),
+        *_along_bounds(scan, scene, kept),
         *_coverage(scan, scene),
         *_gauges(scan),
         *_disagreement(scan),
@@ -73,6 +77,23 @@ def _recording(sweeps: Sequence[SweepInfo]) -> Iterator[str]:
         if sweep.skipped > _LOSS * total:
             reasons = "missing, saturated or out of bounds"
             yield f"sweep {sweep.number}: {sweep.skipped} of {total} samples were {reasons}"
+
+
+def _along_bounds(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> Iterator[str]:
+    """Sweeps that lost samples and lie on a bound of the scene, over which a hand wobbles."""
+    columns = scene.columns(scan.axes)
+    for sweep in sweeps:
+        if not sweep.skipped or not sweep.pairs:
+            continue
+        place = np.median(scan.states[scan.sweep == sweep.number][:, columns], axis=0)
+        for axis, at in zip(scene.axes, place, strict=True):
+            for bound in np.array([axis.lower, axis.upper]):
+                if abs(at - bound) < _ON_BOUND * (axis.upper - axis.lower) and not axis.wraps:
+                    lost = f"{sweep.skipped} of {sweep.pairs + sweep.gaps + sweep.skipped}"
+                    yield (
+                        f"sweep {sweep.number}: lies on the bound {axis.name} {shown(axis.name, bound):.1f}, "
+                        f"{lost} samples were left out: give the scene's bounds a margin"
+                    )
 
 
 def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import Recording, screen
+from tactile_localizer.io.recording import Recording, Screening, screen
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.scene import Scene
 
@@ -58,33 +61,18 @@ def import_recording(
         raise ScanError(f"{path}: expected no file of this name yet, found one")
     unfinished = path.with_name(f"{path.name}.part")
     unfinished.unlink(missing_ok=True)
-    missing = saturated = outside = gaps = 0
+    screenings = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
+    notes = (*recording.notes, *_left_out(recording, scene, screenings))
     try:
         with ScanStore.create(unfinished, scene, strain_unit=strain_unit) as store:
-            for sweep in recording.sweeps:
-                screening = screen(scene, sweep.position, sweep.strain, sweep.status)
-                missing += screening.missing
-                saturated += screening.saturated
-                outside += screening.outside
-                gaps += sweep.gaps
+            for sweep, screening in zip(recording.sweeps, screenings, strict=True):
                 keep = screening.keep
                 if keep.any():
                     store.begin_sweep(sweep.number)
                     store.append(sweep.stamp_ns[keep], sweep.position[keep], sweep.strain[keep])
                     store.end_sweep(gaps=sweep.gaps, skipped=screening.skipped)
             sweeps, pairs = len(store.sweeps()), store.pairs
-            store.note(what, {**detail, "notes": list(recording.notes)})
-        reasons = {
-            "with a palm position outside the scene's bounds": outside,
-            "with missing strain": missing,
-            "with saturated strain": saturated,
-            "without a palm pose near enough in time": gaps,
-        }
-        notes = recording.notes + tuple(
-            f"left out {count} of {len(recording) + gaps} samples {reason}"
-            for reason, count in reasons.items()
-            if count
-        )
+            store.note(what, {**detail, "notes": list(notes)})
         if not pairs:
             raise ScanError(
                 f"{recording.source}: expected samples for a scan; {'; '.join(notes) or 'found none'}"
@@ -93,3 +81,39 @@ def import_recording(
     finally:
         unfinished.unlink(missing_ok=True)
     return ImportReport(sweeps, pairs, notes)
+
+
+def _left_out(recording: Recording, scene: Scene, screenings: Sequence[Screening]) -> Iterator[str]:
+    """What the screening of the sweeps leaves out, one line a reason."""
+    gaps = sum(sweep.gaps for sweep in recording.sweeps)
+    reasons = {
+        f"with a palm position outside the scene's bounds{_reach(recording, scene)}": sum(
+            screening.outside for screening in screenings
+        ),
+        "with missing strain": sum(screening.missing for screening in screenings),
+        "with saturated strain": sum(screening.saturated for screening in screenings),
+        "without a palm pose near enough in time": gaps,
+    }
+    for reason, count in reasons.items():
+        if count:
+            yield f"left out {count} of {len(recording) + gaps} samples {reason}"
+    empty = [
+        sweep.number
+        for sweep, screening in zip(recording.sweeps, screenings, strict=True)
+        if not screening.keep.any()
+    ]
+    if empty:
+        yield f"left out {len(empty)} of {len(recording.sweeps)} sweeps whole: {', '.join(map(str, empty))}"
+
+
+def _reach(recording: Recording, scene: Scene) -> str:
+    """How far positions go on the axes on which they leave the bounds."""
+    if not len(recording):
+        return ""
+    position = np.concatenate([sweep.position for sweep in recording.sweeps])
+    reach = [
+        f"{axis.name} is {low:.6g} to {high:.6g}, bounds {axis.lower:.6g} to {axis.upper:.6g}"
+        for axis, low, high in zip(scene.axes, position.min(axis=0), position.max(axis=0), strict=True)
+        if low < axis.lower or high > axis.upper
+    ]
+    return f" ({'; '.join(reach)})" if reach else ""

@@ -35,7 +35,9 @@ def test_a_csv_of_standard_columns_becomes_a_scan_file(folder, capsys):
     assert output == [
         "scan.db: 3 sweeps, 125 pairs",
         "  train.csv: left out 1 of 200 rows: 1 not numbers (first: line 9)",
-        "  left out 74 of 199 samples with a palm position outside the scene's bounds",
+        "  left out 74 of 199 samples with a palm position outside the scene's bounds"
+        " (x is 0 to 0.0796, bounds 0 to 0.05)",
+        "  left out 1 of 4 sweeps whole: 3",
     ]
     with ScanStore.open("scan.db") as store:
         assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2]

@@ -49,6 +49,20 @@ def test_a_sweep_that_is_missing_is_found_by_its_place(sound):
     assert abs(float(re.search(r"y ([\d.]+)", finding)[1]) - 1e3 * line) < 0.5
 
 
+def test_a_sweep_that_wobbles_over_a_bound_is_named_with_what_it_lost(sound):
+    inside = ((sound.states >= SCENE.lower) & (sound.states <= SCENE.upper)).all(axis=1)
+    kept = sound.select(inside)
+    sweeps = [
+        info(int(n), int(np.sum(kept.sweep == n)), skipped=int(np.sum(~inside[sound.sweep == n])))
+        for n in kept.sweep_numbers
+    ]
+    lines = [line for line in findings(kept, SCENE, sweeps) if "lies on the bound" in line]
+    assert [line.split(" of ")[0] for line in lines] == [
+        f"sweep {one.number}: lies on the bound y {bound}, {one.skipped}"
+        for one, bound in ((sweeps[0], "0.0"), (sweeps[-1], "50.8"))
+    ]
+
+
 def test_a_dead_gauge_is_named(sound):
     strain = sound.strain.copy()
     strain[:, 10] = 0.25

@@ -38,7 +38,8 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
     assert (report.sweeps, report.pairs) == (2, 4)
     assert report.notes == (
         "one note",
-        "left out 2 of 14 samples with a palm position outside the scene's bounds",
+        "left out 2 of 14 samples with a palm position outside the scene's bounds"
+        " (x is -0.1 to 1.1, bounds 0 to 1)",
         "left out 3 of 14 samples with missing strain",
         "left out 1 of 14 samples with saturated strain",
         "left out 4 of 14 samples without a palm pose near enough in time",
@@ -50,12 +51,14 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
         ]
         np.testing.assert_array_equal(store.load().states[:, 0], [0.5, 0.0, 0.5, 1.0])
         ((_, what, detail),) = store.history()
-        assert (what, detail["notes"]) == ("test", ["one note"])
+        assert (what, tuple(detail["notes"])) == ("test", report.notes)
 
 
 def test_a_sweep_of_which_nothing_is_left_is_not_in_the_file(tmp_path):
     recording = recording_of(sweep_of(1, [2.0, 3.0]), sweep_of(2, [0.5]))
-    assert import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={}).sweeps == 1
+    report = import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={})
+    assert report.sweeps == 1
+    assert report.notes[-1] == "left out 1 of 2 sweeps whole: 1"
 
 
 def test_an_import_without_any_pair_is_refused_and_leaves_no_file(tmp_path):
