@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 from collections.abc import Callable, Iterator
@@ -92,6 +93,22 @@ def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
     if reason := _why_no_ros():
         pytest.skip(reason)
     return lambda *args, **kwargs: process(node_command(*args, **kwargs))
+
+
+@pytest.fixture
+def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
+    """Run a node here that cannot start: ``refusal("driver_node", parameters)`` is what it prints."""
+    if reason := _why_no_ros():
+        pytest.skip(reason)
+    from tactile_localizer.nodes.lifecycle import run
+
+    def refused(name: str, parameters: dict[str, Any]) -> list[str]:
+        module = importlib.import_module(f"tactile_localizer.nodes.{name}")
+        arguments = [*node_command(name, parameters)[1:], "--disable-rosout-logs"]
+        assert run(getattr(module, name.title().replace("_", "")), arguments) == 2
+        return "".join(capfd.readouterr()).splitlines()
+
+    return refused
 
 
 @pytest.fixture

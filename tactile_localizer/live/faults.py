@@ -190,7 +190,7 @@ FAULTS = (
         "phalanx stuck",
         Acts(lambda system: _strain(spoiling.stuck()).begin(system), _strain(leave_alone).end),
     ),
-    _lie("phalanges swapped", _strain(spoiling.swapped)),
+    _lie("phalanx swapped", _strain(spoiling.swapped)),
     _lie("phalanx scaled", _strain(spoiling.scaled)),
     Fault("wrong seed", _seed(0.045, 0.005), _logs("belief seeded"), misleads=True),
     Fault("seed out of bounds", _seed(0.4, 0.005), _gains(INPUTS, "unread_initial_pose")),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,8 @@ def stuck() -> Callable[[StrainVectors], None]:
 
 
 def swapped(message: StrainVectors) -> None:
-    """The plugs of two phalanges are mixed up."""
-    message.strain = message.strain[GAUGES:] + message.strain[:GAUGES]
+    """The first phalanx's gauges are wired in reverse order."""
+    message.strain[:GAUGES] = _array(message, message.strain[:GAUGES][::-1])
 
 
 def scaled(message: StrainVectors) -> None:
@@ -40,7 +40,7 @@ def not_finite(message: StrainVectors) -> None:
     message.strain[3] = np.nan
 
 
-def _array(message: StrainVectors, values: list[float]) -> Any:
+def _array(message: StrainVectors, values: Sequence[float]) -> Any:
     return type(message.strain)("d", values)
 
 

@@ -68,15 +68,19 @@ def hand(simulated_can: dict[str, Any]) -> Iterator[Hand]:
 
 
 @pytest.mark.parametrize("name", BAD_PARAMETERS)
-def test_bad_input_is_one_line_that_says_why_and_an_exit_status(
-    node_process: Callable[..., Any], parameters: dict[str, Any], name: str
+def test_bad_input_is_refused_with_one_line_that_says_why(
+    refusal: Callable[..., list[str]], parameters: dict[str, Any], name: str
 ) -> None:
     bad, reason = BAD_PARAMETERS[name]
-    node = node_process("driver_node", parameters={**parameters, **bad})
+    (line,) = refusal("driver_node", {**parameters, **bad})
+    assert reason in line
+
+
+def test_the_process_ends_with_a_status_that_says_so(node_process: Callable[..., Any]) -> None:
+    node = node_process("driver_node", parameters={"dbc": "/nowhere/hand.dbc"})
     assert node.wait() == 2
-    assert reason in node.output
-    assert "Traceback" not in node.output
-    assert len([line for line in node.lines if "ERROR" in line or "error" in line]) == 1
+    assert "/nowhere/hand.dbc: expected a DBC file" in node.output
+    assert len(node.lines) == 1
 
 
 def test_every_parameter_has_a_description_and_every_number_a_range(

@@ -316,10 +316,7 @@ def short_material_pose(files, tmp_path):
     ],
     ids=lambda spoil: spoil.__name__,
 )
-def test_a_configuration_that_cannot_work_ends_the_node_with_one_line(node_process, files, tmp_path, spoil):
+def test_a_configuration_that_cannot_work_is_refused_with_one_line(refusal, files, tmp_path, spoil):
     parameters, message = spoil(files, tmp_path)
-    process = node_process("mapping_node", parameters=parameters)
-    assert process.wait() == 2
-    assert message in process.output
-    assert "Traceback" not in process.output
-    assert len(process.lines) == 1
+    (line,) = refusal("mapping_node", parameters)
+    assert message in line

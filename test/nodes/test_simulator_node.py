@@ -197,8 +197,6 @@ def test_it_ends_cleanly_in_the_middle_of_a_sweep(start, hand, sig):
         ({"fault.silent": ["thumb"]}, "fault.silent: expected some of index, middle, got 'thumb'"),
     ],
 )
-def test_a_parameter_that_cannot_work_is_refused_in_one_line(start, parameters, message):
-    node = start(**parameters)
-    assert node.wait() == 2
-    assert message in node.output
-    assert "Traceback" not in node.output
+def test_a_parameter_that_cannot_work_is_refused_in_one_line(refusal, parameters, message):
+    (line,) = refusal("simulator_node", parameters)
+    assert message in line
