@@ -11,8 +11,10 @@ import numpy as np
 
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.bayes_filter import BayesFilter
+from tactile_localizer.core.between_sweeps import with_interpolated_sweeps
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
+from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.featureless import Featureless
 from tactile_localizer.core.fit import HeldOutFit, held_out_fit, held_out_log_densities
 from tactile_localizer.core.gaussian import Gaussian
@@ -30,7 +32,7 @@ from tactile_localizer.core.region import propose_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
-from tactile_localizer.scene import Scene
+from tactile_localizer.scene import GAUGES, Scene
 
 Progress = Callable[[str, float], None]
 
@@ -74,7 +76,7 @@ def build_localizer(
         Recovery() if configuration.recovery == "evidence" else None,
         PhalanxHealth(scene, model, null),
         configuration.update_distance,
-        float(parameters.correlation_length or 0.0),
+        _correlation(scene, parameters),
     )
 
 
@@ -94,6 +96,8 @@ def build_identifier(
         position_std=np.max([parameters.position_std for parameters in chosen], axis=0),
         strain_std=np.max([parameters.strain_std for parameters in chosen], axis=0),
         correlation_length=max(float(parameters.correlation_length or 0.0) for parameters in chosen),
+        correlation_change=_largest([parameters.correlation_change for parameters in chosen]),
+        interpolate=any(parameters.interpolate for parameters in chosen),
         neighbours=max(parameters.neighbours for parameters in chosen),
     )
     return FeatureIdentifier(
@@ -131,6 +135,8 @@ def build_model(
     common: dict[str, Any] = {"evaluation": configuration.evaluation, "precision": configuration.precision}
     widths = (parameters.position_std, parameters.strain_std)
     if configuration.model == "sum_of_gaussians":
+        if parameters.interpolate:
+            scan = with_interpolated_sweeps(scan, scene)
         return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional, **common)
     if configuration.model == "featureless":
         return Featureless(scan, scene, *widths, **common)
@@ -176,6 +182,17 @@ def region_confidence(scan: Scan, scene: Scene, parameters: ModelParameters) -> 
     present = np.ones(len(scene.phalanges), dtype=bool)
     of_null = [null.featureless(strain, present) for strain in training_pairs(scan, scene)[1][tried]]
     return float(np.mean(of_map <= of_null))
+
+
+def _correlation(scene: Scene, parameters: ModelParameters) -> Correlation:
+    strain_std = np.broadcast_to(parameters.strain_std, GAUGES * len(scene.phalanges))
+    return Correlation(float(parameters.correlation_length or 0.0), parameters.correlation_change, strain_std)
+
+
+def _largest(changes: list[float | None]) -> float | None:
+    """The change that says least; none does where it says nothing for one."""
+    known = [change for change in changes if change is not None]
+    return max(known) if len(known) == len(changes) else None
 
 
 def _null(

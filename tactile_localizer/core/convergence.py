@@ -27,7 +27,7 @@ class ConvergenceCriteria:
     """
 
     std: np.ndarray
-    evidence: float = 6.0
+    evidence: float = 4.0
     sustain: float = 0.0005
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
+from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import checked, usable
 from tactile_localizer.core.motion import MotionModel
@@ -65,8 +66,8 @@ class Localizer:
 
     The filter is given only displacements of the palm. Consecutive strains are correlated: one is weighed
     each ``update_distance`` of travel, and not more often than each :data:`WEIGHING_PERIOD_NS`, with its
-    likelihood raised to the share of ``correlation_length`` that was travelled. A hand at rest learns nothing
-    new. The first strain counts as one update distance.
+    likelihood raised to the share of an independent measurement that it makes (:class:`.Correlation`). A hand
+    at rest learns nothing new. The first strain counts as one update distance.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ class Localizer:
     recovery : spreads a contradicted belief; ``None``: never
     health : tells which phalanges to trust
     update_distance : m of travel between two weighed strains
-    correlation_length : m of travel that make one independent measurement
+    correlation : how much consecutive strains have in common
     """
 
     def __init__(
@@ -89,7 +90,7 @@ class Localizer:
         recovery: Recovery | None,
         health: PhalanxHealth,
         update_distance: float,
-        correlation_length: float,
+        correlation: Correlation,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
@@ -98,7 +99,7 @@ class Localizer:
         self._recovery = recovery
         self._health = health
         self._update_distance = update_distance
-        self._correlation_length = correlation_length
+        self._correlation = correlation
         self._motion = MotionModel(scene)
         self._unit = np.eye(scene.dimension)
         self._stamp_ns: int | None = None
@@ -182,6 +183,7 @@ class Localizer:
         self._belief = None
         self._log_marginal = self._log_null = float("nan")
         self._weight = 0.0
+        self._weighed: tuple[np.ndarray, np.ndarray] | None = None
 
     def _weigh(self, strain: np.ndarray, present: np.ndarray) -> None:
         travel = self._pending_travel
@@ -189,7 +191,7 @@ class Localizer:
             self.filter.predict(self._pending, travel)
         counted = max(travel, self._update_distance)
         used = self._used(present)
-        self._weight = min(1.0, counted / self._correlation_length)
+        self._weight = self._share(strain, used, counted)
         featureless = self._null.featureless(strain, used)
         self._log_marginal = self.filter.update(strain, used, self._weight, featureless)
         self._log_null = max(featureless, self._null.unknown(strain, used))
@@ -204,6 +206,14 @@ class Localizer:
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
+
+    def _share(self, strain: np.ndarray, used: np.ndarray, travel: float) -> float:
+        """Share of an independent measurement that a strain makes after the one that was weighed last."""
+        change, felt = np.zeros_like(strain), np.zeros_like(used)
+        if self._weighed is not None:
+            change, felt = strain - self._weighed[0], used & self._weighed[1]
+        self._weighed = strain.copy(), used
+        return self._correlation.weight(travel, change, felt)
 
     def _used(self, present: np.ndarray) -> np.ndarray:
         """Phalanges that are present and trusted; the present ones, where no trusted one is left."""

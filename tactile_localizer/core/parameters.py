@@ -22,12 +22,16 @@ class ModelParameters:
     square
     strain_std : kernel width in strain, one number or one a channel, V; the paper's S_z is its square
     correlation_length : m of travel that make one independent measurement
+    correlation_change : change of the strain, in kernel widths, that makes one; ``None``: only travel counts
+    interpolate : whether the sum of Gaussians also has pairs interpolated between the sweeps; ``None``: not
     neighbours : nearest pairs of the Gaussian models; the paper has 8
     """
 
     position_std: Any = None
     strain_std: Any = None
     correlation_length: float | None = None
+    correlation_change: float | None = None
+    interpolate: bool | None = None
     neighbours: int = 8
 
     @classmethod
@@ -45,7 +49,12 @@ class ModelParameters:
                 raise ParameterError(f"measurement {name!r}: expected one of {', '.join(names)}")
         parameters = cls(**values)
         for name, value in values.items():
-            _require_positive(name, value)
+            if name != "interpolate":
+                _require_positive(name, value)
+        if not isinstance(parameters.interpolate, bool | None):
+            raise ParameterError(
+                f"measurement interpolate: expected true or false, got {parameters.interpolate!r}"
+            )
         if not isinstance(parameters.neighbours, int):
             raise ParameterError(
                 f"measurement neighbours: expected a whole number, got {parameters.neighbours!r}"
@@ -55,10 +64,8 @@ class ModelParameters:
     @property
     def complete(self) -> bool:
         """Whether nothing is left to choose."""
-        return (
-            None not in (self.correlation_length,)
-            and self.position_std is not None
-            and self.strain_std is not None
+        return all(
+            value is not None for value in (self.position_std, self.strain_std, self.correlation_length)
         )
 
     def filled_from(self, chosen: ModelParameters) -> ModelParameters:

@@ -4,20 +4,27 @@ The paper specifies S_x and S_z by hand (III-C). Here each candidate is judged b
 in turn is left out of the map and localised on it from nowhere by the exact grid filter; the score is the
 mean logarithm of the posterior density at the true position, over that of a uniform belief, in nats. The
 logarithm is a proper score: a belief that is wrong loses, and so does one that is needlessly wide or falsely
-narrow. So the same score chooses the kernel widths and how strongly consecutive strains are tempered, among
-the candidates whose 95 % regions held the truth often enough.
+narrow. So the same score chooses the kernel widths, whether strains are interpolated between the sweeps, and
+how strongly consecutive strains are tempered, among the candidates whose 95 % regions held the truth often
+enough.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
+from tactile_localizer.core.between_sweeps import (
+    divided,
+    leaves_gaps,
+    nearest_of_other_sweeps,
+    with_interpolated_sweeps,
+)
+from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.parameters import ModelParameters
@@ -30,9 +37,14 @@ POSITION_FACTORS = (0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 """Shares of the sweeps' spacing, as those below of the sweeps' disagreement. Not wider: leaving a sweep out
 doubles the gap that the kernels have to bridge, and asks for kernels too wide for the whole scan."""
 STRAIN_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
-CORRELATION_LENGTHS = (0.001, 0.002, 0.003, 0.004, 0.006, 0.01, 0.02)
-"""m of travel"""
+CORRELATIONS: tuple[tuple[float, float | None], ...] = (
+    *((length, None) for length in (0.001, 0.002, 0.004, 0.006, 0.01, 0.02)),
+    *itertools.product((0.006, 0.01, 0.02), (8.0, 4.0)),
+)
+"""Travel, m, and change of strain, in kernel widths, that make an independent measurement."""
 
+_NEIGHBOURS = ((0, 0, False), (1, 0, False), (-1, 0, False), (0, 1, False), (0, -1, False), (0, 0, True))
+"""Of a candidate: a width more or less, or interpolated the other way."""
 _STEP = 0.001
 _LONGEST = 0.06
 _SEGMENTS = 12
@@ -74,6 +86,10 @@ class Segment:
     states: np.ndarray
     training: Scan
 
+    def interpolated(self, scene: Scene) -> Segment:
+        """The same stretch on a map with pairs between the sweeps."""
+        return replace(self, training=with_interpolated_sweeps(self.training, scene))
+
 
 def choose_parameters(scan: Scan, scene: Scene, progress: Progress | None = None) -> ModelParameters:
     """The best of :func:`search`, as the parameters to write into a scene."""
@@ -96,25 +112,29 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
     """
     position_std, strain_std = base_widths(scan, scene)
     segments = held_out_segments(scan, scene)
-    trials: dict[tuple[int, int], list[Trial]] = {}
-    best = (POSITION_FACTORS.index(1.0), STRAIN_FACTORS.index(1.0))
+    maps = {False: segments}
+    if leaves_gaps(scan, scene):
+        maps[True] = [segment.interpolated(scene) for segment in segments]
+    trials: dict[tuple[int, int, bool], list[Trial]] = {}
+    best = (POSITION_FACTORS.index(1.0), STRAIN_FACTORS.index(1.0), True in maps)
     expected = 9
 
-    def score(place: tuple[int, int]) -> float:
+    def score(place: tuple[int, int, bool]) -> float:
         if place not in trials:
             if progress is not None:
                 progress("choosing kernel widths by leaving sweeps out", min(len(trials) / expected, 0.99))
             factors = POSITION_FACTORS[place[0]], STRAIN_FACTORS[place[1]]
-            trials[place] = _evaluate(
-                segments, scene, factors, position_std * factors[0], strain_std * factors[1]
-            )
+            widths = position_std * factors[0], strain_std * factors[1]
+            trials[place] = _evaluate(maps[place[2]], scene, factors, widths, interpolate=place[2])
         return max(trial.merit for trial in trials[place])
 
     while True:
         around = [
-            (best[0] + i, best[1] + j)
-            for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
-            if 0 <= best[0] + i < len(POSITION_FACTORS) and 0 <= best[1] + j < len(STRAIN_FACTORS)
+            (best[0] + i, best[1] + j, best[2] != other)
+            for i, j, other in _NEIGHBOURS
+            if 0 <= best[0] + i < len(POSITION_FACTORS)
+            and 0 <= best[1] + j < len(STRAIN_FACTORS)
+            and (best[2] != other) in maps
         ]
         leader = max(around, key=score)
         if score(leader) <= score(best):
@@ -132,20 +152,12 @@ def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     The spacing is the median distance from a pair to the nearest one of another sweep, in shares of the
     scene's extents; the disagreement the median difference of their strains, a channel.
     """
-    states, strain, sweep = scan.states[:, scene.columns(scan.axes)], scan.strain, divided(scan.sweep)
-    strain = strain[:, scene.channels(scan.phalanges)]
-    extent = scene.upper - scene.lower
-    distances, differences = [], []
-    for number in np.unique(sweep):
-        own = np.flatnonzero(sweep == number)[:: max(1, len(sweep) // 4000)]
-        others = np.flatnonzero(sweep != number)
-        distance, nearest = cKDTree(states[others] / extent).query(states[own] / extent)
-        distances.append(distance)
-        differences.append(np.abs(strain[own] - strain[others[nearest]]))
-    spread = np.median(np.concatenate(differences), axis=0)
+    own, nearest, distance = nearest_of_other_sweeps(scan, scene)
+    strain = scan.strain[:, scene.channels(scan.phalanges)]
+    spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
     # A channel on which most sweeps agree to the last digit still has some width.
     spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
-    spacing = max(float(np.median(np.concatenate(distances))), 0.002) * extent
+    spacing = max(float(np.median(distance)), 0.002) * (scene.upper - scene.lower)
     # Sweeps that run over each other leave no spacing to go by: then the step of the motion does.
     return np.maximum(spacing, 2 * _STEP), spread
 
@@ -204,25 +216,26 @@ def _evaluate(
     segments: list[Segment],
     scene: Scene,
     factors: tuple[float, float],
-    position_std: np.ndarray,
-    strain_std: np.ndarray,
+    widths: tuple[np.ndarray, np.ndarray],
+    interpolate: bool,
 ) -> list[Trial]:
-    """Scores of one pair of widths with every correlation length."""
+    """Scores of one pair of widths with every correlation."""
+    position_std, strain_std = widths
     extent = scene.upper - scene.lower
     cell = np.maximum(0.25 * position_std, extent * _MOST_CELLS ** (-1.0 / scene.dimension))
-    results: dict[float, list[np.ndarray]] = {length: [] for length in CORRELATION_LENGTHS}
+    results: dict[tuple[float, float | None], list[np.ndarray]] = {each: [] for each in CORRELATIONS}
     for segment in segments:
         model = SumOfGaussians(segment.training, scene, position_std, strain_std, precision="float32")
         recorder = _Recorder(model)
-        for length in CORRELATION_LENGTHS:
+        for length, change in CORRELATIONS:
             source = recorder if not recorder.maps else _Recorded(recorder.maps)
-            results[length].append(_localize(segment, GridFilter(scene, source, cell), length))
+            correlation = Correlation(length, change, strain_std)
+            results[length, change].append(_localize(segment, GridFilter(scene, source, cell), correlation))
     trials = []
-    for length, parts in results.items():
+    for (length, change), parts in results.items():
         score, coverage = np.concatenate(parts).mean(axis=0)
-        trials.append(
-            Trial(*factors, ModelParameters(position_std, strain_std, length), float(score), float(coverage))
-        )
+        parameters = ModelParameters(position_std, strain_std, length, change, interpolate)
+        trials.append(Trial(*factors, parameters, float(score), float(coverage)))
     return trials
 
 
@@ -241,24 +254,20 @@ class _Recorder(_Recorded):
         return self.maps[-1]
 
 
-def _localize(segment: Segment, grid: GridFilter, correlation_length: float) -> np.ndarray:
+def _localize(segment: Segment, grid: GridFilter, correlation: Correlation) -> np.ndarray:
     """After each strain, the score of the belief and whether its 95 % region holds the truth: (T, 2)."""
     present = np.ones(segment.strain.shape[1] // GAUGES, dtype=bool)
     radius = float(chi2.ppf(0.95, segment.states.shape[1]))
+    changes = np.diff(segment.strain, axis=0, prepend=segment.strain[:1])
     results = np.empty((len(segment.strain), 2))
     for t, strain in enumerate(segment.strain):
         travel = float(segment.travels[t])
         if t:
             grid.predict(segment.displacements[t], travel)
-        grid.update(strain, present, min(1.0, max(travel, _STEP) / correlation_length), -np.inf)
+        grid.update(strain, present, correlation.weight(max(travel, _STEP), changes[t], present), -np.inf)
         density = grid.relative_density(segment.states[t])
         belief = grid.belief()
         error = segment.states[t] - belief.mean
         covered = error @ np.linalg.solve(belief.covariance, error) <= radius
         results[t] = np.log((1.0 - _UNIFORM) * density + _UNIFORM), covered
     return results
-
-
-def divided(sweep: np.ndarray) -> np.ndarray:
-    """Sweep numbers; a lone sweep is dealt into two interleaved ones, so that something can be held out."""
-    return sweep if len(np.unique(sweep)) > 1 else np.arange(len(sweep)) % 2

@@ -1,0 +1,120 @@
+"""The material between the sweeps of a scan: strains interpolated from one sweep to the next.
+
+A scan is dense along its sweeps and sparse across them, and material that deforms feels different from sweep
+to sweep. A kernel density alone has to be as wide as the gaps. Pairs interpolated between a sweep and its
+neighbours fill the gaps, and those between the sweeps on either side of one show what else its place may feel
+like.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.scene import Scene
+
+_STEP = 0.1
+"""Distance of the pairs that are kept along a sweep, in spacings of the sweeps."""
+_GAP = 0.5
+_REACH = 2.5
+"""Distances between sweeps that are bridged, in spacings: neighbours, and those on either side of one."""
+_PER_SPACING = 2
+"""Pairs that are put into each spacing."""
+
+
+def divided(sweep: np.ndarray) -> np.ndarray:
+    """Sweep numbers; a lone sweep is dealt into two interleaved ones, so that something can be held out."""
+    return sweep if len(np.unique(sweep)) > 1 else np.arange(len(sweep)) % 2
+
+
+def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For pairs spread over the scan, indices (M,), the nearest of another sweep each (M,), and its distance.
+
+    Distances (M,) are in shares of the scene's extents.
+    """
+    states, sweep = _scaled(scan, scene), divided(scan.sweep)
+    found = []
+    for number in np.unique(sweep):
+        own = np.flatnonzero(sweep == number)[:: max(1, len(sweep) // 4000)]
+        others = np.flatnonzero(sweep != number)
+        distance, nearest = cKDTree(states[others]).query(states[own])
+        found.append((own, others[nearest], distance))
+    own, nearest, distance = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return own, nearest, distance
+
+
+def leaves_gaps(scan: Scan, scene: Scene) -> bool:
+    """Whether the sweeps lie farther apart than the pairs along them."""
+    if len(scan.sweep_numbers) < 2:
+        return False
+    steps = np.linalg.norm(np.diff(_scaled(scan, scene), axis=0), axis=1)
+    return _STEP * _spacing(scan, scene) > float(np.median(steps))
+
+
+def with_interpolated_sweeps(scan: Scan, scene: Scene) -> Scan:
+    """The scan, thinned along its sweeps, with pairs interpolated between neighbouring sweeps.
+
+    Each pair is joined to the nearest pair of every other sweep between 0.5 and 2.5 spacings away; the states
+    and strains in between are linear. A scan whose sweeps leave no gaps is returned as it is.
+    """
+    if not leaves_gaps(scan, scene):
+        return scan
+    spacing = _spacing(scan, scene)
+    thin = scan.select(_thinned(_scaled(scan, scene), scan.sweep, _STEP * spacing))
+    scaled = _scaled(thin, scene)
+    wraps = np.zeros(len(scan.axes), dtype=bool)
+    wraps[scene.columns(scan.axes)] = scene.wraps
+    rows = [np.flatnonzero(thin.sweep == number) for number in thin.sweep_numbers]
+    trees = [cKDTree(scaled[own]) for own in rows]
+    states, strain, sweep = [thin.states], [thin.strain], [thin.sweep]
+    for a, own in enumerate(rows):
+        for b in range(a + 1, len(rows)):
+            if _apart(trees[a], trees[b]) > _REACH * spacing:
+                continue
+            distance, nearest = trees[b].query(scaled[own], distance_upper_bound=_REACH * spacing)
+            joined = np.flatnonzero(np.isfinite(distance) & (distance >= _GAP * spacing))
+            count = np.rint(_PER_SPACING * distance[joined] / spacing).astype(int)
+            repeated = np.repeat(joined, count)
+            share = (_numbered(count) + 1.0) / np.repeat(count + 1.0, count)
+            start, end = own[repeated], rows[b][nearest[repeated]]
+            step = thin.states[end] - thin.states[start]
+            step[:, wraps] = wrap_angle(step[:, wraps])
+            states.append(thin.states[start] + share[:, None] * step)
+            strain.append(thin.strain[start] + share[:, None] * (thin.strain[end] - thin.strain[start]))
+            sweep.append(thin.sweep[start])
+    return Scan(
+        np.concatenate(states), np.concatenate(strain), np.concatenate(sweep), scan.axes, scan.phalanges
+    )
+
+
+def _spacing(scan: Scan, scene: Scene) -> float:
+    """Median distance from a pair to the nearest one of another sweep, in shares of the scene's extents."""
+    return float(np.median(nearest_of_other_sweeps(scan, scene)[2]))
+
+
+def _scaled(scan: Scan, scene: Scene) -> np.ndarray:
+    """States (N, d) on the scene's axes, in shares of its extents."""
+    return scan.states[:, scene.columns(scan.axes)] / (scene.upper - scene.lower)
+
+
+def _thinned(scaled: np.ndarray, sweep: np.ndarray, step: float) -> np.ndarray:
+    """Indices of the pairs that are the first of their sweep after each ``step`` of its way."""
+    kept = []
+    for number in np.unique(sweep):
+        own = np.flatnonzero(sweep == number)
+        way = np.cumsum(np.linalg.norm(np.diff(scaled[own], axis=0, prepend=scaled[own[:1]]), axis=1))
+        kept.append(own[np.unique(np.floor(way / step), return_index=True)[1]])
+    return np.concatenate(kept)
+
+
+def _apart(one: cKDTree, other: cKDTree) -> float:
+    """A lower limit of the distance between two sweeps: that of the boxes around them."""
+    gap = np.maximum(one.mins - other.maxes, other.mins - one.maxes)
+    return float(np.linalg.norm(np.maximum(gap, 0.0)))
+
+
+def _numbered(count: np.ndarray) -> np.ndarray:
+    """0, 1, ... count - 1 for each count."""
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

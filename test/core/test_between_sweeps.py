@@ -1,0 +1,101 @@
+"""Between the sweeps of a scan the strain is interpolated; where they leave no gaps nothing is added."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.between_sweeps import (
+    divided,
+    leaves_gaps,
+    nearest_of_other_sweeps,
+    with_interpolated_sweeps,
+)
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SIDE = 0.02
+PLANE = Scene(
+    "plane", (Axis("x", 0.0, SIDE, 0.002), Axis("y", 0.0, SIDE, 0.002)), (Phalanx("index", (0.0, 0.0)),)
+)
+LINE = Scene("line", (Axis("x", 0.0, SIDE, 0.002),), (Phalanx("index", (0.0,)),))
+
+
+def sloping(states: np.ndarray) -> np.ndarray:
+    """Strains (N, 8) that depend linearly on the state."""
+    return states @ np.arange(2.0, 2.0 + 8 * states.shape[1]).reshape(states.shape[1], 8)
+
+
+def lines(spacing: float = 0.002, step: float = 0.00005) -> Scan:
+    along, across = np.arange(0.0, SIDE, step), np.arange(0.0, SIDE, spacing)
+    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
+    return Scan(
+        states, sloping(states), np.repeat(np.arange(len(across)), len(along)), ("x", "y"), ("index",)
+    )
+
+
+def test_strains_between_the_sweeps_are_those_of_the_plane_through_them() -> None:
+    dense = with_interpolated_sweeps(lines(), PLANE)
+    np.testing.assert_allclose(dense.strain, sloping(dense.states), atol=1e-12)
+
+
+def test_no_place_between_the_first_and_the_last_sweep_is_farther_than_half_a_spacing_from_a_pair() -> None:
+    scan = lines()
+    dense = with_interpolated_sweeps(scan, PLANE)
+    across = np.unique(np.round(dense.states[:, 1], 9))
+    assert np.diff(across).max() <= 0.001
+    assert across[0] == scan.states[:, 1].min()
+    assert across[-1] == pytest.approx(scan.states[:, 1].max())
+
+
+def test_a_place_of_a_sweep_also_has_what_the_sweeps_on_either_side_make_of_it() -> None:
+    scan = lines()
+    odd = scan.sweep == 5
+    scan = Scan(
+        scan.states, np.where(odd[:, None], 100.0, scan.strain), scan.sweep, scan.axes, scan.phalanges
+    )
+    dense = with_interpolated_sweeps(scan, PLANE)
+    near = (np.abs(dense.states[:, 1] - 0.01) < 0.0005) & (np.abs(dense.states[:, 0] - 0.01) < 0.0005)
+    found = dense.strain[near, 0]
+    assert (found > 50.0).any()
+    assert (found < 1.0).any()
+
+
+def test_sweeps_that_run_over_each_other_are_left_as_they_are() -> None:
+    x = np.tile(np.linspace(0.0, SIDE, 400), 3)[:, None]
+    scan = Scan(x, sloping(x), np.repeat([0, 1, 2], 400), ("x",), ("index",))
+    assert not leaves_gaps(scan, LINE)
+    assert with_interpolated_sweeps(scan, LINE) is scan
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 50])
+def test_a_lone_sweep_is_left_as_it_is(pairs: int) -> None:
+    states = np.linspace(0.001, 0.019, pairs)[:, None] * [1.0, 0.5]
+    scan = Scan(states, sloping(states), np.zeros(pairs, dtype=int), ("x", "y"), ("index",))
+    assert with_interpolated_sweeps(scan, PLANE) is scan
+
+
+def test_yaw_is_interpolated_along_the_shortest_arc() -> None:
+    scene = Scene(
+        "turn",
+        (Axis("x", 0.0, SIDE, 0.002), Axis("yaw", -np.pi, np.pi, 0.1)),
+        (Phalanx("index", (0.0, 0.0)),),
+    )
+    assert scene.wraps[1]
+    x = np.arange(0.0, SIDE, 0.00005)
+    yaws = np.radians([0.0, 20.0, 40.0])
+    states = np.array([(place, yaw) for yaw in yaws for place in x])
+    scan = Scan(states, sloping(states), np.repeat([0, 1, 2], len(x)), ("x", "yaw"), ("index",))
+    dense = with_interpolated_sweeps(scan, scene)
+    assert len(dense) > len(x)
+    assert (np.abs(dense.states[:, 1] - np.radians(20.0)) < np.radians(20.1)).all()
+
+
+def test_the_nearest_of_another_sweep_is_of_another_sweep() -> None:
+    scan = lines(spacing=0.004)
+    own, nearest, distance = nearest_of_other_sweeps(scan, PLANE)
+    assert (scan.sweep[own] != scan.sweep[nearest]).all()
+    np.testing.assert_allclose(distance, 0.004 / SIDE)
+
+
+def test_a_lone_sweep_is_divided_so_that_something_can_be_held_out() -> None:
+    assert set(divided(np.zeros(10, dtype=int))) == {0, 1}
+    np.testing.assert_array_equal(divided(np.array([3, 3, 5])), [3, 3, 5])
