@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from support.probe import Probe
 from support.processes import node_command
-from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep
+from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep, write_scan
 
 from tactile_localizer.io.bag_writer import BagWriter
 from tactile_localizer.resources import resource_path
@@ -22,9 +22,16 @@ STRAIN, POSE = "tactile_localizer/msg/StrainVectors", "geometry_msgs/msg/PoseSta
 _BUS = ("interface", "channel", "bus_options")
 _ACCEPTED = {
     "simulator": (*_BUS, "feature", "speed", "mode"),
-    "driver": (*_BUS, "dbc", "phalanges"),
+    "driver": (*_BUS, "dbc", "phalanges", "autostart"),
     "mapping": ("scan_file", "scene_file"),
-    "filter": ("scan_file", "scene_file", "scan_directory", "use_sim_time"),
+    "filter": (
+        "scan_file",
+        "candidate_scan_files",
+        "scene_file",
+        "scan_directory",
+        "use_sim_time",
+        "autostart",
+    ),
 }
 """Launch arguments that become parameters of each node."""
 
@@ -188,6 +195,66 @@ def _see_a_belief_from_the_arms_topic(probe: Probe, place: Place) -> None:
     probe.until(lambda: posteriors[-1].travel > 0.008, "a belief that moves with the arm")
 
 
+def _led_by_a_manager(place: Place) -> Sequence[Started]:
+    other = place.folder / "snap.db"
+    write_scan(other, "snap")
+    arguments = {"candidate_scan_files": [str(place.scan_file), str(other)], "autostart": False}
+    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
+
+
+def _see_the_feature_once_the_manager_wants_it(probe: Probe, place: Place) -> None:
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    from tactile_localizer.msg import FeatureProbabilities
+
+    features = probe.listen(FeatureProbabilities, "filter/feature", 1000)
+    for node in ("driver_node", "filter"):
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            assert not features
+            request = ChangeState.Request(transition=Transition(id=transition))
+            assert probe.call(ChangeState, f"{node}/change_state", request, timeout_s=60.0).success
+    _call(probe, "simulator/prepare")
+    _call(probe, "simulator/sweep")
+    probe.until(lambda: features and features[-1].most_probable == "bump", "the feature that is felt")
+    assert list(features[-1].names) == ["bump", "snap", "none of them"]
+
+
+def _hurt(place: Place) -> Sequence[Started]:
+    arguments = {"mode": "localize", "scan_file": place.scan_file, "speed": 2.0, **place.buses[0]}
+    return [Started("simulate.launch.py", ("simulator", "driver", "filter"), arguments)]
+
+
+def _see_the_silent_load_cell_told_and_done_without(probe: Probe, place: Place) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    from tactile_localizer.msg import Posterior
+
+    told: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+
+    def says(name: str, text: str) -> bool:
+        return any(one.name == name and text in one.message for array in told for one in array.status)
+
+    def silence(phalanges: list[str]) -> None:
+        value = Parameter("fault.silent", Parameter.Type.STRING_ARRAY, phalanges)
+        request = SetParameters.Request(parameters=[value.to_parameter_msg()])
+        assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
+        told.clear()
+
+    probe.until(lambda: posteriors and says("driver_node: middle", "well"), "a hand that is well", 60.0)
+    silence(["middle"])
+    probe.until(lambda: says("driver_node: middle", "stale"), "the driver to tell of it")
+    probe.until(lambda: says("filter: inputs", "strain vectors without middle"), "the filter to tell of it")
+    posteriors.clear()
+    probe.until(lambda: len(posteriors) > 20, "posteriors of the other phalanx")
+    assert not any(posterior.stale for posterior in posteriors)
+    silence([])
+    probe.until(lambda: says("driver_node: middle", "well") and says("filter: inputs", "well"), "both well")
+
+
 def _replaying(place: Place) -> Sequence[Started]:
     bag = _write_bag(place.folder / "bag")
     arguments = {"scan_file": place.scan_file, "bag": bag, "rate": 3.0, "loop": True, "use_sim_time": True}
@@ -240,6 +307,10 @@ SCENARIOS = (
     Scenario("a robot that localises", _localizing, _see_a_belief),
     Scenario("two hands", _two_hands, _see_two_beliefs),
     Scenario("an arm that calls its pose otherwise", _on_an_arm, _see_a_belief_from_the_arms_topic),
+    Scenario(
+        "two candidates, led by a manager", _led_by_a_manager, _see_the_feature_once_the_manager_wants_it
+    ),
+    Scenario("a load cell falls silent", _hurt, _see_the_silent_load_cell_told_and_done_without),
     Scenario("a bag, in the bag's time", _replaying, _see_the_bag_believed_again_and_again),
 )
 
