@@ -275,5 +275,6 @@ def _when(sweeps: list[SweepInfo]) -> str:
 
 
 def _detail(detail: dict[str, object]) -> str:
-    shown = {key: value for key, value in detail.items() if key not in ("version", "history", "notes") and value}
+    elsewhere = ("version", "history", "notes")
+    shown = {key: value for key, value in detail.items() if key not in elsewhere and value}
     return ": " + ", ".join(f"{key} {value}" for key, value in shown.items()) if shown else ""
