@@ -6,21 +6,23 @@ import importlib
 import importlib.util
 import os
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
-from support.isolation import can_port, own_domain
 from support.processes import Process, node_command
+
+from tactile_localizer.live.domain import own_domain
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")
 
 # Before any test imports rclpy: nothing of this process is seen by other processes' tests, or by a robot.
-_DOMAIN, _CLAIM = own_domain()
-os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+_CLAIM = ExitStack()
+_DOMAIN = _CLAIM.enter_context(own_domain())
+os.environ.update(_DOMAIN.environment)
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Matrices are small here: threads of BLAS would only wait for each other. Before any test imports numpy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -54,7 +56,7 @@ def data_dir() -> Path:
 @pytest.fixture
 def simulated_can() -> dict[str, Any]:
     """Interface, channel and port of a simulated CAN bus that no other test process hears."""
-    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": can_port(_DOMAIN)}
+    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": _DOMAIN.can_port}
 
 
 @pytest.fixture
