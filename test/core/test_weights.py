@@ -108,3 +108,10 @@ def test_a_wrapped_angle_is_the_same_direction_in_one_turn(angle):
     assert -math.pi <= wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-8)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-8)
+
+
+def test_the_mean_of_angles_on_both_sides_of_the_turn_is_at_the_turn() -> None:
+    states = np.array([[math.pi - 0.1], [-math.pi + 0.1]])
+    mean, covariance = moments(states, np.array([0.5, 0.5]), np.array([True]))
+    assert abs(mean[0]) == pytest.approx(math.pi)
+    assert covariance[0, 0] == pytest.approx(0.01)
