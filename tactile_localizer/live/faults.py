@@ -180,7 +180,7 @@ FAULTS = (
     _silence("poses stop", _stopped("palm_pose"), "no palm_pose"),
     _silence("strain and poses stop", _stopped("strain", "palm_pose"), "no strain and no palm_pose"),
     Fault("clock set back", _clock(-_JUMP_NS), _gains(INPUTS, "time_jumps")),
-    Fault("clock set forward", _clock(_JUMP_NS), _says(INPUTS, "without a pose")),
+    Fault("clock set forward", _clock(_JUMP_NS), _gains(INPUTS, "time_leaps")),
     Fault("poses out of order", _pose(spoiling.unordered), _says(INPUTS, "came late")),
     Fault("poses not finite", _pose(spoiling.nowhere), _gains(INPUTS, "unread_palm_pose")),
     Fault("poses of another frame", _pose(spoiling.foreign_frame), _gains(INPUTS, "unread_palm_pose")),

@@ -39,6 +39,9 @@ _STARTUP_S = 90.0
 _POLL_S = 0.05
 _SAMPLE_S = 1.0
 _HOLD_S = (0.3, 2.0)
+_IN_FLIGHT_S = 0.3
+"""What was felt before a fault began may be told of a little later."""
+
 _SCANNED, _OTHER, _BROKEN = "bump", "snap", "broken.db"
 _SIMULATED = {"mode": "localize", "speed": 4.0, "load_cell_rate_hz": 20.0, "pose_rate_hz": 15.0}
 
@@ -165,30 +168,35 @@ class _Soak:
     def _inject(self, fault: Fault) -> Injection:
         """Do it, wait until it shows, let it last, end it, and wait until all is well again."""
         one = Injection(fault.name, self._elapsed_s)
-        system = self._system
+        system, trouble = self._system, []
+        wrong_before = system.belief.wrong[""]
         if fault.misleads:
             system.belief.misled = fault.name
         system.told.forget()
         begun_s = time.monotonic()
         try:
             fault.acts.begin(system)
+            done_s = time.monotonic()
             if self._until(lambda: fault.shows(system), fault.within_s):
                 one.told_s = time.monotonic() - begun_s
             else:
-                one.trouble = f"not told of within {fault.within_s:g} s"
-            shown_s = time.monotonic()
+                trouble.append(f"not told of within {fault.within_s:g} s")
             self._until(lambda: False, self._rng.uniform(*_HOLD_S))
-            if fault.starves and system.told.fresh_s > shown_s:
-                one.trouble = "; ".join(filter(None, [one.trouble, "a position was told that nobody knew"]))
+            # A position of a later time than the fault's beginning can only have been made up.
+            since_s = time.monotonic() - done_s
+            if fault.starves and system.told.lag_s(system.relay.clock_ns) < since_s - _IN_FLIGHT_S:
+                trouble.append("a position was told that nobody knew")
         finally:
             fault.acts.end(system)
             system.belief.misled = ""
         ended_s = time.monotonic()
-        trouble = self._wait_until_well(ended_s, WELL_WITHIN_S)
-        if trouble:
-            one.trouble = "; ".join(filter(None, [one.trouble, f"not well again: {trouble}"]))
+        if unwell := self._wait_until_well(ended_s, WELL_WITHIN_S):
+            trouble.append(f"not well again: {unwell}")
         else:
             one.well_s = time.monotonic() - ended_s
+        if wrong := system.belief.wrong[""] - wrong_before:
+            trouble.append(f"{wrong} posteriors believed and wrong without a reason")
+        one.trouble = "; ".join(trouble)
         return one
 
     def _wait_until_well(self, since_s: float, timeout_s: float) -> str:

@@ -76,8 +76,6 @@ class SoakResult:
         for name, memory in self.memory.items():
             if self.is_warm and memory.growth_bytes > MEMORY_LIMIT_BYTES:
                 found.append(f"{name}: memory grew by {memory.growth_bytes / 1e6:.1f} MB")
-        if self.wrong.get(""):
-            found.append(f"{self.wrong['']} posteriors believed and wrong without a reason")
         if self.waiting_s > WAITING_LIMIT_S:
             found.append(f"a strain vector waited {self.waiting_s:.1f} s for its pose")
         if not self.sweeps or not self.believed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from typing import Any
@@ -64,6 +65,8 @@ class Sweeping:
             except LiveError:
                 self._stop.wait(0.2)
             self._belief.end_sweep()
+            if recorded:
+                self._end_recording()
 
     def _sweep(self, recorded: bool) -> None:
         # Only in the mode to scan does the arm know where the material is, as the mapping must.
@@ -81,8 +84,13 @@ class Sweeping:
                 raise LiveError("sweep: expected it to end, it did not")
             if self._stop.wait(0.02):
                 return
-        if recorded:
-            self._ask("mapping/end_sweep")
+
+    def _end_recording(self) -> None:
+        """Also of a sweep that came to no end: what comes next is not to be recorded."""
+        while not self._stop.is_set():
+            with contextlib.suppress(LiveError):
+                self._watcher.call(Trigger, "mapping/end_sweep", timeout_s=_ANSWER_S)
+                return
 
     def _set_mode(self, mode: str) -> None:
         request = SetParameters.Request(parameters=[Parameter("mode", value=mode).to_parameter_msg()])

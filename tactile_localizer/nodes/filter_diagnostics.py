@@ -100,6 +100,7 @@ class FilterDiagnostics:
             **{f"messages of {topic} that cannot be used": count for topic, count in inputs.unread.items()},
             "messages that came late": pairing.late,
             "times that stamps went back": pairing.resets,
+            "times that stamps leapt ahead": tracker.leaps,
         }
         new = {what: count - self._lost.get(what, 0) for what, count in lost.items()}
         told = ", ".join(f"{count} {what}" for what, count in new.items() if count > 0)
@@ -111,6 +112,7 @@ class FilterDiagnostics:
             "lost": inputs.lost,
             "late": pairing.late,
             "time_jumps": pairing.resets,
+            "time_leaps": tracker.leaps,
             "waiting_s": f"{_waiting_s(pairing):.3f}",
             "trouble": tracker.trouble,
         }

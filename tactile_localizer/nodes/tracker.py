@@ -52,6 +52,7 @@ class Tracker:
     latest : the last estimate; ``None`` before the first
     trouble : why the last strain vector was not taken in; empty when it was
     counts : what became of the strain vectors
+    leaps : times that strain stamps went on by more than ``patience_s``: silence, or a clock that was set
     update_times_ns : how long the last weighed updates took
     """
 
@@ -59,6 +60,7 @@ class Tracker:
         self.localizer = localizer
         self.latest: Estimate | None = None
         self.trouble = ""
+        self.leaps = 0
         self.counts = Counts(dict.fromkeys(localizer.scene.phalanx_names, 0))
         self.update_times_ns: deque[int] = deque(maxlen=_TIMES_KEPT)
         self._max_gap_s, self._patience_s = max_gap_s, patience_s
@@ -97,6 +99,8 @@ class Tracker:
 
     def add_strain(self, stamp_ns: int, strain: np.ndarray, status: np.ndarray) -> list[Estimate]:
         """Take in a strain vector (8F,), V, and status bits (F,); returns the estimates that it completes."""
+        newest_ns = self.pairing.newest_ns
+        self.leaps += newest_ns is not None and stamp_ns - newest_ns > self._patience_s * NANOSECONDS
         return self._take("strain", stamp_ns, self.pairing.add_strain(stamp_ns, (strain, status)))
 
     def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Estimate]:

@@ -447,7 +447,7 @@ def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe
     node = start()
     node.slide(40)
     before = node.fresh()[-1]
-    assert before.reason.endswith("of 6.0 nats")
+    assert before.reason.endswith(f"of {Configuration().convergence_evidence:.1f} nats")
     for name, value in (
         ("convergence_evidence", 42.0),
         ("convergence_std", 1.0),

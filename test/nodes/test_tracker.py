@@ -120,6 +120,16 @@ def test_time_that_jumps_back_begins_anew(tracker, sweep):
     assert tracker.age_s == pytest.approx(0.02, abs=0.03)
 
 
+def test_stamps_that_leap_ahead_are_counted_and_the_belief_goes_on(tracker, sweep):
+    slide(tracker, sweep, 0, 50)
+    assert tracker.leaps == 0
+    later = dataclasses.replace(sweep, stamp_ns=sweep.stamp_ns + 10_000_000_000)
+    travel = tracker.latest.travel
+    slide(tracker, later, 50, 60)
+    assert tracker.leaps == 1
+    assert tracker.latest.travel > travel
+
+
 def test_its_age_is_how_far_the_inputs_have_gone_on_without_it(tracker, sweep):
     assert tracker.age_s == 0.0
     slide(tracker, sweep, 0, 10)
