@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.palm_frame import PalmFrame
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS, interpolate_poses
+from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError
-from tactile_localizer.io.bag_reader import BagMessages, read_messages
+from tactile_localizer.io.bag_decode import (
+    Pose,
+    Strain,
+    pose_from_bytes,
+    pose_of,
+    stamp_of,
+    strain_from_bytes,
+    strain_of,
+)
+from tactile_localizer.io.bag_reader import BagMessages, QuickKeep, read_messages
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.scene import GAUGES, Scene
 
@@ -37,14 +45,10 @@ class BagTopics:
     status: str = "/mapping/status"
 
 
-class _Strain(NamedTuple):
-    stamp_ns: int
-    phalanges: tuple[str, ...]
-    values: np.ndarray
-    status: np.ndarray
+_KEEP_STRAIN = QuickKeep("tactile_localizer/msg/StrainVectors", strain_of, strain_from_bytes)
 
 
-class _Pose(NamedTuple):
+class _Placed(NamedTuple):
     stamp_ns: int
     position: np.ndarray | None
     refusal: str = ""
@@ -99,8 +103,8 @@ def read_bag(
     frame = frame or PalmFrame(scene.axes, reference_frame="base")
     names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
     strain_topic, pose_topic, truth_topic, status_topic = names
-    keep_pose = partial(_keep_pose, frame)
-    wanted = dict(zip(names, (_keep_strain, keep_pose, keep_pose, _keep_status), strict=True))
+    keep_pose = _keep_pose(frame)
+    wanted = dict(zip(names, (_KEEP_STRAIN, keep_pose, keep_pose, _keep_status), strict=True))
     messages = read_messages(path, wanted)
     notes = list(messages.notes)
     for topic in (strain_topic, pose_topic):
@@ -137,32 +141,27 @@ def read_bag(
     return Recording(str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes))
 
 
-def _keep_strain(message: Any) -> _Strain:
-    return _Strain(_stamp_ns(message), tuple(message.phalanges), message.strain, message.status)
+def _keep_pose(frame: PalmFrame) -> QuickKeep:
+    def placed(pose: Pose) -> _Placed:
+        try:
+            position = frame.position(pose.frame, pose.translation, pose.quaternion)
+        except MeasurementError as error:
+            return _Placed(pose.stamp_ns, None, str(error))
+        return _Placed(pose.stamp_ns, position)
 
-
-def _keep_pose(frame: PalmFrame, message: Any) -> _Pose:
-    place, turn = message.pose.position, message.pose.orientation
-    try:
-        position = frame.position(
-            message.header.frame_id, (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-        )
-    except MeasurementError as error:
-        return _Pose(_stamp_ns(message), None, str(error))
-    return _Pose(_stamp_ns(message), position)
+    return QuickKeep(
+        "geometry_msgs/msg/PoseStamped",
+        lambda message: placed(pose_of(message)),
+        lambda raw: placed(pose_from_bytes(raw)),
+    )
 
 
 def _keep_status(message: Any) -> tuple[int, bool, int]:
-    return _stamp_ns(message), bool(message.sweep_active), int(message.sweep)
-
-
-def _stamp_ns(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return stamp_of(message), bool(message.sweep_active), int(message.sweep)
 
 
 def _strain_arrays(
-    samples: Sequence[_Strain], scene: Scene, notes: list[str]
+    samples: Sequence[Strain], scene: Scene, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stamps (n,), strain (n, 8F) and status (n, F) of the scene's phalanges, as nodes take them."""
     channels = {names: scene.channels(names) for names in {sample.phalanges for sample in samples}}
@@ -176,7 +175,7 @@ def _strain_arrays(
     return stamp_ns, strain.reshape(shape[0], GAUGES * shape[1]), status.reshape(shape)
 
 
-def _pose_arrays(topic: str, samples: Sequence[_Pose], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _pose_arrays(topic: str, samples: Sequence[_Placed], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Stamps (m,) and positions (m, d) of the poses that can be used."""
     usable = [sample for sample in samples if sample.position is not None]
     reason = next((sample.refusal for sample in samples if sample.refusal), "")
