@@ -7,12 +7,12 @@ nothing recorded it. A row that cannot be used is counted and said, never fatal.
 
 from __future__ import annotations
 
-import csv
 import math
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +20,15 @@ import numpy as np
 from tactile_localizer.core.pose_buffer import near_bounds
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import ColumnNaming
+from tactile_localizer.io.csv_table import read_table
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
 from tactile_localizer.scene import Scene
 
 _NOT_NUMBERS = "not numbers"
 _NOT_FINITE = "with a position that is not finite"
-_NOT_LATER = "with a stamp not later than the one before"
-_MAX_NS = 2**63 - 1
+_OUT_OF_ORDER = "with a stamp out of order"
+_MOST = 2**62
+_MOST_RADIANS = 4 * math.pi
 
 
 def read_csv(
@@ -71,66 +73,100 @@ def _read_file(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
     return Recording(str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(rows.notes(path)))
 
 
+@dataclass(frozen=True)
+class _Sample:
+    """A row that could be read: positions that are columns, then strain, in the order of the scene."""
+
+    line: int
+    stamp_ns: int
+    values: list[float]
+
+
 @dataclass
 class _Rows:
     """The rows of one file that could be read, by sweep number."""
 
-    by_sweep: dict[int, list[tuple[int, list[float]]]] = field(default_factory=dict)
+    by_sweep: dict[int, list[_Sample]] = field(default_factory=dict)
     total: int = 0
     bad: Counter[str] = field(default_factory=Counter)
-    first_bad_line: dict[str, int] = field(default_factory=dict)
+    first: dict[str, str] = field(default_factory=dict)  # by reason, where
+    degrees: float = 0.0  # the greatest yaw, where it is too great for radians
 
-    def reject(self, reason: str, line: int) -> None:
+    def reject(self, reason: str, line: int, what: str = "") -> None:
         self.bad[reason] += 1
-        self.first_bad_line.setdefault(reason, line)
+        self.first.setdefault(reason, f"line {line}{what}")
+
+    def left_out(self) -> str:
+        return ", ".join(
+            f"{count} {reason} (first: {self.first[reason]})" for reason, count in self.bad.items()
+        )
 
     def notes(self, path: Path) -> Iterator[str]:
         if self.bad:
-            reasons = ", ".join(
-                f"{count} {reason} (first: line {self.first_bad_line[reason]})"
-                for reason, count in self.bad.items()
-            )
-            yield f"{path}: left out {self.bad.total()} of {self.total} rows: {reasons}"
+            yield f"{path}: left out {self.bad.total()} of {self.total} rows: {self.left_out()}"
+        if self.degrees:
+            yield f"{path}: yaw goes to {self.degrees:.4g}, radians? degrees: --column yaw=NAME*0.0174533"
 
 
 def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> _Rows:
-    """Rows as stamp and values: positions that are columns, then strain, in the order of the scene."""
     rows = _Rows()
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, skipinitialspace=True)
-            header = [name.strip() for name in next(reader, [])]
-            picker = _Picker.of(path, header, scene, naming, speed)
-            latest: dict[int, int] = {}
-            for row in reader:
-                if not row:
-                    continue
-                rows.total += 1
-                try:
-                    number, stamp_ns, values = picker.pick(row)
-                except (ValueError, ArithmeticError, IndexError):
-                    rows.reject(_NOT_NUMBERS, reader.line_num)
-                    continue
-                if not all(map(math.isfinite, values[: picker.positions])):
-                    rows.reject(_NOT_FINITE, reader.line_num)
-                    continue
-                if stamp_ns <= latest.get(number, -_MAX_NS):
-                    rows.reject(_NOT_LATER, reader.line_num)
-                    continue
-                latest[number] = stamp_ns
-                rows.by_sweep.setdefault(number, []).append((stamp_ns, values))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise ScanError(f"{path}: expected a CSV file, {reason}") from None
+    table = read_table(path)
+    _, header = next(table, (0, []))
+    picker = _Picker.of(path, [name.strip() for name in header], scene, naming, speed)
+    for line, cells in table:
+        rows.total += 1
+        try:
+            number, stamp_ns, values = picker.pick(cells)
+        except (ValueError, ArithmeticError, IndexError):
+            rows.reject(_NOT_NUMBERS, line, picker.culprit(cells))
+            continue
+        if not all(map(math.isfinite, values[: picker.positions])):
+            rows.reject(_NOT_FINITE, line)
+            continue
+        rows.by_sweep.setdefault(number, []).append(_Sample(line, stamp_ns, values))
     if not rows.by_sweep:
-        raise ScanError(f"{path}: expected rows of numbers, found none in {rows.total} rows")
+        raise ScanError(
+            f"{path}: expected rows of numbers, found none in {rows.total} rows"
+            + (f": {rows.left_out()}" if rows.bad else "")
+        )
+    for number, samples in rows.by_sweep.items():
+        kept = _longest_in_order([sample.stamp_ns for sample in samples])
+        rows.by_sweep[number] = [samples[index] for index in kept]
+        for index in sorted(set(range(len(samples))) - set(kept)):
+            rows.reject(_OUT_OF_ORDER, samples[index].line)
+    if "yaw" in scene.axis_names and "yaw" not in speed:
+        column = [axis for axis in scene.axis_names if axis not in speed].index("yaw")
+        greatest = max(abs(sample.values[column]) for own in rows.by_sweep.values() for sample in own)
+        rows.degrees = greatest if greatest > _MOST_RADIANS else 0.0
     return rows
+
+
+def _longest_in_order(stamps: list[int]) -> list[int]:
+    """Indices of the longest rising sequence: so the fewest stamps that are not in order are left out."""
+    ends: list[int] = []  # the least stamp that a rising sequence of each length ends with, and its index
+    indices: list[int] = []
+    before: list[int] = []  # for each stamp, the index of the one before it in its sequence
+    for index, stamp in enumerate(stamps):
+        length = bisect_left(ends, stamp)
+        before.append(indices[length - 1] if length else -1)
+        if length == len(ends):
+            ends.append(stamp)
+            indices.append(index)
+        elif stamp < ends[length]:  # of equal ones the first stays
+            ends[length], indices[length] = stamp, index
+    kept = []
+    index = indices[-1] if indices else -1
+    while index >= 0:
+        kept.append(index)
+        index = before[index]
+    return kept[::-1]
 
 
 @dataclass(frozen=True)
 class _Picker:
     """Takes the wanted values out of a row."""
 
+    columns: tuple[str, ...]
     stamp_index: int
     nanoseconds: Decimal
     sweep_index: int | None
@@ -142,24 +178,26 @@ class _Picker:
     def of(
         cls, path: Path, header: list[str], scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]
     ) -> _Picker:
-        def find(name: str) -> int:
-            if name not in header:
-                raise ScanError(
-                    f"{path}: expected a column {name!r}, found {', '.join(header) or 'no header'}"
-                )
+        def find(quantity: str, name: str) -> int:
+            if header.count(name) != 1:
+                hint = f"--column {quantity}=NAME{'1..8' * (quantity in scene.phalanx_names)}"
+                found = ", ".join(header) or "no header"
+                article = "one" if name in header else "a"
+                raise ScanError(f"{path}: expected {article} column {name!r} (or {hint}), found {found}")
             return header.index(name)
 
         stamp = naming.of("stamp_s")
-        axes = [naming.of(axis) for axis in scene.axis_names if axis not in speed]
-        wanted = axes + [naming.of_phalanx(phalanx) for phalanx in scene.phalanx_names]
+        axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in speed}
+        wanted = {**axes, **{phalanx: naming.of_phalanx(phalanx) for phalanx in scene.phalanx_names}}
         sweep = naming.of("sweep").names[0]
         has_sweep = sweep in header or "sweep" in naming.columns
         return cls(
-            stamp_index=find(stamp.names[0]),
+            columns=tuple(header),
+            stamp_index=find("stamp_s", stamp.names[0]),
             nanoseconds=stamp.scale * 10**9,
-            sweep_index=find(sweep) if has_sweep else None,
-            indices=tuple(find(name) for columns in wanted for name in columns.names),
-            scales=tuple(float(columns.scale) for columns in wanted for _ in columns.names),
+            sweep_index=find("sweep", sweep) if has_sweep else None,
+            indices=tuple(find(what, name) for what, columns in wanted.items() for name in columns.names),
+            scales=tuple(float(columns.scale) for columns in wanted.values() for _ in columns.names),
             positions=len(axes),
         )
 
@@ -167,18 +205,30 @@ class _Picker:
         """Sweep number, stamp in ns, values; raises what ``float`` and ``Decimal`` raise."""
         # A binary float would lose up to 0.2 us of a stamp that counts from 1970.
         stamp_ns = int((Decimal(row[self.stamp_index]) * self.nanoseconds).to_integral_value())
-        if abs(stamp_ns) > _MAX_NS:
-            raise InvalidOperation
         number = 1 if self.sweep_index is None else int(float(row[self.sweep_index]))
+        if abs(stamp_ns) > _MOST or abs(number) > _MOST:
+            raise OverflowError
         values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=True)]
         return number, stamp_ns, values
 
+    def culprit(self, row: list[str]) -> str:
+        """Which cell of a row that could not be picked is to blame."""
+        sweep = () if self.sweep_index is None else (self.sweep_index,)
+        for index in (self.stamp_index, *sweep, *self.indices):
+            if index >= len(row):
+                return f", {len(row)} cells"
+            try:
+                int(float(row[index])) if index in sweep else float(row[index])
+            except (ValueError, OverflowError):
+                return f", {self.columns[index]} {row[index]!r}"
+        return ""
+
 
 def _sweep(
-    number: int, samples: list[tuple[int, list[float]]], scene: Scene, speed: Mapping[str, float]
+    number: int, samples: Sequence[_Sample], scene: Scene, speed: Mapping[str, float]
 ) -> RecordedSweep:
-    stamp_ns = np.array([stamp for stamp, _ in samples], dtype=np.int64)
-    values = np.array([row for _, row in samples])
+    stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
+    values = np.array([sample.values for sample in samples])
     recorded = [axis for axis in scene.axis_names if axis not in speed]
     columns = dict(zip(recorded, values.T, strict=False))
     elapsed_s = (stamp_ns - stamp_ns[0]) * 1e-9

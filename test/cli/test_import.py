@@ -34,7 +34,7 @@ def test_a_csv_of_standard_columns_becomes_a_scan_file(folder, capsys):
     output = capsys.readouterr().out.splitlines()
     assert output == [
         "scan.db: 3 sweeps, 125 pairs",
-        "  train.csv: left out 1 of 200 rows: 1 not numbers (first: line 9)",
+        "  train.csv: left out 1 of 200 rows: 1 not numbers (first: line 9, index_2 'broken')",
         "  left out 74 of 199 samples with a palm position outside the scene's bounds"
         " (x is 0 to 0.0796, bounds 0 to 0.05)",
         "  left out 1 of 4 sweeps whole: 3",

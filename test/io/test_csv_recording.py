@@ -107,9 +107,9 @@ def test_rows_that_are_no_numbers_or_go_back_in_time_are_counted_with_their_firs
     recording = read_csv(write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], rows), LINE)
     assert len(recording) == 4
     assert recording.notes == (
-        f"{tmp_path / 'a.csv'}: left out 6 of 10 rows: 4 not numbers (first: line 4), "
+        f"{tmp_path / 'a.csv'}: left out 6 of 10 rows: 4 not numbers (first: line 4, stamp_s 'late'), "
         "1 with a position that is not finite (first: line 7), "
-        "1 with a stamp not later than the one before (first: line 8)",
+        "1 with a stamp out of order (first: line 8)",
     )
 
 
@@ -131,15 +131,78 @@ def test_spaces_quotes_blank_lines_and_a_byte_order_mark_do_no_harm(tmp_path):
     assert recording.notes == ()
 
 
+@pytest.mark.parametrize(("delimiter", "comma"), [(";", "."), (";", ","), ("\t", ","), ("\t", ".")])
+def test_columns_may_be_parted_by_semicolons_or_tabs_with_decimal_commas(tmp_path, delimiter, comma):
+    rows = [[str(cell).replace(".", comma) for cell in row] for row in line_rows(4)]
+    path = write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], rows, delimiter=delimiter)
+    recording = read_csv(path, LINE)
+    assert recording.notes == ()
+    np.testing.assert_allclose(recording.sweeps[0].position[:, 0], [0, 0.001, 0.002, 0.003])
+    np.testing.assert_array_equal(recording.sweeps[0].stamp_ns, 10**9 + 10**7 * np.arange(4))
+
+
+def test_comments_are_passed_over_and_lines_still_counted_from_the_top(tmp_path):
+    path = write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], line_rows(3))
+    lines = path.read_text().splitlines()
+    lines = [
+        "# recorded on a Monday, by hand",
+        "",
+        *lines[:2],
+        "# a rest, the hand was opened",
+        *lines[2:],
+        "x",
+    ]
+    path.write_text("\n".join(lines))
+    recording = read_csv(path, LINE)
+    assert len(recording) == 3
+    assert recording.notes == (f"{path}: left out 1 of 4 rows: 1 not numbers (first: line 8, stamp_s 'x')",)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "first"), [({50: 900.0}, 52), ({50: -900.0}, 52), ({50: 900.0, 51: 900.5, 70: 0.0}, 52)]
+)
+def test_stamps_that_jump_cost_their_own_rows_alone(tmp_path, wrong, first):
+    rows = line_rows(100)
+    for row, jump in wrong.items():
+        rows[row][0] = f"{float(rows[row][0]) + jump if jump else 0}"
+    path = write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], rows)
+    recording = read_csv(path, LINE)
+    assert len(recording) == 100 - len(wrong)
+    assert (np.diff(recording.sweeps[0].stamp_ns) > 0).all()
+    out = f"{len(wrong)} with a stamp out of order (first: line {first})"
+    assert recording.notes == (f"{path}: left out {len(wrong)} of 100 rows: {out}",)
+
+
+def test_a_yaw_in_degrees_is_told(tmp_path):
+    scene = Scene("turn", (Axis("yaw", -np.pi, np.pi),), (Phalanx("index", (0,)),))
+    rows = [[row[0], 30 * n, *row[2:]] for n, row in enumerate(line_rows(5))]
+    path = write(tmp_path / "a.csv", ["stamp_s", "yaw", *GAUGES], rows)
+    assert read_csv(path, scene).notes[0].startswith(f"{path}: yaw goes to 120, radians? degrees: ")
+
+
+@pytest.mark.parametrize("label", ["s1", "1e30", "nan", "inf", ""])
+def test_sweeps_that_are_not_numbered_are_told(tmp_path, label):
+    path = write(tmp_path / "a.csv", ["sweep", "stamp_s", "x", *GAUGES], [[label, *r] for r in line_rows(5)])
+    with pytest.raises(ScanError, match=r"found none in 5 rows: 5 not numbers \(first: line 2"):
+        read_csv(path, LINE)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (None, "expected a CSV file, No such file"),
-        (b"", "expected a column 'stamp_s', found no header"),
-        (b"stamp_s,x\n1,2\n", "expected a column 'index_1', found stamp_s, x"),
-        (b"\xff\xfe\x00\x80" * 50, "expected a CSV file, not text"),
+        (b"", "expected a column 'stamp_s' .*, found no header"),
+        (
+            b"stamp_s,x\n1,2\n",
+            r"expected a column 'index_1' \(or --column index=NAME1..8\), found stamp_s, x",
+        ),
+        (b"\xff\xfe\x00\x80" * 50, "expected a CSV file, not text in UTF-8"),
         (("stamp_s,x," + ",".join(GAUGES) + "\n").encode(), "expected rows of numbers, found none in 0 rows"),
-        (("stamp_s,x," + ",".join(GAUGES) + "\na" + ",b" * 9).encode(), "found none in 1 rows"),
+        (
+            ("stamp_s,x," + ",".join(GAUGES) + "\na" + ",b" * 9).encode(),
+            "found none in 1 rows: 1 not numbers .*stamp_s 'a'",
+        ),
+        (("stamp_s,x,x," + ",".join(GAUGES) + "\n").encode(), "expected one column 'x'"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, content, message):
