@@ -227,6 +227,18 @@ def test_recovery_spreads_the_share_that_it_is_told(fraction):
     assert np.mean(spread) == pytest.approx(fraction, abs=0.03)
 
 
+def test_copies_of_one_ancestor_are_kept_apart_by_less_than_the_belief_is_wide():
+    model = linear()
+    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 300, resample_below=1.0)
+    particles.update(model.gain @ [0.02, 0.03], PRESENT, 1.0, NOWHERE)
+    before = particles.belief()
+    particles.update(model.gain @ [0.02, 0.03], PRESENT, 0.0, NOWHERE)
+    states, _ = particles.hypotheses()
+    assert len(np.unique(states, axis=0)) == 300
+    grown = np.sqrt(np.diag(particles.belief().covariance) / np.diag(before.covariance))
+    assert (grown < 1.2).all()
+
+
 def test_kld_sampling_takes_few_particles_for_a_narrow_belief_and_many_for_a_broad_one():
     model = linear(std=0.2)
     particles = ParticleFilter(
