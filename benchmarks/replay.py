@@ -36,8 +36,7 @@ PHALANGES = ["index", "middle"]
 
 
 def write_bag(path: Path, minutes: float) -> int:
-    """Sweeps over the bump one after another, strain and pose at 200 Hz each; returns the number of
-    strains."""
+    """Sweeps over the bump one after another, strain and pose at 200 Hz each; returns how many strains."""
     store = typestore()
     types = store.types
     header, stamp_type = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]

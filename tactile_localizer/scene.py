@@ -176,8 +176,7 @@ class Scene:
         return positions
 
     def phalanges_on_feature(self, states: np.ndarray) -> np.ndarray:
-        """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, where none is
-        known."""
+        """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, without a region."""
         on = np.ones((len(states), len(self.phalanges)), dtype=bool)
         if self.feature is not None:
             for index, phalanx in enumerate(self.phalanges):

@@ -154,11 +154,10 @@ def build_null(
 
 
 def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
-    """The scene with a region proposed from the scan, where it gave none and what lies outside proves
-    featureless.
+    """The scene, with a region proposed from the scan where it gave none.
 
-    It does when held-out sweeps are explained no better there by knowing the position than by the featureless
-    null.
+    The proposal is taken where what lies outside proves featureless: held-out sweeps are explained no better
+    there by knowing the position than by the featureless null.
     """
     if scene.feature is not None:
         return scene
@@ -169,8 +168,9 @@ def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
 
 
 def region_confidence(scan: Scan, scene: Scene, parameters: ModelParameters) -> float:
-    """Share of held-out strains outside the scene's region that are explained no better by knowing the
-    position than by the featureless null; NaN where there are none.
+    """Share of held-out strains outside the scene's region that prove featureless; NaN where there are none.
+
+    Those are explained no better by knowing the position than by the featureless null.
     """
     off = np.flatnonzero(~scene.on_feature(training_pairs(scan, scene)[0]))
     tried, of_map, _ = held_out_log_densities(

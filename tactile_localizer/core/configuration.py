@@ -44,8 +44,7 @@ class Configuration:
     resample_below : resample when the effective sample size falls below this share; 1: every step
     adaptive : choose the number of particles by KLD sampling, up to ``particles``
     recovery : ``evidence``: spread a contradicted belief; ``constant``: the paper's ``random_particles`` at
-    each
-        update (particle filter only); ``none``
+        each update (particle filter only); ``none``
     random_particles : of the constant recovery; the paper has 10 of 75
     update_distance : m of travel between two weighed strains
     convergence_std : m; the belief is narrow when its variances are on average below this squared

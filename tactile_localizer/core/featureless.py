@@ -18,8 +18,7 @@ from tactile_localizer.scene import GAUGES, Phalanx, Scene
 
 
 class Featureless:
-    """A product over phalanges: a sum of Gaussians where the phalanx is on the feature, one Gaussian where it
-    is not.
+    """A product over phalanges: a sum of Gaussians on the feature, one Gaussian off it.
 
     The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is,
     and its training pairs are placed by where it was. Both branches are densities over the phalanx's strain

@@ -75,8 +75,7 @@ class HeldOutFit:
         return cls(-np.inf, np.full(phalanges, -np.inf))
 
     def of(self, present: np.ndarray) -> float:
-        """The limit for the phalanges that are ``present`` (F,); some of several in proportion to their
-        own."""
+        """The limit for the phalanges that are ``present`` (F,); some of several have their share of it."""
         if present.all():
             return self.together
         if not np.isfinite(self.together):

@@ -115,8 +115,7 @@ class Gaussian:
     def _distance(
         self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray, share: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k): (P,)
-        each.
+        """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k).
 
         ``strain`` is one vector (8F,), or one a row (P, 8F). In channels whitened by the target T the
         covariance is lambda I plus a matrix of rank k, so k x k systems serve (Woodbury).
@@ -146,8 +145,7 @@ class Gaussian:
     def _held_out(
         self, positions: np.ndarray, strain: np.ndarray, sweep: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals of samples predicted from the other sweeps, with the neighbours' rows and the samples'
-        strains."""
+        """Residuals of samples predicted from the other sweeps, the neighbours' rows, and the strains."""
         if len(np.unique(sweep)) == 1:
             sweep = np.arange(len(sweep)) * 8 // len(sweep)
         chosen = np.unique(np.linspace(0, len(positions) - 1, _HELD_OUT).astype(int))

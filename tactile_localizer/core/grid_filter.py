@@ -150,8 +150,7 @@ class GridFilter:
             self._belief = np.full(self._shape, 1.0 / moved.size)
 
     def _diffuse(self, axis: int) -> None:
-        """Spread by the pending variance: small ones by a three-point step, which is exact in the
-        variance."""
+        """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
         mode = "wrap" if self._wraps[axis] else "constant"
         # A spread as wide as the axis is as good as any wider one.
         variance = min(float(self._pending[axis]), float(self._shape[axis]) ** 2)

@@ -15,8 +15,7 @@ NONE = "none of them"
 
 @dataclass(frozen=True)
 class Identification:
-    """Probabilities of the candidates and of :data:`NONE`, which sum to one, and each candidate's own
-    estimate."""
+    """Probabilities of the candidates and of :data:`NONE`, which sum to one, and each one's own estimate."""
 
     probabilities: dict[str, float]
     estimates: dict[str, Estimate]
@@ -28,8 +27,7 @@ class Identification:
 
 
 class FeatureIdentifier:
-    """Runs a localizer for each candidate feature and weighs them against each other and against none of
-    them.
+    """Runs a localizer for each candidate feature and weighs them against each other and against none.
 
     A candidate's evidence is the tempered log-marginal of its own belief: densities over the same strain,
     which compare. *None* explains a strain as well as the candidates' nulls do on average: as featureless, or

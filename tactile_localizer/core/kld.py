@@ -1,5 +1,7 @@
-"""How many particles a belief needs: KLD sampling (Fox, "Adapting the sample size in particle filters",
-2003)."""
+"""How many particles a belief needs: KLD sampling.
+
+Fox, "Adapting the sample size in particle filters" (2003).
+"""
 
 from __future__ import annotations
 

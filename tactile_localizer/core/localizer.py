@@ -1,5 +1,7 @@
-"""The localizer: strains and palm positions in, a believed position out. Live nodes, replay and benchmarks
-share it."""
+"""The localizer: strains and palm positions in, a believed position out.
+
+Live nodes, replay and benchmarks share it.
+"""
 
 from __future__ import annotations
 

@@ -30,8 +30,7 @@ class Normal:
 
     @classmethod
     def fitted(cls, samples: np.ndarray) -> Normal:
-        """From the sample moments of (N, D), with :data:`RIDGE` of each channel's variance on the
-        diagonal."""
+        """From the sample moments of (N, D), with :data:`RIDGE` of each variance on the diagonal."""
         covariance = np.atleast_2d(np.cov(samples.T, bias=True))
         return cls(samples.mean(axis=0), covariance + ridge(covariance, samples))
 

@@ -18,8 +18,8 @@ class ModelParameters:
 
     Parameters
     ----------
-    position_std : kernel width in position, one number or one an axis, m (yaw: rad); the paper's S_x is its
-    square
+    position_std : kernel width in position, one number or one an axis, m (yaw: rad); the paper's S_x is
+        its square
     strain_std : kernel width in strain, one number or one a channel, V; the paper's S_z is its square
     correlation_length : m of travel that make one independent measurement
     correlation_change : change of the strain, in kernel widths, that makes one; ``None``: only travel counts

@@ -1,5 +1,6 @@
-"""Which phalanges can be trusted: one that contradicts what the belief expects of it is left out until it is
-well.
+"""Which phalanges can be trusted.
+
+One that contradicts what the belief expects of it is left out until it is well.
 
 A load cell that is stuck, swapped, scaled or drifting still sends plausible numbers. Its own evidence gives
 it away: at the believed place the map says what that phalanx should feel, and the null model says how well
@@ -84,8 +85,7 @@ class PhalanxHealth:
         return normalize(by_belief)[1] - math.log(len(states)) - by_null
 
     def _decide(self) -> None:
-        """Leave out the worst phalanx that contradicts, if another one does not; take back those that are
-        well."""
+        """Leave out the worst phalanx that contradicts, if another does not; take back the well ones."""
         self.trusted |= self._average > self._WELL
         suspects = self.trusted & (self._average < self._SICK)
         if suspects.any() and (self.trusted & (self._average > self._SICK)).any():

@@ -70,15 +70,13 @@ class Trial:
 
     @property
     def merit(self) -> float:
-        """The score, if the candidate is honest about its uncertainty; otherwise how far from it, as a
-        penalty."""
+        """The score, less a penalty where the candidate is not honest about its uncertainty."""
         return self.score if self.coverage >= _HONEST else self.score - _PENALTY * (_HONEST - self.coverage)
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of one held-out sweep: displacements (T, d), travels (T,), strains (T, 8F) and true states
-    (T, d)."""
+    """A stretch of a held-out sweep: displacements (T, d), travels (T,), strains (T, 8F), states (T, d)."""
 
     displacements: np.ndarray
     travels: np.ndarray
@@ -97,8 +95,7 @@ def choose_parameters(scan: Scan, scene: Scene, progress: Progress | None = None
 
 
 def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[Trial]:
-    """Score candidates by ascent to the best neighbour from the middle of the factors, and return all that
-    were tried.
+    """Score candidates by ascent from the middle of the factors; returns all that were tried.
 
     Parameters
     ----------
@@ -146,8 +143,7 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
 
 
 def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Scales of the scan that the factors multiply: spacing of the sweeps (d,) and disagreement between them
-    (8F,).
+    """Scales that the factors multiply: the sweeps' spacing (d,) and their disagreement (8F,).
 
     The spacing is the median distance from a pair to the nearest one of another sweep, in shares of the
     scene's extents; the disagreement the median difference of their strains, a channel.

@@ -88,8 +88,7 @@ class SumOfGaussians:
     position_std : square root of the diagonal of Sigma_x, one number or one an axis, m (yaw: rad)
     strain_std : square root of the diagonal of Sigma_z, one number or one a channel, V
     conditional : divide by the scan's own density in x, right where the scan is uneven; ``False``: the
-    paper's
-        joint form with constant P(x)
+        paper's joint form with constant P(x)
     evaluation : ``field``, ``truncated`` or ``exact`` (:mod:`.kernel_sum`)
     precision : ``float64`` or ``float32``
 
@@ -162,8 +161,7 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Some columns, or the array itself where they are all of them: a large scan is not copied for
-    nothing."""
+    """Some columns, or the array itself where they are all of them: no large scan is copied for nothing."""
     return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]
 
 

@@ -76,8 +76,7 @@ def neighbours_table(trials: Sequence[NeighbourTrial]) -> Table:
 
 
 def tuning_figure(trials: Sequence[Trial], by_neighbours: Sequence[NeighbourTrial]) -> Figure:
-    """Merit over the kernel widths, and over the correlation length at the chosen ones; likelihood
-    over the neighbours."""
+    """Merit over the widths and, at the chosen ones, the correlation length; fit over the neighbours."""
     best = best_of(trials)
     figure = Figure(figsize=(13.0, 3.8), layout="constrained")
     widths, lengths, neighbours = figure.subplots(1, 3)

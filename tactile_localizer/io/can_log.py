@@ -77,8 +77,7 @@ def _frames(path: Path) -> Iterator[can.Message]:
 
 
 class _Candump(io.TextIOBase):
-    """A candump log whose lines are checked, and whose error frames are all of the class that python-can
-    knows."""
+    """A candump log whose lines are checked, and whose error frames are of every class."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -115,8 +115,7 @@ def sweep_motion(
 def _stick_slip(
     rng: np.random.Generator, travel: np.ndarray, rate: float, looseness: Looseness
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far friction has carried the material since it last slipped (n,), and the sum of what the
-    slips left behind (n, 2), m."""
+    """How far friction carried the material since it slipped (n,), and what slips left behind (n, 2), m."""
     slips = np.cumsum(rng.exponential(_SLIP_LENGTH_M, size=2 + int(4 * travel[-1] / _SLIP_LENGTH_M)))
     count = np.searchsorted(slips, travel)
     last = np.concatenate([[0.0], slips])[count]

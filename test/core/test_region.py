@@ -53,8 +53,7 @@ def test_what_proves_featureless_outside_a_proposal_makes_it_the_region() -> Non
 
 
 def test_material_that_is_featured_everywhere_gets_no_region() -> None:
-    """Position predicts the strain outside any box that could be drawn: a weave of 1 V, with one coarser
-    patch."""
+    """Position predicts the strain outside any box that could be drawn: a weave with one coarser patch."""
     rng = np.random.default_rng(1)
     scene = load_scene(resource_path("config/scenes/linen.yaml"))
     x = np.tile(np.linspace(0.0, 0.6, 1500), 3)
