@@ -1,0 +1,91 @@
+"""A running filter node as a test sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+from support.sweeps import stamp_of
+
+CELL = {"cell": 1.0}
+"""Coarse enough to be quick."""
+
+_QUEUE = 100
+_PAUSE_NS = 1_000_000_000_000
+
+
+class Filter:
+    """A running filter node, what it publishes, and the hand that it listens to."""
+
+    def __init__(self, process, probe, hand):
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        from tactile_localizer.msg import Posterior
+
+        self.process, self.probe, self.hand = process, probe, hand
+        self.posteriors = []
+        probe.node.create_subscription(Posterior, "filter/posterior", self._on_posterior, 1000)
+        self.diagnostics = probe.listen(DiagnosticArray, "/diagnostics", 10)
+        probe.until(lambda: probe.node.count_publishers("filter/posterior"), "the filter's posterior")
+        probe.until(lambda: self.diagnostics, "diagnostics: a publisher that is matched")
+
+    def _on_posterior(self, message):
+        if stamp_of(message) >= self.hand.offset_ns:  # else of what the hand did before it began anew
+            self.posteriors.append(message)
+
+    def begin_anew(self):
+        """The belief knows nothing, and the hand is at the start of its sweep again, later."""
+        from std_srvs.srv import Empty
+
+        self.hand.next = 0
+        self.hand.offset_ns += _PAUSE_NS
+        self.probe.call(Empty, "filter/reinitialize_global_localization")
+        self.posteriors.clear()
+        self.diagnostics.clear()
+
+    def fresh(self):
+        return [message for message in self.posteriors if not message.stale]
+
+    def wait_for_sample(self, k):
+        """Wait for the posterior of strain vector ``k``."""
+        self.probe.until(
+            lambda: (
+                self.posteriors and stamp_of(self.fresh()[-1]) >= self.hand.offset_ns + self.hand.strain_ns[k]
+            ),
+            f"the posterior of strain {k}",
+        )
+
+    def slide(self, samples, **how):
+        """Slide on and wait for the last of the posteriors; no queue is ever full."""
+        while samples > 0:
+            self.hand.slide(min(samples, _QUEUE // 2), **how)
+            self.wait_for_sample(self.hand.next - 1)
+            samples -= _QUEUE // 2
+
+    def means(self):
+        return np.array([message.mean for message in self.fresh()])
+
+    def told(self, what):
+        """Level, message and values of the newest diagnostics called ``what``."""
+        for array in reversed(self.diagnostics):
+            for status in array.status:
+                if status.name == f"filter: {what}":
+                    return status.level, status.message, {v.key: v.value for v in status.values}
+        return b"", "", {}
+
+
+def initial_pose(x, y, variance, frame="material"):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = frame
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation.w = 1.0
+    message.pose.covariance[0] = message.pose.covariance[7] = variance
+    return message
+
+
+def set_parameter(probe, name, value):
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return probe.call(SetParameters, "filter/set_parameters", request).results[0]

@@ -1,0 +1,246 @@
+"""One running filter from outside: strain and poses in, a belief out that is never made up.
+
+The node is started once; each test spreads its belief and begins the sweep again at a later time.
+"""
+
+import numpy as np
+import pytest
+from support.filter import CELL, Filter, initial_pose, set_parameter
+from support.probe import Probe
+from support.processes import Process, node_command
+from support.sweeps import SlidingHand, stamp_of, unseen_sweep, write_scan
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def scan_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scans") / "bump.db"
+    write_scan(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def running(scan_file):
+    parameters = {"scan_file": scan_file, **CELL, "shown_particles": 50, "particles_rate_hz": 5.0}
+    process, probe = Process(node_command("filter_node", parameters)), Probe("watching")
+    try:
+        yield Filter(process, probe, SlidingHand(probe, unseen_sweep()))
+    finally:
+        probe.close()
+        process.kill()
+        print(process.output)
+
+
+@pytest.fixture
+def node(running):
+    assert running.process.running
+    running.begin_anew()
+    return running
+
+
+@pytest.fixture
+def probe(running):
+    return running.probe
+
+
+def test_inputs_that_never_come_are_told_of(node, probe):
+    probe.until(lambda: node.told("inputs")[1] == "no strain and no palm_pose", "the missing inputs")
+    assert node.told("inputs")[0] == b"\x01"
+    assert node.posteriors == [], "no position is made up"
+    node.slide(10)
+    assert not node.posteriors[-1].stale
+
+
+def test_pose_flag_trace_and_particles_agree_with_the_posterior(node, probe):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from sensor_msgs.msg import PointCloud2
+    from std_msgs.msg import Bool, Float64
+    from visualization_msgs.msg import MarkerArray
+
+    poses = probe.listen(PoseWithCovarianceStamped, "filter/pose", 1000)
+    flags = probe.listen(Bool, "filter/converged", 1000)
+    traces = probe.listen(Float64, "filter/covariance_trace", 1000)
+    clouds = probe.listen(PointCloud2, "filter/particles", 100)
+    markers = probe.listen(MarkerArray, "filter/markers", 100)
+    probe.known_to("filter")
+    node.slide(100)
+    posterior = node.fresh()[-1]
+    probe.until(lambda: poses and stamp_of(poses[-1]) == stamp_of(posterior), "its pose")
+    probe.until(lambda: len(flags) == len(poses) == len(traces), "flag and trace")
+    pose = poses[-1]
+    np.testing.assert_allclose([pose.pose.pose.position.x, pose.pose.pose.position.y], posterior.mean)
+    covariance = np.reshape(pose.pose.covariance, (6, 6))
+    np.testing.assert_allclose(covariance[:2, :2].ravel(), posterior.covariance)
+    assert not covariance[2:].any()
+    assert (flags[-1].data, traces[-1].data) == (posterior.converged, posterior.covariance_trace)
+    assert 15 <= len(clouds) <= 25, "4 s of stamps at 5 Hz"
+    assert [field.name for field in clouds[-1].fields] == ["x", "y", "z", "weight"]
+    points = np.frombuffer(clouds[-1].data, "<f4").reshape(-1, 4)
+    assert len(points) == clouds[-1].width <= 50
+    assert points[:, 3].sum() == pytest.approx(1.0)
+    near = next(m for m in node.fresh() if stamp_of(m) == stamp_of(clouds[-1]))
+    np.testing.assert_allclose(np.average(points[:, :2], axis=0, weights=points[:, 3]), near.mean, atol=2e-3)
+    pads = markers[-1].markers[0]
+    assert len(pads.points) == 2
+    assert pads.points[0].y - pads.points[1].y == pytest.approx(0.0254)
+
+
+def test_the_map_is_kept_for_late_subscribers(node, probe):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import PointCloud2
+    from visualization_msgs.msg import Marker
+
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    clouds = probe.listen(PointCloud2, "filter/map", kept)
+    regions = probe.listen(Marker, "filter/feature_region", kept)
+    probe.until(lambda: clouds and regions, "the map and the region")
+    assert [field.name for field in clouds[0].fields][:4] == ["x", "y", "z", "felt"]
+    assert clouds[0].width > 15_000
+    assert len(regions[0].points) == 5
+
+
+def test_a_phalanx_that_is_missing_is_left_out_and_told_of(node, probe):
+    node.slide(20)
+    node.slide(20, status=[1, 0])
+    probe.until(lambda: node.told("inputs")[2].get("absent_index") == "20", "the missing phalanx")
+    assert node.told("inputs")[2]["absent_middle"] == "0"
+
+
+def test_strain_that_is_not_finite_is_refused_and_counted(node, probe):
+    node.slide(20)
+    bad = np.array(node.hand.sweep.strain[20])
+    bad[3] = np.nan
+    node.hand.feel(20, strain=bad.tolist())
+    node.hand.next += 1
+    node.slide(5)
+    assert 20 not in [node.hand.sample_of(message) for message in node.fresh()]
+    probe.until(lambda: node.told("inputs")[2].get("refused") == "1", "the refusal")
+    assert node.process.running
+
+
+def test_strain_vectors_that_never_come_are_counted(node, probe):
+    node.slide(10)
+    node.hand.feel(10, sequence=[13, 13])  # the 10th to the 12th were lost on the way
+    node.hand.next += 1
+    node.slide(5, sequence=[14, 14])
+    probe.until(lambda: node.told("inputs")[2].get("lost") == "3", "what was lost")
+    told = [s.message for array in node.diagnostics for s in array.status if s.name == "filter: inputs"]
+    assert any("3 strain vectors that never came" in message for message in told)
+
+
+def test_when_poses_stop_the_last_position_is_sent_as_stale_until_they_come_again(node, probe):
+    from std_msgs.msg import Bool
+
+    flags = probe.listen(Bool, "filter/converged", 1000)
+    probe.known_to("filter")
+    node.slide(100)
+    last = node.fresh()[-1]
+    node.hand.slide(40, poses=False)
+    probe.until(lambda: node.posteriors[-1].stale, "stale")
+    stale = node.posteriors[-1]
+    assert (list(stale.mean), stamp_of(stale)) == (list(last.mean), stamp_of(last))
+    assert not stale.converged
+    assert stale.reason.startswith("stale: no palm")
+    probe.until(lambda: flags and not flags[-1].data, "the flag")
+    probe.until(lambda: node.told("inputs")[0] == b"\x02", "the diagnostics' error")
+    assert "no palm" in node.told("inputs")[1]
+    node.slide(10)
+    assert not node.posteriors[-1].stale
+    assert node.told("belief")[0] in (b"\x00", b"\x03")
+
+
+def test_when_strain_stops_the_last_position_is_sent_as_stale(node, probe):
+    node.slide(20)
+    node.hand.slide(20, strain=False)
+    probe.until(lambda: node.posteriors[-1].stale, "stale")
+    assert "no strain" in node.posteriors[-1].reason
+    held = len(node.posteriors)
+    probe.until(lambda: len(node.posteriors) >= held + 2, "it is repeated for who comes late")
+    assert {tuple(m.mean) for m in node.posteriors[held:]} == {tuple(node.fresh()[-1].mean)}
+
+
+def test_a_bag_that_loops_begins_anew(node):
+    node.slide(100)
+    first = node.means()
+    node.posteriors.clear()
+    node.hand.next = 0
+    node.slide(50)
+    np.testing.assert_allclose(node.means()[:50], first[:50], atol=1e-9)
+
+
+def test_stamps_of_zero_are_not_yet(node, probe):
+    node.slide(5)
+    seen = len(node.posteriors)
+    offset_ns, node.hand.offset_ns = node.hand.offset_ns, -int(node.hand.strain_ns[5])
+    node.hand.feel(5)
+    node.hand.offset_ns = offset_ns
+    node.slide(5)
+    assert len(node.fresh()) == seen + 5
+
+
+def test_the_belief_can_be_spread_again(node, probe):
+    from std_srvs.srv import Empty
+
+    node.slide(180)
+    assert node.fresh()[-1].travel > 0.03
+    probe.call(Empty, "filter/reinitialize_global_localization")
+    node.slide(4)
+    again = node.fresh()[-1]
+    assert again.travel < 0.005
+    assert again.covariance_trace > 1e-4
+
+
+def test_the_belief_can_be_seeded_with_a_pose(node, probe):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    node.slide(20)
+    publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose")
+    publisher.publish(initial_pose(0.01, 0.04, 1e-6))
+    node.process.wait_for_line("belief seeded")
+    node.slide(1)
+    np.testing.assert_allclose(node.means()[-1], [0.01, 0.04], atol=2e-3)
+    assert node.fresh()[-1].covariance_trace < 1e-5
+
+
+def test_seeds_that_cannot_be_used_are_refused_and_the_belief_goes_on(node, probe):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    node.slide(50)
+    publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
+    publisher.publish(initial_pose(0.01, 0.04, 1e-6, "map"))
+    node.process.wait_for_line("initial_pose: palm pose frame 'map': expected 'material' or 'base'")
+    for pose in ((0.2, 0.04, 1e-6), (np.nan, 0.04, 1e-6), (0.01, 0.04, -1.0), (0.01, 0.04, np.nan)):
+        publisher.publish(initial_pose(*pose))
+    probe.until(lambda: node.told("inputs")[2].get("unread_initial_pose") == "5", "the refusals")
+    travel = node.fresh()[-1].travel
+    node.slide(5)
+    assert node.fresh()[-1].travel > travel
+
+
+def test_without_a_directory_no_scan_can_be_loaded(node, probe, scan_file):
+    from tactile_localizer.srv import LoadScan
+
+    answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=str(scan_file)))
+    assert not answer.success
+    assert (
+        answer.message == "scan_directory: expected a directory that scan files may be read from, found none"
+    )
+
+
+def test_what_may_not_change_while_it_runs_is_refused_with_the_reason(node, probe):
+    node.slide(5)
+    before = "expected to be set before the node is configured, and it is configured"
+    for name, value, reason in (
+        ("particles", 10, f"particles: {before}"),
+        ("model", "gaussian", f"model: {before}"),
+        ("scan_file", "/other.db", f"scan_file: {before}"),
+        ("convergence_std", -1.0, "convergence_std"),
+        ("stale_timeout_s", 1e6, "stale_timeout_s"),
+        ("stale_timeout_s", "long", "Wrong parameter type"),
+    ):
+        answer = set_parameter(probe, name, value)
+        assert not answer.successful
+        assert reason in answer.reason
+    node.slide(5)
+    assert not node.fresh()[-1].stale
