@@ -93,7 +93,8 @@ def _info(args: argparse.Namespace) -> int:
             print(f"  history    {at} {what}{_detail(detail)}")
             for note in detail.get("notes", ()):
                 print(f"               {note}")
-        found = findings(store.load(), scene, sweeps) if pairs else ["there are no pairs"]
+        unit = store.units["strain"]
+        found = findings(store.load(), scene, sweeps, unit) if pairs else ["there are no pairs"]
     print("to look at:" if found else "nothing to mend was found")
     for finding in found:
         print(f"  {finding}")

@@ -60,9 +60,10 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
     boxes = [box for box in map(_box, cells, axes) if box is not None]
     if not boxes:
         return Proposal(None, cells, axes)
+    turn = np.where(scene.wraps, np.pi, np.inf)  # a phalanx's angle lies within half a turn of 0
     region = Region(
-        tuple(map(float, np.min([low for low, _ in boxes], axis=0))),
-        tuple(map(float, np.max([high for _, high in boxes], axis=0))),
+        tuple(map(float, np.maximum(np.min([low for low, _ in boxes], axis=0), -turn))),
+        tuple(map(float, np.minimum(np.max([high for _, high in boxes], axis=0), turn))),
     )
     return Proposal(region, cells, axes)
 
@@ -76,7 +77,10 @@ def featureless_cluster(strain: np.ndarray) -> Normal:
     size = max(GAUGES + 2, int(_CORE * len(sample)))
     if len(sample) <= size:
         return Normal.fitted(sample)
-    scaled = sample / (sample.std(axis=0) + 1e-300)
+    spread = sample.std(axis=0)
+    scaled = (sample - sample.mean(axis=0)) / np.where(
+        spread > 1e-9 * np.abs(sample).max(axis=0), spread, 1.0
+    )
     tree = cKDTree(scaled)
     best, least = None, np.inf
     for start in np.unique(np.linspace(0, len(sample) - 1, _STARTS).astype(int)):
@@ -91,7 +95,7 @@ def featureless_cluster(strain: np.ndarray) -> Normal:
     core = Normal.fitted(sample[best])
     # The innermost quarter is tighter than the whole cluster, by the ratio of its radius to a normal one's.
     inner = float(np.quantile(squared_distance(core, sample), _CORE)) / float(chi2.ppf(_CORE, GAUGES))
-    return Normal(core.mean, core.covariance * inner)
+    return Normal(core.mean, core.covariance * (inner or 1.0))
 
 
 def squared_distance(cluster: Normal, strain: np.ndarray) -> np.ndarray:

@@ -17,6 +17,18 @@ from tactile_localizer.evaluation.display import MM, shown
 from tactile_localizer.io.scan_store import SweepInfo
 from tactile_localizer.scene import GAUGES, Scene
 
+_FEWEST = 50
+"""Pairs below which the values of a gauge tell nothing of the gauge."""
+
+_MOST_VOLTS = 20.0
+"""More than any amplifier of strain gauges gives: rather mV or counts."""
+
+_LEAP = 0.2
+"""Share of the scan's extent by which a palm does not move from one sample to the next."""
+_LEAP_STEPS = 20.0
+"""And in median steps of the sweep, which may be sparse."""
+_FEWEST_STEPS = 10
+
 _LOSS = 0.05
 """Share of a sweep's samples lost to gaps, or skipped, that is worth a line."""
 
@@ -47,7 +59,7 @@ one of 3 in a hundredth of the gauges."""
 _DRIFT_SWEEPS = 6
 
 
-def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> list[str]:
+def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo], unit: str = "V") -> list[str]:
     """Everything about a scan that may need mending.
 
     Parameters
@@ -55,16 +67,54 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> list[str]
     scan : the pairs
     scene : its bounds
     sweeps : what the scan file says of the sweeps; dropped ones are passed over
+    unit : of the strain
     """
     kept = [sweep for sweep in sweeps if not sweep.dropped]
     return [
+        *_amount(scan),
         *_recording(kept),
+        *_leaps(scan),
         *_along_bounds(scan, scene, kept),
         *_coverage(scan, scene),
+        *_unit(scan, unit),
         *_gauges(scan),
         *_disagreement(scan),
         *_drift(scan),
     ]
+
+
+def _amount(scan: Scan) -> Iterator[str]:
+    if len(scan) < _FEWEST:
+        yield f"only {len(scan)} pairs: too few to tell how the gauges do"
+    if len(scan.sweep_numbers) == 1:
+        yield "only one sweep: nothing tells how sweeps differ, and parameters cannot be chosen well"
+
+
+def _unit(scan: Scan, unit: str) -> Iterator[str]:
+    greatest = float(np.abs(scan.strain).max())
+    if unit == "V" and greatest > _MOST_VOLTS:
+        yield (
+            f"strain goes to {greatest:.4g} V: is it in V? (import: --column PHALANX=NAME1..8*0.001 for mV, "
+            "or strain_unit in the naming)"
+        )
+
+
+def _leaps(scan: Scan) -> Iterator[str]:
+    """Sweeps whose palm leaps from one pair to the next, as where a recording of several counts as one."""
+    places = scan.states[:, [column for column, axis in enumerate(scan.axes) if axis != "yaw"]]
+    if not places.shape[1]:
+        return
+    least = _LEAP * float(np.ptp(places, axis=0).max())
+    for number in scan.sweep_numbers:
+        steps = np.linalg.norm(np.diff(places[scan.sweep == number], axis=0), axis=1)
+        if len(steps) < _FEWEST_STEPS:
+            continue
+        leaps = steps[steps > max(least, _LEAP_STEPS * float(np.median(steps)))]
+        if len(leaps):
+            yield (
+                f"sweep {number}: the palm leaps by {leaps.max() * MM:.1f} mm, {len(leaps)} in all: "
+                "is it one sweep, without gaps?"
+            )
 
 
 def _recording(sweeps: Sequence[SweepInfo]) -> Iterator[str]:
@@ -83,7 +133,7 @@ def _along_bounds(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> Iter
     """Sweeps that lost samples and lie on a bound of the scene, over which a hand wobbles."""
     columns = scene.columns(scan.axes)
     for sweep in sweeps:
-        if not sweep.skipped or not sweep.pairs:
+        if not sweep.skipped or sweep.skipped > 9 * sweep.pairs:
             continue
         place = np.median(scan.states[scan.sweep == sweep.number][:, columns], axis=0)
         for axis, at in zip(scene.axes, place, strict=True):
@@ -119,6 +169,8 @@ def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
 
 
 def _gauges(scan: Scan) -> Iterator[str]:
+    if len(scan) < _FEWEST:
+        return
     high, low = scan.strain.max(axis=0), scan.strain.min(axis=0)
     typical = float(np.median(high - low))
     for column in range(scan.strain.shape[1]):

@@ -30,6 +30,17 @@ def test_material_without_a_feature_has_no_region() -> None:
     assert propose_region(simulate_scan("none", seed=3).to_scan(), scene).region is None
 
 
+@pytest.mark.parametrize("value", [0.0, 0.5, 1e9, 1e-12])
+def test_gauges_that_all_feel_the_same_have_no_region(value: float) -> None:
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    scan = simulate_scan("bump", seed=3).to_scan()
+    strain = np.full_like(scan.strain, value)
+    flat = Scan(scan.states, strain, scan.sweep, scan.axes, scan.phalanges)
+    assert propose_region(flat, scene).region is None
+    strain[:, 4:] = scan.strain[:, 4:]  # only some are dead
+    propose_region(Scan(scan.states, strain, scan.sweep, scan.axes, scan.phalanges), scene)
+
+
 def test_the_cluster_is_not_moved_by_a_minority_that_is_far_away() -> None:
     rng = np.random.default_rng(0)
     samples = rng.standard_normal((1000, 8))

@@ -63,6 +63,27 @@ def test_a_sweep_that_wobbles_over_a_bound_is_named_with_what_it_lost(sound):
     ]
 
 
+def test_millivolts_taken_for_volts_are_told_unless_the_unit_says_so(sound):
+    scan = changed(sound, 1000 * sound.strain)
+    (finding,) = findings(scan, SCENE, [])
+    assert finding.startswith("strain goes to ")
+    assert "*0.001 for mV" in finding
+    assert findings(scan, SCENE, [], "mV") == []
+
+
+def test_several_sweeps_that_count_as_one_are_told_by_the_leaps_between_them(sound):
+    joined = Scan(sound.states, sound.strain, np.zeros_like(sound.sweep), sound.axes, sound.phalanges)
+    lines = findings(joined, SCENE, [])
+    assert lines[0].startswith("only one sweep: ")
+    assert re.match(r"sweep 0: the palm leaps by 5\d\.\d mm, 20 in all", lines[1])
+
+
+def test_of_a_few_pairs_nothing_is_said_of_the_gauges(sound):
+    (first, *others) = findings(sound.select(np.arange(3)), SCENE, [])
+    assert first == "only 3 pairs: too few to tell how the gauges do"
+    assert not any("element" in line for line in others)
+
+
 def test_a_dead_gauge_is_named(sound):
     strain = sound.strain.copy()
     strain[:, 10] = 0.25
