@@ -6,6 +6,8 @@ import re
 
 import pytest
 import yaml
+from support.probe import Probe
+from support.processes import Process, node_command
 from support.sweeps import write_scan
 
 from tactile_localizer.resources import resource_path
@@ -22,11 +24,24 @@ RVIZ_KINDS = {
 SIMULATED = {"/simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
 
 
-@pytest.fixture
-def topics(node_process, probe, tmp_path):
-    """Topics of a running filter, with their kinds."""
-    write_scan(tmp_path / "bump.db")
-    node_process("filter_node", {"scan_file": tmp_path / "bump.db", "cell": 2.0})
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory):
+    """Looks at a running filter."""
+    scan_file = tmp_path_factory.mktemp("scans") / "bump.db"
+    write_scan(scan_file)
+    process = Process(node_command("filter_node", {"scan_file": scan_file, "cell": 2.0}))
+    probe = Probe()
+    try:
+        yield probe
+    finally:
+        probe.close()
+        process.kill()
+        print(process.output)
+
+
+@pytest.fixture(scope="module")
+def topics(probe):
+    """Its topics, with their kinds."""
 
     def known():
         return {name: kinds[0] for name, kinds in probe.node.get_topic_names_and_types()}
