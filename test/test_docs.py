@@ -1,0 +1,105 @@
+"""What the pages say can be followed: links lead somewhere, commands are understood, names are right."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tactile_localizer.cli import _parser
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md")])
+
+by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+
+
+def anchors(page: Path) -> set[str]:
+    """What the headings of a page are called in links, as the forges that show Markdown do it."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def commands(page: Path, program: str) -> Iterator[list[str]]:
+    """The command lines of a program in a page's code, indented or in a row of their own between fences."""
+    for line in page.read_text().splitlines():
+        found = re.match(rf"(?: {{4}}\s*|```|.*\| )?({program} [^`]*)", line)
+        if found and (line.startswith("    ") or line.startswith(program)):
+            yield shlex.split(found.group(1), comments=True)
+
+
+@by_page
+def test_every_link_leads_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if "://" in target:
+            continue
+        file, _, anchor = target.partition("#")
+        path = (page.parent / file).resolve() if file else page
+        assert path.exists(), f"{target}: expected in the source tree, found none"
+        assert not anchor or anchor in anchors(path), f"{target}: expected one of {sorted(anchors(path))}"
+
+
+@by_page
+def test_every_command_is_understood(page: Path) -> None:
+    for command in commands(page, "tactile-localizer"):
+        try:
+            _parser(command[1:]).parse_args(command[1:])
+        except SystemExit:
+            pytest.fail(f"expected a command line that is understood, found: {shlex.join(command)}")
+
+
+@by_page
+def test_every_target_of_make_exists(page: Path) -> None:
+    targets = set(re.findall(r"^([a-z]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for command in commands(page, "make"):
+        named = [word for word in command[1:] if "=" not in word]
+        assert set(named) <= targets, f"expected targets of {sorted(targets)}, found {named}"
+
+
+@by_page
+def test_every_file_of_this_repository_that_is_named_exists(page: Path) -> None:
+    folders = "benchmarks|config|docs|examples|launch|msg|requirements|scripts|srv|test"
+    for name in re.findall(rf"`((?:{folders})/[\w./-]*)`", page.read_text()):
+        assert (ROOT / name).exists(), f"{name}: expected in the source tree, found none"
+
+
+@by_page
+def test_nothing_was_left_to_be_filled_in(page: Path) -> None:
+    assert re.findall(r"^[A-Z]{3,}$|\bTODO\b|\bTBD\b|\bADV$", page.read_text(), re.MULTILINE) == []
+
+
+def test_the_readme_leads_to_every_page() -> None:
+    readme = (ROOT / "README.md").read_text()
+    missing = [page.name for page in ROOT.glob("docs/*.md") if f"(docs/{page.name})" not in readme]
+    assert missing == []
+
+
+def test_every_field_of_every_message_is_described() -> None:
+    text = (ROOT / "docs/messages.md").read_text()
+    for file in [*ROOT.glob("msg/*.msg"), *ROOT.glob("srv/*.srv")]:
+        section = text.partition(f"\n### {file.stem}")[2].partition("\n### ")[0]
+        lines = re.sub(r"#.*", "", file.read_text()).splitlines()
+        for line in filter(str.strip, lines):
+            names = re.findall(r"^[\w/]+(?:\[\])?\s+(\w+)", line)
+            missing = [name for name in names if name != "header" and f"`{name}`" not in section]
+            assert missing == [], f"{file.name}: expected in docs/messages.md"
+
+
+def test_every_topic_and_service_of_the_nodes_is_described() -> None:
+    text = (ROOT / "docs/messages.md").read_text()
+    sources = "".join(path.read_text() for path in (ROOT / "tactile_localizer/nodes").glob("*.py"))
+    used = set(re.findall(r'"(~/\w+|/diagnostics|strain|palm_pose)"', sources))
+    assert len(used) > 15
+    assert {name for name in used if f"`{name}`" not in text} == set()
+
+
+@pytest.mark.ros
+def test_the_page_of_parameters_is_what_the_nodes_declare() -> None:
+    command = [sys.executable, "docs/make/parameters.py"]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    assert printed.stdout == (ROOT / "docs/parameters.md").read_text(), "run `make docs`"
