@@ -18,6 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from tactile_localizer.errors import CanError, TactileLocalizerError
@@ -139,7 +140,10 @@ class DriverNode(ManagedNode):
         )
         self._message = StrainVectors(phalanges=phalanges)
         self._message.header.frame_id = parameters["frame_id"]
-        self._strain = self.create_publisher(StrainVectors, "strain", STRAIN_QOS)
+        options = QoSOverridingOptions.with_default_policies()
+        self._strain = self.create_publisher(
+            StrainVectors, "strain", STRAIN_QOS, qos_overriding_options=options
+        )
         self._offset = self.create_publisher(StrainVectors, "~/tare_offset", _KEPT_QOS)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         group = MutuallyExclusiveCallbackGroup()

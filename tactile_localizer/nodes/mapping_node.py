@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.coverage import SWEEP_DISTANCE_M, Coverage
@@ -101,7 +102,9 @@ class MappingNode(ManagedNode):
             (StrainVectors, "strain", self._on_strain, best_effort),
             (PoseStamped, "palm_pose", self._on_pose, 100),
         ):
-            self._made.append((self.destroy_subscription, self.create_subscription(kind, topic, work, qos)))
+            options = QoSOverridingOptions.with_default_policies()
+            heard = self.create_subscription(kind, topic, work, qos, qos_overriding_options=options)
+            self._made.append((self.destroy_subscription, heard))
         for name, answer in (("~/start_sweep", self._on_start), ("~/end_sweep", self._on_end)):
             self._made.append((self.destroy_service, self.create_service(Trigger, name, answer)))
         # Time that cannot be set back or stand still, whatever the nodes' clock does.

@@ -203,20 +203,6 @@ def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe
     assert node.fresh()[-1].reason.endswith("of 42.0 nats")
 
 
-def test_best_effort_can_be_overridden_from_outside(node_process, probe, scan_file):
-    name = "qos_overrides./strain.subscription.reliability"
-    node_process("filter_node", {"scan_file": scan_file, **CELL, name: "reliable"})
-
-    def reliabilities():
-        return [
-            info.qos_profile.reliability.name.lower()
-            for info in probe.node.get_subscriptions_info_by_topic("/strain")
-        ]
-
-    probe.until(reliabilities, "the subscription")
-    assert reliabilities() == ["reliable"]
-
-
 def test_each_choice_of_the_configuration_is_a_parameter_with_its_default():
     from tactile_localizer.nodes.filter_parameters import CONFIGURATION
 
