@@ -46,7 +46,8 @@ def evaluation_report(
     seeds = len({condition.seed for condition in results.conditions})
     report = Report(
         "Tactile localisation: evaluation",
-        f"{n} sweeps on {', '.join(results.condition_names)}, {seeds} seeds, {len(results.methods)} methods.",
+        f"{n} sweeps on {', '.join(results.condition_names)}, {_count(seeds, 'seed')}, "
+        f"{_count(len(results.methods), 'method')}.",
     )
     by_title = {table.title: table for table in tables}
     report.add_table(by_title.pop("Error"))
@@ -71,6 +72,10 @@ def configuration_table(results: Results) -> Table:
         rows.append((name, ", ".join(f"{k}: {_short(v)}" for k, v in changed.items()) or "the defaults"))
     told = ", ".join(f"{k}: {_short(v)}" for k, v in default.items())
     return Table("Configurations", ("method", "differs from the default in"), rows, f"Default: {told}.")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _short(value: object) -> str:

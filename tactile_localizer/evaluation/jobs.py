@@ -112,7 +112,7 @@ def source_digest() -> str:
 def _backend(workers: Workers) -> AbstractContextManager[Any]:
     if workers.dask is not None:
         return _dask(workers.dask)
-    # Even one job is a process of its own: its arithmetic is single-threaded as all others' is.
+    # A single job is done in this process, which the command line has made single-threaded as all others are.
     return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
 
 

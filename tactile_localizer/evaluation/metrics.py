@@ -22,6 +22,10 @@ CONFIDENCE = 0.95
 """Probability of the region whose coverage is measured."""
 
 
+_NARROWEST = 1e-18
+"""m2 (yaw: rad2); particles that have all become one believe in no width at all."""
+
+
 def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """Estimate less truth (n, d); an axis that is a full turn along the shortest arc."""
     difference = mean - truth
@@ -49,7 +53,9 @@ def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
     if track.truth is None:
         return np.full(len(track), np.nan)
     difference = deviation(scene, track.mean, track.truth)
-    return np.einsum("nd,nd->n", difference, np.linalg.solve(track.covariance, difference[..., None])[..., 0])
+    values, vectors = np.linalg.eigh(track.covariance)
+    along = np.einsum("ndk,nd->nk", vectors, difference)
+    return np.sum(along**2 / np.maximum(values, _NARROWEST), axis=1)
 
 
 def calibration(

@@ -29,9 +29,15 @@ th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd
 th { border-bottom: 2px solid #999; } th:first-child, td:first-child { text-align: left; }
 .words td, .words th { white-space: normal; text-align: left; vertical-align: top; }
 .held { color: #17692b; } .not { color: #a11919; } .open { color: #7a5b00; }
+@media (max-width: 40rem) {
+  table { font-size: .72rem; } th, td { padding: .2rem .35rem; }
+  th { white-space: normal; } th:first-child, td:first-child { white-space: normal; overflow-wrap: anywhere; }
+  th:first-child, td:first-child { position: sticky; left: 0; min-width: 6rem; background: #fff; }
+}
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; } .wide { overflow: visible; }
-  table { font-size: 7.5pt; } th, td { padding: .1rem .3rem; } h2 { break-after: avoid; }
+  table { font-size: 7pt; } th, td { padding: .1rem .25rem; white-space: normal; overflow-wrap: break-word; }
+  tr { break-inside: avoid; } h2 { break-after: avoid; } thead { display: table-header-group; }
   .figures { grid-template-columns: 1fr 1fr; }
 }
 """

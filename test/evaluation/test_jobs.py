@@ -10,6 +10,7 @@ from support.evaluations import QUICK, TUNED, condition
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.evaluation import jobs
 from tactile_localizer.evaluation.evaluate import localise
 from tactile_localizer.evaluation.jobs import Task, Workers, run_tasks
 
@@ -76,7 +77,8 @@ def test_a_key_changes_with_what_a_result_depends_on() -> None:
     assert task(1).key in keys
 
 
-def test_workers_that_cannot_be_had_are_refused(tmp_path: Path) -> None:
+def test_workers_that_cannot_be_had_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jobs, "_PATIENCE_S", 1)
     with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one a core, got 0"):
         Workers(0)
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")

@@ -58,6 +58,12 @@ def test_yaw_counts_apart_and_along_the_shortest_arc() -> None:
     assert yaw_error(scene, turned)[0] == pytest.approx(0.1)
 
 
+def test_a_belief_without_any_width_is_no_failure_but_wrong() -> None:
+    collapsed = track([[0.001, 0.0], [0.0, 0.0]], std=0.0)
+    assert calibration(SCENE, [collapsed])["coverage_95"] == 0.5
+    assert calibration(SCENE, [collapsed])["nees"] > 1e6
+
+
 def test_without_truth_no_error_is_claimed() -> None:
     unknown = track(np.zeros((3, 2)), truth=False)
     summary = summarize(SCENE, [unknown])

@@ -37,6 +37,15 @@ def test_a_browser_shows_every_picture_within_the_page(page: Path, tmp_path: Pat
     assert found["width"] <= found["view"]
 
 
+def test_on_paper_no_column_is_cut_off(page: Path, tmp_path: Path) -> None:
+    """A4 less its margins is 718 pixels; what is for print is shown on the screen instead."""
+    text = page.read_text()
+    assert "@media print {" in text
+    (tmp_path / "print.html").write_text(text.replace("@media print {", "@media all {"))
+    found = look_at(tmp_path / "print.html", tmp_path, 718)
+    assert found["width"] <= found["view"]
+
+
 def test_the_page_refers_to_nothing_outside_itself(page: Path) -> None:
     text = page.read_text()
     addresses = re.findall(r'(?:src|href)="([^"]{0,40})', text)
