@@ -19,6 +19,10 @@ DEFAULT_NODES = {1: 1200, 2: 120}
 """Nodes along the longer axis, by the number of axes that are shown."""
 
 
+_SWEEPS, _PAIRS = 40, 200
+"""Most sweeps, and half the most pairs of each, that the sweeps' distance is found from."""
+
+
 @dataclass(frozen=True)
 class TactileMap:
     """Strain on a regular grid over one or two axes of the scene.
@@ -72,7 +76,7 @@ def make_map(
     nodes : nodes along the longer axis; by default :data:`DEFAULT_NODES`
     neighbours : cells that a node is interpolated from
     reach : distance beyond which a pair says nothing about a node, m; by default 1.5 times the distance
-        of the sweeps
+        of the sweeps, or of the pairs on a sweep where that is greater
 
     Raises
     ------
@@ -84,43 +88,70 @@ def make_map(
     for name, value in (("nodes", nodes), ("neighbours", neighbours)):
         if value < 2:
             raise ParameterError(f"{name}: expected at least 2, got {value}")
-    lower, upper = scene.lower[:shown], scene.upper[:shown]
+    scale = axis_scale(scene)[:shown]
+    lower, upper = scene.lower[:shown] * scale, scene.upper[:shown] * scale
     step = float(np.max(upper - lower)) / (nodes - 1)
     counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
     grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
     scan = Scan(
-        scan.states[:, scene.columns(scan.axes)[:shown]],
+        scan.states[:, scene.columns(scan.axes)[:shown]] * scale,
         scan.strain[:, scene.channels(scan.phalanges)],
         scan.sweep,
         scene.axis_names[:shown],
         scene.phalanx_names,
     )
-    distance = sweep_distance(scan)
+    distance = sweep_distance(scan, step)
     cell = max(step, distance / 2)
     places, strain = _cell_means(scan.states, scan.strain, lower, cell)
     if reach is None:
-        reach = max(1.5 * distance, cell)
+        reach = max(1.5 * distance, 1.5 * _pair_distance(scan), cell)
     queries = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
     values = _local_mean(places, strain, queries, neighbours, reach)
     return TactileMap(
         axes=scan.axes,
-        nodes=grid,
+        nodes=tuple(nodes / unit for nodes, unit in zip(grid, scale, strict=True)),
         values=values.reshape(*counts, -1),
         background=np.median(scan.strain, axis=0),
         phalanges=scan.phalanges,
     )
 
 
-def sweep_distance(scan: Scan) -> float:
-    """Typical distance of a pair to the nearest of another sweep in the plane, m; 0 for one sweep."""
-    distances = []
-    for number in scan.sweep_numbers:
-        mine = scan.sweep == number
-        if mine.all():
-            return 0.0
-        tree = cKDTree(scan.states[~mine, :2])
-        distances.append(tree.query(scan.states[mine, :2][::10])[0])
-    return float(np.median(np.concatenate(distances)))
+def axis_scale(scene: Scene) -> np.ndarray:
+    """Metres that a unit of each axis counts for in distances, (d,).
+
+    Beside lengths a yaw counts for as much as makes its extent that of the longest axis.
+    """
+    extent = scene.upper - scene.lower
+    angle = np.array([axis.name == "yaw" for axis in scene.axes])
+    if angle.all() or not angle.any():
+        return np.ones(len(extent))
+    return np.where(angle, extent[~angle].max() / extent, 1.0)
+
+
+def sweep_distance(scan: Scan, least: float = 0.0) -> float:
+    """Typical distance of a pair to the nearest of another sweep in the plane, m; 0 for one sweep.
+
+    Pairs within ``least``, m, of a sweep are on the same line, as those of a way back, and do not count.
+    """
+    numbers = scan.sweep_numbers
+    rows = [np.flatnonzero(scan.sweep == number) for number in numbers]
+    rows = [own[:: max(1, len(own) // _PAIRS)] for own in rows]  # enough to know a line by
+    distances = [np.empty(0)]
+    for index in np.unique(np.linspace(0, len(numbers) - 1, _SWEEPS).astype(int)):
+        mine = scan.states[rows[index], :2]
+        others = scan.states[np.concatenate([rows[index][:0], *rows[:index], *rows[index + 1 :]]), :2]
+        if least and len(others):
+            others = others[cKDTree(mine).query(others)[0] > least]
+        if len(others):
+            distances.append(cKDTree(others).query(mine)[0])
+    found = np.concatenate(distances)
+    return float(np.median(found)) if len(found) else 0.0
+
+
+def _pair_distance(scan: Scan) -> float:
+    """Typical distance of two consecutive pairs of a sweep; 0 where no sweep has two."""
+    steps = np.linalg.norm(np.diff(scan.states, axis=0), axis=1)[np.diff(scan.sweep) == 0]
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _cell_means(

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import TactileMap, make_map
+from tactile_localizer.core.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
 from tactile_localizer.evaluation.display import label_axis, legend_below, shown
 from tactile_localizer.scene import GAUGES, Phalanx, Region, Scene
@@ -207,7 +207,7 @@ def neighbour_values(
     x = shown(scan.axes[0], scan.states[mine, 0])
     figure = Figure(figsize=(10, 5.5), layout="constrained")
     plot = figure.subplots()
-    for index, (number, felt) in enumerate(_nearest_by_sweep(scan, values, sweep, k).items()):
+    for index, (number, felt) in enumerate(_nearest_by_sweep(scan, scene, values, sweep, k).items()):
         plot.plot(x, felt, ".", markersize=2.5, color=colormaps["tab10"](index % 10), label=f"sweep {number}")
     plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep} itself")
     plot.set_ylabel(f"element {element + 1} of {phalanx}, {unit}")
@@ -218,14 +218,17 @@ def neighbour_values(
     return figure
 
 
-def _nearest_by_sweep(scan: Scan, values: np.ndarray, sweep: int, k: int) -> dict[int, np.ndarray]:
+def _nearest_by_sweep(
+    scan: Scan, scene: Scene, values: np.ndarray, sweep: int, k: int
+) -> dict[int, np.ndarray]:
     """By sweep, its nearest value to each pair of ``sweep``, NaN where k other sweeps are nearer."""
-    path = scan.states[scan.sweep == sweep]
+    states = scan.states[:, scene.columns(scan.axes)] * axis_scale(scene)
+    path = states[scan.sweep == sweep]
     others = [number for number in scan.sweep_numbers if number != sweep]
     distances, felt = np.empty((len(others), len(path))), np.empty((len(others), len(path)))
     for row, number in enumerate(others):
         here = scan.sweep == number
-        distances[row], index = cKDTree(scan.states[here]).query(path)
+        distances[row], index = cKDTree(states[here]).query(path)
         felt[row] = values[here][index]
     rank = distances.argsort(axis=0).argsort(axis=0)
     felt[rank >= k] = np.nan
@@ -257,10 +260,7 @@ def _telling_elements(tactile_map: TactileMap) -> list[tuple[str, int]]:
 
 def _draw_paths(plot: Axes, scan: Scan) -> None:
     for number in scan.sweep_numbers:
-        x, y = (
-            shown(name, scan.states[scan.sweep == number, column])
-            for column, name in enumerate(scan.axes[:2])
-        )
+        x, y = _path(scan, number)
         plot.plot(x, y, color="0.35", linewidth=0.3, alpha=0.35)
 
 
@@ -268,11 +268,20 @@ def _draw_sweeps(plot: Axes, scan: Scan) -> None:
     """Paths coloured by order, with a dot where each begins; along one axis, one above the other."""
     numbers = scan.sweep_numbers
     for colour, number in zip(colormaps["viridis"](np.linspace(0, 0.9, len(numbers))), numbers, strict=True):
-        mine = scan.states[scan.sweep == number]
-        x = shown(scan.axes[0], mine[:, 0])
-        y = shown(scan.axes[1], mine[:, 1]) if len(scan.axes) > 1 else np.full(len(x), number)
+        x, *others = _path(scan, number)
+        y = others[0] if others else np.full(len(x), number)
         plot.plot(x, y, color=colour, linewidth=1.0)
         plot.plot(x[:1], y[:1], "o", color=colour, markersize=4)
+
+
+def _path(scan: Scan, number: int) -> list[np.ndarray]:
+    """The first axes of a sweep as shown; NaN where a yaw goes over the half turn, so that no line does."""
+    path = []
+    for axis, values in zip(scan.axes[:2], scan.states[scan.sweep == number].T, strict=False):
+        over = np.flatnonzero(np.abs(np.diff(values)) > np.pi) if axis == "yaw" else np.empty(0, dtype=int)
+        path.append(shown(axis, values))
+        path[-1][over] = np.nan
+    return path
 
 
 def _draw_bounds(plot: Axes, scene: Scene) -> None:

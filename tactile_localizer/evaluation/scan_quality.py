@@ -39,6 +39,9 @@ _HOLE = 0.85
 """Distance to the nearest pair, in distances of the sweeps, that shows uneven spacing: half a distance is
 the most between even ones, a whole one where one is missing."""
 
+_SAME_LINE = 0.01
+"""Share of the scene's longest extent within which sweeps, there and back, run on the same line."""
+
 _COVERED = 0.98
 """Less coverage than this is worth a line."""
 
@@ -148,7 +151,9 @@ def _along_bounds(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> Iter
 
 def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
     """Over a plane, holes between the sweeps, by their own distance; else the share that is covered."""
-    distance = sweep_distance(scan) if "y" in scan.axes and "x" in scan.axes else 0.0
+    is_plane = "y" in scan.axes and "x" in scan.axes
+    extent = max(axis.upper - axis.lower for axis in scene.axes if axis.name != "yaw" or not is_plane)
+    distance = sweep_distance(scan, _SAME_LINE * extent) if is_plane else 0.0
     if not distance:
         coverage = Coverage(scene)
         coverage.add(scan.states)

@@ -48,6 +48,36 @@ def test_where_no_sweep_has_come_near_there_is_no_value():
     assert not covered[(y > 0.01) & (y < 0.03)].any()
 
 
+def test_an_angle_beside_a_length_counts_by_its_extent():
+    scene = Scene("turn", (Axis("x", 0.0, 0.1), Axis("yaw", -np.pi, np.pi)), (Phalanx("index", (0.0, 0.0)),))
+    x = np.linspace(0.0, 0.1, 200)
+    states = np.concatenate(
+        [np.column_stack([x, np.full_like(x, yaw)]) for yaw in np.linspace(-3.1, 3.1, 25)]
+    )
+    strain = (50 * states[:, :1] + states[:, 1:]) * np.arange(1, 9)
+    tactile_map = make_map(
+        Scan(states, strain, np.repeat(np.arange(25), 200), ("x", "yaw"), ("index",)), scene
+    )
+    assert tactile_map.values.shape == (120, 120, 8)
+    places = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)
+    inner = np.s_[8:-8, 8:-8]
+    expected = 50 * places[..., 0] + places[..., 1]
+    np.testing.assert_allclose(tactile_map.values[inner][..., 0], expected[inner], atol=0.2)
+
+
+def test_sweeps_there_and_back_on_one_line_leave_no_holes_between_the_lines():
+    scan = raster(np.repeat(np.arange(0, 0.0401, 0.0025), 2))
+    assert make_map(scan, SQUARE).covered.all()
+    assert sweep_distance(scan) == 0.0
+    assert sweep_distance(scan, 0.0004) == pytest.approx(0.0025, rel=0.01)
+
+
+def test_a_single_sparse_sweep_is_a_line_without_gaps():
+    x = np.linspace(0.0, 0.5, 101)[:, None]
+    scan = Scan(x, np.sin(20 * x) * np.ones(8), np.zeros(101, dtype=int), ("x",), ("index",))
+    assert make_map(scan, LINE).covered.all()
+
+
 def test_an_extremum_is_never_exceeded():
     rng = np.random.default_rng(0)
     scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda states: rng.normal(size=len(states)))
