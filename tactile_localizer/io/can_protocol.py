@@ -77,6 +77,7 @@ class LoadCellProtocol:
         self.layout: Layout = compile_layout(self.phalanges, messages, names)
         self.width = int(self.layout.length.max())
         self.is_fd = self.width > 8 or any(message.is_fd for own in messages for message in own)
+        self._float_widths = sorted(set(self.layout.float_bits.ravel().tolist()) - {0})
         self._messages = messages
         self._names = names
         self._order = np.argsort(self.layout.key)
@@ -156,7 +157,7 @@ class LoadCellProtocol:
         value = np.where(sign != 0, signed, raw.astype(np.float64))
         float_bits = layout.float_bits[slot]
         with np.errstate(invalid="ignore", over="ignore"):  # a float's bits may be anything
-            for bits in (16, 32, 64):
+            for bits in self._float_widths:
                 chosen = float_bits == bits
                 if chosen.any():
                     value[chosen] = raw[chosen].astype(f"u{bits // 8}").view(f"f{bits // 8}")
