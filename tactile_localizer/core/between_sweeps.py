@@ -15,7 +15,7 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.scene import Scene
 
-_STEP = 0.1
+_STEP = 0.2
 """Distance of the pairs that are kept along a sweep, in spacings of the sweeps."""
 _GAP = 0.5
 _REACH = 2.5

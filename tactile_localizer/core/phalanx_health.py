@@ -31,7 +31,7 @@ class PhalanxHealth:
     scene, model, null : as the localizer's
     """
 
-    _INTERVAL = 0.001
+    _INTERVAL = 0.002
     """m of travel between two checks: they cost as much as an update."""
     _MEMORY = 0.003
     """m of travel over which log-ratios are averaged."""
