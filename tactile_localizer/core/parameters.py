@@ -74,8 +74,8 @@ class ModelParameters:
         return dataclasses.replace(self, **missing)
 
     def to_mapping(self) -> dict[str, Any]:
-        """As plain numbers and lists, for a scene file."""
-        return {name: np.asarray(value).tolist() for name, value in vars(self).items() if value is not None}
+        """As plain numbers and lists of four digits, for a scene file."""
+        return {name: _plain(value) for name, value in vars(self).items() if value is not None}
 
 
 def _require_positive(name: str, value: Any) -> None:
@@ -85,3 +85,10 @@ def _require_positive(name: str, value: Any) -> None:
         raise ParameterError(f"measurement {name}: expected numbers, got {value!r}") from None
     if array.size == 0 or not (np.isfinite(array).all() and (array > 0).all()):
         raise ParameterError(f"measurement {name}: expected positive numbers, got {value!r}")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bool | int):
+        return value
+    values = np.asarray(value, dtype=np.float64)
+    return float(f"{values:.4g}") if values.ndim == 0 else [float(f"{each:.4g}") for each in values]

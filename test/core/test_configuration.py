@@ -68,3 +68,11 @@ def test_what_is_missing_is_filled_and_what_is_given_is_kept() -> None:
 def test_a_wrong_parameter_of_the_material_is_refused(values: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match="measurement"):
         ModelParameters.from_mapping(values)
+
+
+def test_parameters_are_written_with_four_digits() -> None:
+    written = ModelParameters([0.07 * 3, 1 / 3], 0.1 + 0.2, 0.004, interpolate=True).to_mapping()
+    assert written["position_std"] == [0.21, 0.3333]
+    assert written["strain_std"] == 0.3
+    assert written["interpolate"] is True
+    assert written["neighbours"] == 8
