@@ -38,10 +38,11 @@ POSITION_FACTORS = (0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 doubles the gap that the kernels have to bridge, and asks for kernels too wide for the whole scan."""
 STRAIN_FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 CORRELATIONS: tuple[tuple[float, float | None], ...] = (
-    *((length, None) for length in (0.001, 0.002, 0.004, 0.006, 0.01, 0.02)),
+    *((length, None) for length in (0.001, 0.002, 0.003)),
     *itertools.product((0.006, 0.01, 0.02), (8.0, 4.0)),
 )
-"""Travel, m, and change of strain, in kernel widths, that make an independent measurement."""
+"""Travel, m, and change of strain, in kernel widths, that make an independent measurement. Over short travel
+what changes counts in any case."""
 
 _NEIGHBOURS = ((0, 0, False), (1, 0, False), (-1, 0, False), (0, 1, False), (0, -1, False), (0, 0, True))
 """Of a candidate: a width more or less, or interpolated the other way."""

@@ -6,6 +6,7 @@ import pytest
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import (
+    Trial,
     base_widths,
     choose_parameters,
     held_out_segments,
@@ -39,17 +40,16 @@ def test_displacements_of_a_segment_lead_along_its_states() -> None:
     np.testing.assert_allclose(along, segment.states, atol=1e-12)
 
 
-def test_noisier_scans_get_wider_strain_kernels() -> None:
-    quiet = choose_parameters(lines(noise=0.03), SCENE)
-    noisy = choose_parameters(lines(noise=0.3), SCENE)
-    assert np.mean(noisy.strain_std) > 2.0 * np.mean(quiet.strain_std)
+@pytest.fixture(scope="module")
+def searched() -> tuple[list[Trial], list[float]]:
+    """All trials of one search, and the shares that its progress told."""
+    shares: list[float] = []
+    return search(lines(), SCENE, lambda _, share: shares.append(share)), shares
 
 
-def test_the_chosen_candidate_is_the_one_of_most_merit() -> None:
-    scan = lines()
-    trials = search(scan, SCENE)
-    best = max(trials, key=lambda trial: trial.merit)
-    assert choose_parameters(scan, SCENE) == ModelParameters(
+def test_the_chosen_candidate_is_the_one_of_most_merit(searched: tuple[list[Trial], list[float]]) -> None:
+    best = max(searched[0], key=lambda trial: trial.merit)
+    assert choose_parameters(lines(), SCENE) == ModelParameters(
         pytest.approx(best.parameters.position_std),
         pytest.approx(best.parameters.strain_std),
         best.parameters.correlation_length,
@@ -59,10 +59,22 @@ def test_the_chosen_candidate_is_the_one_of_most_merit() -> None:
     assert best.score > 1.0
 
 
+def test_noisier_scans_get_wider_strain_kernels(searched: tuple[list[Trial], list[float]]) -> None:
+    quiet = max(searched[0], key=lambda trial: trial.merit).parameters
+    noisy = choose_parameters(lines(noise=0.3), SCENE)
+    assert np.mean(noisy.strain_std) > 2.0 * np.mean(quiet.strain_std)
+
+
 def test_a_candidate_that_covers_too_little_has_less_merit_than_its_score() -> None:
-    trials = search(lines(), SCENE)
-    assert all(trial.merit < trial.score for trial in trials if trial.coverage < 0.98)
-    assert all(trial.merit == trial.score for trial in trials if trial.coverage >= 0.98)
+    honest, proud = (Trial(1.0, 1.0, ModelParameters(), 3.0, coverage) for coverage in (0.95, 0.90))
+    assert honest.merit == honest.score
+    assert proud.merit < proud.score - 1.0
+
+
+def test_progress_ends_at_one(searched: tuple[list[Trial], list[float]]) -> None:
+    shares = searched[1]
+    assert shares[-1] == 1.0
+    assert all(0.0 <= share <= 1.0 for share in shares)
 
 
 def test_a_scene_may_name_fewer_phalanges_than_the_scan_has() -> None:
@@ -73,13 +85,6 @@ def test_a_scene_may_name_fewer_phalanges_than_the_scan_has() -> None:
     position, strain = base_widths(both, SCENE)
     assert position.shape == (1,)
     np.testing.assert_allclose(strain, base_widths(scan, SCENE)[1])
-
-
-def test_progress_ends_at_one() -> None:
-    seen: list[float] = []
-    search(lines(sweeps=2, pairs=100), SCENE, lambda _, share: seen.append(share))
-    assert seen[-1] == 1.0
-    assert all(0.0 <= share <= 1.0 for share in seen)
 
 
 def test_a_scan_too_short_to_hold_out_is_refused_with_the_way_out() -> None:
