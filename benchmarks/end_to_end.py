@@ -53,10 +53,11 @@ class Clock:
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         nodes.probe.create_subscription(Bool, "simulator/sweep_active", self._keep, kept)
 
-    def _take(self, message: Posterior) -> None:
-        stamp = message.header.stamp
+    def _take(self, message: Posterior, info: dict[str, Any]) -> None:
+        # When DDS received it: this process also waits for services, and looks at what came later.
         if not message.stale:
-            self.taken_ms.append((time.time() - stamp.sec - stamp.nanosec * 1e-9) * 1e3)
+            stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+            self.taken_ms.append((info["received_timestamp"] - stamp_ns) * 1e-6)
 
     def _keep(self, message: Bool) -> None:
         self.sweeping = message.data

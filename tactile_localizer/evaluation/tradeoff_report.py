@@ -77,7 +77,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
         plot.annotate(
             one.candidate.preset,
             place,
-            xytext=(0, -22 - 13 * row),
+            xytext=(0, 24 + 13 * row),
             textcoords="offset points",
             fontsize=9,
             ha="center",
