@@ -38,9 +38,17 @@ lint: venv ## Check style and types
 	$(run) mypy
 
 # CI's machine is shared: a test of processes in real time that starves is tried again, and reported as such.
+pytest := $(run) python -m pytest $(if $(CI),--reruns 2) --durations=10
+in_real_time := test/integration test/launch test/live test/nodes
+
 .PHONY: test
-test: build lint ## Run all checks and tests; ARGS="-k name" passes arguments to pytest
-	$(run) python -m pytest $(if $(CI),--reruns 2) $(ARGS)
+test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
+ifdef ARGS
+	$(pytest) $(ARGS)
+else
+	$(pytest) --numprocesses auto --dist loadfile $(in_real_time:%=--ignore=%)
+	$(pytest) $(in_real_time)
+endif
 
 .PHONY: coverage
 coverage: build ## Say which branches of core and io no test takes; fails below 95 %
