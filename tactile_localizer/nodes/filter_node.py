@@ -25,6 +25,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.assembly import build_identifier, build_localizer, convergence_criteria
+from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.core.scan import Scan
@@ -34,7 +35,6 @@ from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
-from tactile_localizer.nodes.feature_localizer import FeatureLocalizer
 from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics, Inputs
 from tactile_localizer.nodes.filter_outputs import FilterOutputs
 from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration

@@ -12,13 +12,13 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
+from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.nodes import hand_markers, map_messages, posterior_messages
-from tactile_localizer.nodes.feature_localizer import FeatureLocalizer
 from tactile_localizer.nodes.parameters import Parameters
 from tactile_localizer.scene import Scene
 
