@@ -40,6 +40,7 @@ class PalmFrame:
                 f"material_pose: expected x, y, z, roll, pitch, yaw, got {list(material_pose)}"
             )
         self.material_frame = material_frame
+        self.dimension = len(axes)
         self._names = tuple(axis.name for axis in axes)
         identity = (np.eye(3), np.zeros(3))
         self._from = {material_frame: identity}
@@ -61,26 +62,38 @@ class PalmFrame:
         MeasurementError
             The pose is in a frame that cannot be brought into the material's, or is not finite.
         """
-        if frame not in self._from:
-            known = " or ".join(repr(name) for name in self._from)
-            raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")
-        rotation, offset = self._from[frame]
-        place = rotation @ np.asarray(translation) + offset
-        values = {"x": place[0], "y": place[1]}
-        if "yaw" in self._names:
-            values["yaw"] = _yaw(rotation, quaternion)
-        position = np.array([values[name] for name in self._names])
+        position: np.ndarray = self.positions(frame, np.array([translation]), np.array([quaternion]))[0]
         if not np.isfinite(position).all():
             raise MeasurementError(f"palm pose: expected finite {', '.join(self._names)}, got {position}")
         return position
 
+    def positions(self, frame: str, translations: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+        """The positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`, finite where they are.
 
-def _yaw(rotation: np.ndarray, quaternion: Sequence[float]) -> float:
+        Raises
+        ------
+        MeasurementError
+            The poses are in a frame that cannot be brought into the material's.
+        """
+        if frame not in self._from:
+            known = " or ".join(repr(name) for name in self._from)
+            raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")
+        rotation, offset = self._from[frame]
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the caller to see
+            places = translations @ rotation.T + offset
+            values = {"x": places[:, 0], "y": places[:, 1]}
+            if "yaw" in self._names:
+                values["yaw"] = _yaw(rotation, quaternions)
+        return np.stack([values[name] for name in self._names], axis=1)
+
+
+def _yaw(rotation: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
     """Heading of the palm's x axis in the material's x-y plane; NaN for a quaternion of length zero."""
-    x, y, z, w = quaternion
+    x, y, z, w = quaternions.T
     # The palm's x axis in the given frame, times the quaternion's squared length.
-    heading = rotation @ np.array([w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)])
-    return math.atan2(heading[1], heading[0]) if w or x or y or z else math.nan
+    axis = np.stack([w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+    heading = axis @ rotation.T
+    return np.where(quaternions.any(axis=1), np.arctan2(heading[:, 1], heading[:, 0]), math.nan)
 
 
 def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:

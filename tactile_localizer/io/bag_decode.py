@@ -1,86 +1,150 @@
-"""Strain and pose messages straight from their bytes (CDR): only what recordings need of them.
+"""Strain and pose messages straight from their bytes (CDR), many at once: only what recordings need of them.
 
-A bag of ten minutes holds a quarter of a million, and making message objects of them takes most of the time
-of reading it. Only little-endian messages of the definitions that come with this package are decoded here.
+A bag of ten minutes holds a quarter of a million. Those of one topic differ in their numbers alone, so the
+first shows where the numbers are, and those whose other bytes are the same are read as one array. Only
+little-endian messages of the definitions that come with this package are decoded here.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.scene import GAUGES, Scene
 
 _LITTLE_ENDIAN = b"\x00\x01"
 _BODY = 4
 """Bytes before the body, from whose start alignment counts."""
 
-_STAMP = struct.Struct("<iI")
 _COUNT = struct.Struct("<I")
-_POSE = struct.Struct("<7d")
+_NOT_FINITE = "palm pose: expected finite numbers"
 _NANOSECONDS = 1_000_000_000
 
 
-class Strain(NamedTuple):
-    """What a ``StrainVectors`` message holds, but for its frame and counters."""
+class Strains(NamedTuple):
+    """What n ``StrainVectors`` messages tell of a scene's phalanges, in their order.
 
-    stamp_ns: int
-    phalanges: tuple[str, ...]
+    ``stamp_ns`` (n,), ``values`` (n, 8F) V, ``status`` (n, F), and whether each ``fits`` (n,): one that does
+    not has lengths that contradict each other.
+    """
+
+    stamp_ns: np.ndarray
     values: np.ndarray
     status: np.ndarray
+    fits: np.ndarray
 
 
-class Pose(NamedTuple):
-    """What a ``PoseStamped`` message holds: translation in m, quaternion as x, y, z, w."""
+class Poses(NamedTuple):
+    """What n ``PoseStamped`` messages tell of the palm, in their order.
 
-    stamp_ns: int
-    frame: str
-    translation: tuple[float, float, float]
-    quaternion: tuple[float, float, float, float]
+    ``stamp_ns`` (n,), ``position`` (n, d) m (yaw: rad), whether each ``fits`` (n,), and why the first that
+    does not is ``refused``.
+    """
 
-
-def strain_of(message: Any) -> Strain:
-    """From a message object."""
-    return Strain(stamp_of(message), tuple(message.phalanges), message.strain, message.status)
-
-
-def pose_of(message: Any) -> Pose:
-    """From a message object."""
-    place, turn = message.pose.position, message.pose.orientation
-    return Pose(
-        stamp_of(message),
-        message.header.frame_id,
-        (place.x, place.y, place.z),
-        (turn.x, turn.y, turn.z, turn.w),
-    )
+    stamp_ns: np.ndarray
+    position: np.ndarray
+    fits: np.ndarray
+    refused: str
 
 
-def strain_from_bytes(raw: bytes) -> Strain:
-    """From the message's bytes.
+class StrainDecoder:
+    """Makes :class:`Strains` of messages.
+
+    Parameters
+    ----------
+    scene : names the phalanges
 
     Raises
     ------
-    ValueError, struct.error
-        The bytes end too early, or are big-endian.
+    SceneError
+        While decoding: a message lacks one of the phalanges.
     """
-    stamp_ns, _, at = _header(raw)
-    count, at = _count(raw, at)
-    names = []
-    for _ in range(count):
-        name, at = _text(raw, at)
-        names.append(name)
-    count, at = _count(raw, at)
-    at = _aligned(at, 8) if count else at
-    values = np.frombuffer(raw, "<f8", count, at)
-    count, at = _count(raw, at + 8 * len(values))
-    return Strain(stamp_ns, tuple(names), values, np.frombuffer(raw, np.uint8, count, at))
+
+    kind = "tactile_localizer/msg/StrainVectors"
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+
+    def of_message(self, message: Any) -> Strains:
+        """From one message object."""
+        numbers = np.array([stamp_of(message)]), message.strain[None], message.status[None]
+        return self._strains(1, [(tuple(message.phalanges), np.zeros(1, int), *numbers)])
+
+    def of_bytes(self, raws: Sequence[bytes]) -> Strains:
+        """From the bytes of messages."""
+        alike = (
+            (form.texts[1:], rows, _stamps(numbers), numbers["strain"], numbers["status"])
+            for form, rows, numbers in _alike(raws, _strain_form)
+        )
+        return self._strains(len(raws), alike)
+
+    def _strains(
+        self,
+        n: int,
+        alike: Iterable[tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
+    ) -> Strains:
+        phalanges = len(self._scene.phalanges)
+        found = Strains(
+            np.zeros(n, np.int64),
+            np.zeros((n, GAUGES * phalanges)),
+            np.zeros((n, phalanges), np.uint8),
+            np.zeros(n, bool),
+        )
+        for names, rows, stamp_ns, values, status in alike:
+            channels = self._scene.channels(names)
+            if values.shape[1] == GAUGES * len(names) == GAUGES * status.shape[1]:
+                found.stamp_ns[rows] = stamp_ns
+                found.values[rows] = values[:, channels]
+                found.status[rows] = status[:, channels[::GAUGES] // GAUGES]
+                found.fits[rows] = True
+        return found
 
 
-def pose_from_bytes(raw: bytes) -> Pose:
-    """From the message's bytes, as :func:`strain_from_bytes`."""
-    stamp_ns, frame, at = _header(raw)
-    numbers = _POSE.unpack_from(raw, _aligned(at, 8))
-    return Pose(stamp_ns, frame, numbers[:3], numbers[3:])
+class PoseDecoder:
+    """Makes :class:`Poses` of messages.
+
+    Parameters
+    ----------
+    frame : brings poses onto the scene's axes
+    """
+
+    kind = "geometry_msgs/msg/PoseStamped"
+
+    def __init__(self, frame: PalmFrame) -> None:
+        self._frame = frame
+
+    def of_message(self, message: Any) -> Poses:
+        """From one message object."""
+        place, turn = message.pose.position, message.pose.orientation
+        numbers = np.array([[place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]])
+        stamp_ns = np.array([stamp_of(message)])
+        return self._poses(1, [(message.header.frame_id, np.zeros(1, int), stamp_ns, numbers)])
+
+    def of_bytes(self, raws: Sequence[bytes]) -> Poses:
+        """From the bytes of messages."""
+        alike = (
+            (form.texts[0], rows, _stamps(numbers), numbers["pose"])
+            for form, rows, numbers in _alike(raws, _pose_form)
+        )
+        return self._poses(len(raws), alike)
+
+    def _poses(self, n: int, alike: Iterable[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Poses:
+        stamps = np.zeros(n, np.int64)
+        position = np.full((n, self._frame.dimension), np.nan)
+        refused = ""
+        for name, rows, stamp_ns, numbers in alike:
+            stamps[rows] = stamp_ns
+            try:
+                position[rows] = self._frame.positions(name, numbers[:, :3], numbers[:, 3:])
+            except MeasurementError as error:
+                refused = refused or str(error)
+        fits = np.isfinite(position).all(axis=1)
+        return Poses(stamps, position, fits, refused or ("" if fits.all() else _NOT_FINITE))
 
 
 def stamp_of(message: Any) -> int:
@@ -89,23 +153,106 @@ def stamp_of(message: Any) -> int:
     return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
 
 
-def _header(raw: bytes) -> tuple[int, str, int]:
-    if raw[:2] != _LITTLE_ENDIAN:
-        raise ValueError(f"CDR: expected little-endian bytes, got {bytes(raw[:2])!r}")
-    seconds, nanoseconds = _STAMP.unpack_from(raw, _BODY)
-    frame, at = _text(raw, _BODY + _STAMP.size)
-    return seconds * _NANOSECONDS + nanoseconds, frame, at
+class _Form(NamedTuple):
+    """Where the numbers of a message are, its texts, and the bytes (indices) that tell this form."""
+
+    numbers: np.dtype[Any]
+    texts: tuple[str, ...]
+    telling: np.ndarray
 
 
-def _text(raw: bytes, at: int) -> tuple[str, int]:
-    count, at = _count(raw, at)
-    return str(raw[at : at + max(count - 1, 0)], "utf-8"), at + count
+class _Walk:
+    """Walks one message and notes its form."""
+
+    def __init__(self, raw: bytes) -> None:
+        if raw[:2] != _LITTLE_ENDIAN:
+            raise ValueError(f"CDR: expected little-endian bytes, got {raw[:2]!r}")
+        self._raw, self._at = raw, _BODY
+        self._telling = [np.arange(2)]
+        self._texts: list[str] = []
+        self._fields: dict[str, tuple[Any, int]] = {}
+
+    def header(self) -> None:
+        """A ``std_msgs/Header``."""
+        self.numbers("sec", "<i4")
+        self.numbers("nanosec", "<u4")
+        self.text()
+
+    def numbers(self, name: str, kind: str, count: int | None = None) -> None:
+        """One number, or an array of ``count``; an empty one is not aligned."""
+        size = np.dtype(kind).itemsize
+        if count != 0:
+            self._align(size)
+        self._fields[name] = ((kind, (count,)) if count is not None else kind), self._at
+        self._at += size * (1 if count is None else count)
+
+    def text(self) -> None:
+        """A string, which ends with a zero byte."""
+        size = self.count()
+        self._texts.append(str(self._raw[self._at : self._at + max(size - 1, 0)], "utf-8"))
+        self._tell(size)
+
+    def count(self) -> int:
+        """The length of what follows."""
+        self._align(4)
+        (found,) = _COUNT.unpack_from(self._raw, self._at)
+        self._tell(_COUNT.size)
+        if found > len(self._raw):
+            raise ValueError(f"CDR: expected at most {len(self._raw)} elements, got {found}")
+        return int(found)
+
+    def form(self) -> _Form:
+        """What was noted; raises ValueError where the message ends before its last number does."""
+        names, (formats, offsets) = list(self._fields), zip(*self._fields.values(), strict=True)
+        parts: Any = {"names": names, "formats": formats, "offsets": offsets, "itemsize": len(self._raw)}
+        return _Form(np.dtype(parts), tuple(self._texts), np.concatenate(self._telling))
+
+    def _tell(self, size: int) -> None:
+        self._telling.append(np.arange(self._at, self._at + size))
+        self._at += size
+
+    def _align(self, size: int) -> None:
+        self._at += -(self._at - _BODY) % size
 
 
-def _count(raw: bytes, at: int) -> tuple[int, int]:
-    at = _aligned(at, 4)
-    return _COUNT.unpack_from(raw, at)[0], at + 4
+def _strain_form(raw: bytes) -> _Form:
+    walk = _Walk(raw)
+    walk.header()
+    for _ in range(walk.count()):
+        walk.text()
+    walk.numbers("strain", "<f8", walk.count())
+    walk.numbers("status", "u1", walk.count())
+    return walk.form()
 
 
-def _aligned(at: int, size: int) -> int:
-    return at + -(at - _BODY) % size
+def _pose_form(raw: bytes) -> _Form:
+    walk = _Walk(raw)
+    walk.header()
+    walk.numbers("pose", "<f8", 7)
+    return walk.form()
+
+
+def _alike(
+    raws: Sequence[bytes], form_of: Callable[[bytes], _Form]
+) -> Iterator[tuple[_Form, np.ndarray, np.ndarray]]:
+    """Messages of one form together: the form, their rows (k,) and their numbers, a structured array (k,).
+
+    Those that have no form, because they end too early, are left out.
+    """
+    lengths = np.array([len(raw) for raw in raws])
+    for length in np.unique(lengths[lengths > _BODY]):
+        rows = np.flatnonzero(lengths == length)
+        octets = np.frombuffer(b"".join(raws[row] for row in rows.tolist()), np.uint8).reshape(-1, length)
+        while len(rows):
+            try:
+                form = form_of(octets[0].tobytes())
+            except (ValueError, struct.error):
+                rows, octets = rows[1:], octets[1:]
+                continue
+            same = (octets[:, form.telling] == octets[0, form.telling]).all(axis=1)
+            yield form, rows[same], octets[same].view(form.numbers)[:, 0]
+            rows, octets = rows[~same], octets[~same]
+
+
+def _stamps(numbers: np.ndarray) -> np.ndarray:
+    return numbers["sec"].astype(np.int64) * _NANOSECONDS + numbers["nanosec"]

@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import yaml
 from backports import zstd
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bag_repair import repair
+from tactile_localizer.io.mcap import messages_by_topic
 from tactile_localizer.resources import resource_path
 
 _STORAGE = (".mcap", ".db3")
 _COMPRESSED = (".zstd", ".zst")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _LITTLE_ENDIAN = b"\x00\x01"
+_LOT = 1024
+"""Messages that are decoded at once."""
 
 MESSAGES = ("StrainVectors", "ScanStatus", "Posterior", "FeatureProbabilities")
 
@@ -33,50 +37,45 @@ class BagMessages:
 
     Parameters
     ----------
-    by_topic : what was made of each message, by topic; a topic without messages is left out
+    by_topic : what was made of the messages, by topic: an element for each, or for each lot that a
+        :class:`Decoder` made something of; a topic without messages is left out
     topics : message type by topic, of all topics in the bag
     notes : one line for each thing that could not be read
+    count : how many messages were read
     """
 
     by_topic: dict[str, list[Any]] = field(default_factory=dict)
     topics: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-
-    def __len__(self) -> int:
-        return sum(map(len, self.by_topic.values()))
+    count: int = 0
 
 
 Keep = Callable[[Any], Any]
 """Makes of a message what is to be kept of it."""
 
 
-@dataclass(frozen=True)
-class QuickKeep:
-    """What is to be kept of messages of one type, which is had quicker from their bytes.
+@runtime_checkable
+class Decoder(Protocol):
+    """Makes what is to be kept of messages of one type, of many at once from their bytes."""
 
-    Parameters
-    ----------
-    kind : of the messages, such as ``geometry_msgs/msg/PoseStamped``
-    of_message : from a message object, where a bag's definition of the type is another
-    of_bytes : from its bytes (CDR, little-endian)
-    """
+    @property
+    def kind(self) -> str:
+        """The type, such as ``geometry_msgs/msg/PoseStamped``."""
 
-    kind: str
-    of_message: Keep
-    of_bytes: Callable[[bytes], Any]
+    def of_message(self, message: Any) -> Any:
+        """From one message object, where a bag's definition of the type is another."""
 
-    def __call__(self, message: Any) -> Any:
-        """As any :data:`Keep`."""
-        return self.of_message(message)
+    def of_bytes(self, raws: Sequence[bytes]) -> Any:
+        """From the bytes of messages (CDR, little-endian)."""
 
 
-def read_messages(path: str | Path, wanted: Mapping[str, Keep]) -> BagMessages:
+def read_messages(path: str | Path, wanted: Mapping[str, Keep | Decoder]) -> BagMessages:
     """Read the messages of some topics. A bag that is damaged is read up to the damage, and its notes say so.
 
     Parameters
     ----------
     path : a directory with or without metadata, or one file: ``*.mcap``, ``*.db3``, either with ``.zstd``
-    wanted : by topic, what is to be kept of a message, perhaps as a :class:`QuickKeep`
+    wanted : by topic, what is to be kept of a message, or a :class:`Decoder` of many
 
     Raises
     ------
@@ -92,6 +91,8 @@ def read_messages(path: str | Path, wanted: Mapping[str, Keep]) -> BagMessages:
         messages = BagMessages()
         try:
             _read(path, wanted, messages)
+        except SceneError:
+            raise
         except Exception as error:  # rosbags raises whatever damaged bytes lead to
             damage = _one_line(error)
         else:
@@ -110,45 +111,74 @@ def typestore() -> Typestore:
     return store
 
 
-def _read(path: Path, wanted: Mapping[str, Keep], messages: BagMessages) -> None:
+def _read(path: Path, wanted: Mapping[str, Keep | Decoder], messages: BagMessages) -> None:
     own = typestore()
     with AnyReader([path], default_typestore=own) as reader:
         messages.topics.update({connection.topic: connection.msgtype for connection in reader.connections})
         connections = [connection for connection in reader.connections if connection.topic in wanted]
         if not connections:
             return
-        quick = {c.topic: _quick(wanted[c.topic], c.msgtype, own, reader.typestore) for c in connections}
-        for connection, _, raw in reader.messages(connections):
+        for connection, stored in _lots(path, reader, connections):
             # A file of a bag that compresses each message does not say so itself.
-            plain = zstd.decompress(raw) if raw[:4] == _ZSTD_MAGIC else raw
-            of_bytes = quick[connection.topic]
-            if of_bytes is not None and plain[:2] == _LITTLE_ENDIAN:
-                kept = of_bytes(plain)
+            raws = [zstd.decompress(raw) if raw[:4] == _ZSTD_MAGIC else raw for raw in stored]
+            keep, kind = wanted[connection.topic], connection.msgtype
+            kept = messages.by_topic.setdefault(connection.topic, [])
+            if (
+                isinstance(keep, Decoder)
+                and keep.kind == kind
+                and own.hash_rihs01(kind) == reader.typestore.hash_rihs01(kind)
+                and all(raw[:2] == _LITTLE_ENDIAN for raw in raws)
+            ):
+                kept.append(keep.of_bytes(raws))
             else:
-                kept = wanted[connection.topic](reader.deserialize(plain, connection.msgtype))
-            messages.by_topic.setdefault(connection.topic, []).append(kept)
+                of_message = keep.of_message if isinstance(keep, Decoder) else keep
+                kept += (of_message(reader.deserialize(raw, kind)) for raw in raws)
+            messages.count += len(raws)
 
 
-def _quick(keep: Keep, kind: str, own: Typestore, of_bag: Typestore) -> Callable[[bytes], Any] | None:
-    """The quick way, where there is one and the bag defines the type as it expects."""
-    if not isinstance(keep, QuickKeep) or kind != keep.kind:
-        return None
-    return keep.of_bytes if own.hash_rihs01(kind) == of_bag.hash_rihs01(kind) else None
+def _lots(
+    path: Path, reader: AnyReader, connections: list[Connection]
+) -> Iterator[tuple[Connection, list[bytes]]]:
+    """The bytes of messages, many of one topic at a time, each topic's in their order."""
+    by_topic = {connection.topic: connection for connection in connections}
+    files = [file for file in _storage_files(path) if file.name in (_listed(path) or [file.name])]
+    if len(by_topic) == len(connections) and all(file.suffix == ".mcap" for file in files):
+        for file in files:
+            for topic, raws in messages_by_topic(file, by_topic).items():
+                yield from ((by_topic[topic], raws[i : i + _LOT]) for i in range(0, len(raws), _LOT))
+        return
+    lots: dict[int, tuple[Connection, list[bytes]]] = {}
+    damage: Exception | None = None
+    try:
+        for connection, _, raw in reader.messages(connections):
+            _, raws = lots.setdefault(id(connection), (connection, []))
+            raws.append(raw)
+            if len(raws) == _LOT:
+                yield lots.pop(id(connection))
+    except Exception as error:  # what came before it counts
+        damage = error
+    yield from lots.values()
+    if damage is not None:
+        raise damage
 
 
-def _read_damaged(path: Path, files: list[Path], wanted: Mapping[str, Keep], damage: str) -> BagMessages:
+def _read_damaged(
+    path: Path, files: list[Path], wanted: Mapping[str, Keep | Decoder], damage: str
+) -> BagMessages:
     messages = BagMessages()
     if not files:
         raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), {damage}")
     for file in files:
-        before = len(messages)
+        before = messages.count
         with tempfile.TemporaryDirectory() as folder:
             try:
                 _read(repair(file, Path(folder)), wanted, messages)
+            except SceneError:
+                raise
             except Exception as error:
                 messages.notes.append(f"{file}: could not be read: {_one_line(error)}")
         if damage:
-            messages.notes.append(f"{file}: read {len(messages) - before} messages up to the damage")
+            messages.notes.append(f"{file}: read {messages.count - before} messages up to the damage")
     if damage:
         messages.notes.insert(0, f"{path}: the bag is damaged: {damage}")
     if not messages.topics:
@@ -161,12 +191,17 @@ def _storage_files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path] if _is_storage(path) else []
     found = sorted(filter(_is_storage, path.iterdir()), key=_natural)
+    names = _listed(path)
+    return sorted(found, key=lambda file: names.index(file.name) if file.name in names else len(names))
+
+
+def _listed(path: Path) -> list[str]:
+    """Names of the storage files in a bag's metadata, where that can be read."""
     try:
         metadata = yaml.safe_load((path / "metadata.yaml").read_text(encoding="utf-8"))
-        names = [Path(name).name for name in metadata["rosbag2_bagfile_information"]["relative_file_paths"]]
+        return [Path(name).name for name in metadata["rosbag2_bagfile_information"]["relative_file_paths"]]
     except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
-        return found
-    return sorted(found, key=lambda file: names.index(file.name) if file.name in names else len(names))
+        return []
 
 
 def _natural(file: Path) -> list[str | int]:

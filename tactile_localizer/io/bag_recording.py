@@ -12,19 +12,11 @@ import numpy as np
 from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.sweep_detector import SweepDetector
-from tactile_localizer.errors import MeasurementError, ScanError
-from tactile_localizer.io.bag_decode import (
-    Pose,
-    Strain,
-    pose_from_bytes,
-    pose_of,
-    stamp_of,
-    strain_from_bytes,
-    strain_of,
-)
-from tactile_localizer.io.bag_reader import BagMessages, QuickKeep, read_messages
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.bag_decode import PoseDecoder, Poses, StrainDecoder, Strains, stamp_of
+from tactile_localizer.io.bag_reader import BagMessages, read_messages
 from tactile_localizer.io.recording import RecordedSweep, Recording
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -43,15 +35,6 @@ class BagTopics:
     pose: str = "/palm_pose"
     truth: str = "/simulator/ground_truth"
     status: str = "/mapping/status"
-
-
-_KEEP_STRAIN = QuickKeep("tactile_localizer/msg/StrainVectors", strain_of, strain_from_bytes)
-
-
-class _Placed(NamedTuple):
-    stamp_ns: int
-    position: np.ndarray | None
-    refusal: str = ""
 
 
 class _Span(NamedTuple):
@@ -103,14 +86,14 @@ def read_bag(
     frame = frame or PalmFrame(scene.axes, reference_frame="base")
     names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
     strain_topic, pose_topic, truth_topic, status_topic = names
-    keep_pose = _keep_pose(frame)
-    wanted = dict(zip(names, (_KEEP_STRAIN, keep_pose, keep_pose, _keep_status), strict=True))
+    poses_by = PoseDecoder(frame)
+    wanted = dict(zip(names, (StrainDecoder(scene), poses_by, poses_by, _keep_status), strict=True))
     messages = read_messages(path, wanted)
     notes = list(messages.notes)
     for topic in (strain_topic, pose_topic):
         if not messages.by_topic.get(topic):
             raise ScanError(f"{path}: expected messages of {topic}, found {_found(messages)}")
-    stamp_ns, strain, status = _strain_arrays(messages.by_topic[strain_topic], scene, notes)
+    stamp_ns, strain, status = _strain_arrays(messages.by_topic[strain_topic], notes)
     pose_ns, poses = _pose_arrays(pose_topic, messages.by_topic[pose_topic], notes)
     position, found = interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
     truth = None
@@ -141,57 +124,34 @@ def read_bag(
     return Recording(str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes))
 
 
-def _keep_pose(frame: PalmFrame) -> QuickKeep:
-    def placed(pose: Pose) -> _Placed:
-        try:
-            position = frame.position(pose.frame, pose.translation, pose.quaternion)
-        except MeasurementError as error:
-            return _Placed(pose.stamp_ns, None, str(error))
-        return _Placed(pose.stamp_ns, position)
-
-    return QuickKeep(
-        "geometry_msgs/msg/PoseStamped",
-        lambda message: placed(pose_of(message)),
-        lambda raw: placed(pose_from_bytes(raw)),
-    )
-
-
 def _keep_status(message: Any) -> tuple[int, bool, int]:
     return stamp_of(message), bool(message.sweep_active), int(message.sweep)
 
 
-def _strain_arrays(
-    samples: Sequence[Strain], scene: Scene, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _strain_arrays(lots: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stamps (n,), strain (n, 8F) and status (n, F) of the scene's phalanges, as nodes take them."""
-    channels = {names: scene.channels(names) for names in {sample.phalanges for sample in samples}}
-    usable = [s for s in samples if len(s.values) == GAUGES * len(s.phalanges) == GAUGES * len(s.status)]
-    _note(notes, len(samples) - len(usable), len(samples), "strain vectors whose lengths do not fit")
-    stamp_ns, usable = _in_time(usable, "strain vectors", notes)
-    strain = np.array([sample.values[channels[sample.phalanges]] for sample in usable], dtype=np.float64)
-    rows = {names: columns[::GAUGES] // GAUGES for names, columns in channels.items()}
-    status = np.array([sample.status[rows[sample.phalanges]] for sample in usable], dtype=np.uint8)
-    shape = (len(usable), len(scene.phalanges))
-    return stamp_ns, strain.reshape(shape[0], GAUGES * shape[1]), status.reshape(shape)
+    stamp_ns, strain, status, fits = map(np.concatenate, zip(*lots, strict=True))
+    _note(notes, int(np.sum(~fits)), len(fits), "strain vectors whose lengths do not fit")
+    usable = _in_time(stamp_ns, np.flatnonzero(fits), "strain vectors", notes)
+    return stamp_ns[usable], strain[usable], status[usable]
 
 
-def _pose_arrays(topic: str, samples: Sequence[_Placed], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _pose_arrays(topic: str, lots: Sequence[Poses], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Stamps (m,) and positions (m, d) of the poses that can be used."""
-    usable = [sample for sample in samples if sample.position is not None]
-    reason = next((sample.refusal for sample in samples if sample.refusal), "")
-    _note(notes, len(samples) - len(usable), len(samples), f"poses of {topic}: {reason}")
-    stamp_ns, usable = _in_time(usable, f"poses of {topic}", notes)
-    positions = [sample.position for sample in usable]
-    return stamp_ns, np.array(positions, dtype=np.float64).reshape(len(positions), -1)
+    stamp_ns, position, fits = (np.concatenate(parts) for parts in list(zip(*lots, strict=True))[:3])
+    reason = next((lot.refused for lot in lots if lot.refused), "")
+    _note(notes, int(np.sum(~fits)), len(fits), f"poses of {topic}: {reason}")
+    usable = _in_time(stamp_ns, np.flatnonzero(fits), f"poses of {topic}", notes)
+    return stamp_ns[usable], position[usable]
 
 
-def _in_time(samples: list[Any], what: str, notes: list[str]) -> tuple[np.ndarray, list[Any]]:
-    """The samples that came before any later one; zero stamps are those of a clock that does not run yet."""
-    stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
-    newest = np.maximum.accumulate(np.concatenate([[0], stamp_ns]))
-    in_time = stamp_ns > newest[:-1]
-    _note(notes, int(np.sum(~in_time)), len(samples), f"{what} whose stamps go back")
-    return stamp_ns[in_time], [sample for sample, kept in zip(samples, in_time, strict=True) if kept]
+def _in_time(stamp_ns: np.ndarray, rows: np.ndarray, what: str, notes: list[str]) -> np.ndarray:
+    """Those of ``rows`` that came before any later one; those of zero are of no clock yet."""
+    own = stamp_ns[rows]
+    newest = np.maximum.accumulate(np.concatenate([[0], own]))
+    in_time = own > newest[:-1]
+    _note(notes, int(np.sum(~in_time)), len(rows), f"{what} whose stamps go back")
+    return rows[in_time]
 
 
 def _note(notes: list[str], count: int, total: int, what: str) -> None:
