@@ -16,7 +16,7 @@ from tactile_localizer.core.neighbours import choose_neighbours
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition
-from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
+from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
 from tactile_localizer.evaluation.methods import SCENE, TUNED, Method
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
@@ -119,7 +119,7 @@ def evaluate(
             identity = {
                 "condition": condition.identity,
                 "measurement": measurement,
-                "configuration": vars(method.configuration),
+                "configuration": told(method.configuration),
             }
             tasks.append(Task(localise, (condition, measurement, method.configuration), identity))
     results = run_tasks(tasks, folder, workers, progress, "localising")

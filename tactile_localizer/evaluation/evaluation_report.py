@@ -24,6 +24,11 @@ _HEADINGS = {
         "Convergence along the travel",
         "Share of sweeps that have converged, over the travel since contact.",
     ),
+    "past": (
+        "Past the feature",
+        "Error over the travel since the feature's end; dotted: what the motion's noise alone makes of the "
+        "error at its end.",
+    ),
 }
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from tactile_localizer.evaluation.display import MM, label_axis, shown
 from tactile_localizer.evaluation.evaluate import Results, as_array
 from tactile_localizer.evaluation.findings import FEATURELESS, GAUSSIAN, INDEPENDENT, SUM, TENTH_INCH
+from tactile_localizer.evaluation.outcome import STRETCHES
 
 _SIZE = (4.8, 3.4)
 _LOOKS = {
@@ -42,6 +43,7 @@ def evaluation_figures(results: Results) -> dict[str, Figure]:
     figures["methods"] = errors_of_methods(compared)
     if featured is not None and _LOOKS.keys() & have:
         figures["convergence"] = convergence(featured)
+        figures["past"] = error_past_feature(featured)
     return figures
 
 
@@ -129,6 +131,26 @@ def convergence(results: Results) -> Figure:
 _EARLIEST, _LATEST = -10.0, 30.0
 
 
+def error_past_feature(results: Results) -> Figure:
+    """Error over the travel since the feature's end, beside what motion alone makes of that at its end."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    plot = figure.add_subplot()
+    along = (STRETCHES[:-1] + STRETCHES[1:]) / 2 * MM
+    for method in (m for m in ("default", SUM) if m in results.methods):
+        label, colour = _LOOKS[method]
+        for name, style, what in (("error_past_m", "-", label), ("motion_past_m", ":", "by motion alone")):
+            curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method)])
+            drawn, mean = _mean_curve(curves)
+            plot.plot(along[drawn], MM * mean, style, color=colour, label=what)
+    plot.set_xlim(left=0)
+    plot.set_ylim(bottom=0)
+    plot.set_xlabel("travel since the feature's end, mm")
+    plot.set_ylabel("mean error, mm")
+    plot.grid(color="0.9")
+    plot.legend(fontsize=8)
+    return figure
+
+
 def compared_error(results: Results) -> tuple[str, str]:
     """Name of the error to compare by, and in words: that from contact on, or of whole sweeps."""
     known = any(np.isfinite(results.values(m, "error_contact_m")).any() for m in results.methods)
@@ -143,9 +165,7 @@ def _draw_curves(
     axis, centres = results.sweep_axis(condition)
     for method, style in lines.items():
         curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method, condition)])
-        counts = np.isfinite(curves).sum(axis=0)
-        drawn = counts >= max(1.0, _FEWEST * len(curves))
-        mean = np.nansum(curves[:, drawn], axis=0) / counts[drawn]
+        drawn, mean = _mean_curve(curves)
         label, colour = _LOOKS[method]
         plot.plot(shown(axis, centres[drawn]), scale * mean, style, color=colour, label=label)
     sweeps = results.sweeps(next(iter(lines)), condition)
@@ -153,6 +173,13 @@ def _draw_curves(
     if contacts:
         first, last = shown(axis, np.mean(contacts, axis=0))
         plot.axvspan(first, last, color="0.93", zorder=0, label="feature felt (mean)")
+
+
+def _mean_curve(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which stretches enough of the sweeps (n, stretches) are in, and their means there."""
+    counts = np.isfinite(curves).sum(axis=0)
+    drawn = counts >= max(1.0, _FEWEST * len(curves))
+    return drawn, np.nansum(curves[:, drawn], axis=0) / counts[drawn]
 
 
 def _label(

@@ -50,6 +50,8 @@ def check_findings(results: Results) -> list[Finding]:
         (_featureless_broader_before_contact, (SUM, FEATURELESS)),
         (_featureless_broader_before_contact_exactly, (SUM_EXACT, FEATURELESS_EXACT)),
         (_evidence_does_not_fire_falsely, ("default",)),
+        (_motion_alone_past_the_feature, ("default",)),
+        (_injection_forgets_past_the_feature, (SUM,)),
     ]
     have = set(results.methods)
     return [check(results) for check, needs in checks if have.issuperset(needs)]
@@ -225,6 +227,33 @@ def _evidence_does_not_fire_falsely(results: Results) -> Finding:
         f"fires in {alarms.blank:.1%} of {blanks} blank sweeps and "
         f"in {alarms.before:.1%} of sweeps before contact",
     )
+
+
+def _motion_alone_past_the_feature(results: Results) -> Finding:
+    return _greater(
+        "Past the feature the error grows no faster than the motion noise (default).",
+        "III, motivation",
+        _below_motion(results, "default"),
+        "what motion alone makes of the error at the feature's end, less the error past it",
+    )
+
+
+def _injection_forgets_past_the_feature(results: Results) -> Finding:
+    return _greater(
+        "Past the feature constant injection forgets faster than the motion noise (the paper's form).",
+        "III-B",
+        -_below_motion(results, SUM),
+        "the error past the feature, less what motion alone makes of that at its end",
+    )
+
+
+def _below_motion(results: Results, method: str) -> np.ndarray:
+    """How much smaller than by motion alone the error is past the feature, one a sweep, m."""
+    sweeps = results.sweeps(method)
+    error, motion = (
+        np.array([as_array(sweep[name]) for sweep in sweeps]) for name in ("error_past_m", "motion_past_m")
+    )
+    return _mean_of_known(motion - error)
 
 
 def _after_contact(results: Results, method: str) -> np.ndarray:

@@ -7,8 +7,9 @@ arguments, and workers use one thread each. A run that was interrupted goes on w
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -17,6 +18,8 @@ from typing import Any
 
 import joblib
 
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.own_model import SEPARATOR
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.evaluation.plain_json import plain, write_json
 from tactile_localizer.resources import PACKAGE
@@ -46,8 +49,8 @@ class Task:
     @cached_property
     def key(self) -> str:
         """Name of the result's file: changes with the identity, the function and the package's code."""
-        told = json.dumps([self.function.__qualname__, plain(self.identity), source_digest()], sort_keys=True)
-        return hashlib.sha256(told.encode()).hexdigest()[:24]
+        text = json.dumps([self.function.__qualname__, plain(self.identity), source_digest()], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 @dataclass(frozen=True)
@@ -101,11 +104,29 @@ def run_tasks(
 @cache
 def source_digest() -> str:
     """Digest of the code that results depend on: another version's results are not taken for this one's."""
+    return _digest(PACKAGE / part for part in _THAT_MATTER)
+
+
+def told(configuration: Configuration) -> dict[str, Any]:
+    """What tells a configuration from others: its choices, and the code of a model of one's own.
+
+    Of a module its file counts, of a package all of its modules; what they import from elsewhere does not.
+    """
+    choices = vars(configuration)
+    if SEPARATOR not in configuration.model:
+        return choices
+    top = configuration.model.partition(SEPARATOR)[0].partition(".")[0]
+    spec = importlib.util.find_spec(top) if top else None
+    places = [] if spec is None else spec.submodule_search_locations or [spec.origin or ""]
+    return {**choices, "source": _digest(map(Path, places))}
+
+
+def _digest(places: Iterable[Path]) -> str:
+    """Of Python files, or of those in folders."""
     digest = hashlib.sha256()
-    for part in _THAT_MATTER:
-        place = PACKAGE / part
+    for place in places:
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-            digest.update(file.read_bytes())
+            digest.update(file.read_bytes() if file.is_file() else b"")
     return digest.hexdigest()
 
 

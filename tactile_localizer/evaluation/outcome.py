@@ -64,6 +64,7 @@ def sweep_outcome(scene: Scene, track: Track, contact: tuple[int, int], axis: in
         "error_curve_m": _binned(scene, track, errors, axis),
         "trace_curve_m2": _binned(scene, track, trace, axis),
         "error_after_contact_m": _by_travel(track, errors, first, last),
+        **_past(scene, track, errors, last),
         "error_after_travel_m": {
             f"{mark:g}": float(error) for mark in MARKS for error in error_at([errors], [track], mark)
         },
@@ -120,18 +121,38 @@ def _binned(scene: Scene, track: Track, values: np.ndarray, axis: int) -> list[f
     return [_mean(values[place == stretch]) for stretch in range(BINS)]
 
 
-_AFTER = np.arange(0.0, 0.0301, 0.0025)
-"""Stretches of travel after contact, m."""
+STRETCHES = np.arange(0.0, 0.0301, 0.0025)
+"""Stretches of travel after contact, and after the feature's end, m."""
 
 
 def _by_travel(track: Track, errors: np.ndarray, first: int, last: int) -> list[float | None]:
-    """Mean error over each 2.5 mm of travel after contact, up to the feature's end."""
+    """Mean error over each stretch of travel after contact, up to the feature's end."""
     if first < 0:
-        return [None] * (len(_AFTER) - 1)
+        return [None] * (len(STRETCHES) - 1)
     start = min(int(np.searchsorted(track.row, first)), len(track) - 1)
     gone = np.where(track.row <= last, track.travel - track.travel[start], -1.0)
-    place = np.digitize(gone, _AFTER) - 1
-    return [_mean(errors[place == stretch]) for stretch in range(len(_AFTER) - 1)]
+    return _by_stretch(gone, errors)
+
+
+def _past(scene: Scene, track: Track, errors: np.ndarray, last: int) -> dict[str, list[float | None]]:
+    """Error over each stretch of travel after the feature's end, and what motion alone would have made of it.
+
+    Motion alone adds its noise to the error at the feature's end: variance ``motion_std**2`` a metre.
+    """
+    end = int(np.searchsorted(track.row, last, side="right")) - 1
+    if last < 0 or end < 0:
+        return {"error_past_m": [None] * (len(STRETCHES) - 1), "motion_past_m": [None] * (len(STRETCHES) - 1)}
+    gone = track.travel - track.travel[end]
+    gone[: end + 1] = -1.0
+    lengths = np.array([axis.name != "yaw" for axis in scene.axes])
+    variance = float(np.sum(scene.motion_std[lengths] ** 2))
+    by_motion = np.sqrt(errors[end] ** 2 + variance * np.maximum(gone, 0.0))
+    return {"error_past_m": _by_stretch(gone, errors), "motion_past_m": _by_stretch(gone, by_motion)}
+
+
+def _by_stretch(gone: np.ndarray, values: np.ndarray) -> list[float | None]:
+    place = np.digitize(gone, STRETCHES) - 1
+    return [_mean(values[place == stretch]) for stretch in range(len(STRETCHES) - 1)]
 
 
 def _mean(values: np.ndarray) -> float | None:

@@ -18,7 +18,7 @@ from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition, Material
 from tactile_localizer.evaluation.evaluate import as_array, choose, localise
-from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
+from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.odometry import piece
 from tactile_localizer.evaluation.replay import replay
@@ -180,7 +180,7 @@ def trade(
             identity = {
                 "condition": thinned.identity,
                 "measurement": measurement,
-                "configuration": vars(one.configuration),
+                "configuration": told(one.configuration),
             }
             task = Task(localise, (thinned, measurement, one.configuration), identity)
             tasks.append(task)

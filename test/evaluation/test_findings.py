@@ -43,6 +43,7 @@ def test_each_finding_is_held_where_the_numbers_say_so() -> None:
             },
             INDEPENDENT: {"error_contact_m": 0.0025, "highest_marginal_before": 50.0},
             FEATURELESS: {"trace_before_m2": 4e-4},
+            SUM: {"error_past_m": [0.002, 0.003, 0.004] + [None] * 9},
         }
     )
     verdicts = {f.statement: f.verdict for f in check_findings(found)}
@@ -56,6 +57,8 @@ def test_each_finding_is_held_where_the_numbers_say_so() -> None:
         "Modelling featureless regions apart leaves the error about the same.",
         "Modelling featureless regions apart keeps the belief broader before contact.",
         "Convergence can be told without false alarms where no feature is (this package's criterion).",
+        "Past the feature the error grows no faster than the motion noise (default).",
+        "Past the feature constant injection forgets faster than the motion noise (the paper's form).",
     ]
     assert {statement: verdicts[statement] for statement in held} == dict.fromkeys(held, HELD)
 
@@ -69,6 +72,8 @@ def test_the_opposite_numbers_are_not_held() -> None:
         },
         blanks={"default": {"converged": True}},
     )
+    found_past = results({"default": {"error_past_m": [0.004] * 6 + [None] * 6}})
+    assert verdict(found_past, "no faster than the motion noise") == NOT_HELD
     for words in (
         "both Gaussian models",
         "no covariance between",
@@ -95,7 +100,7 @@ def test_plain_criteria_fire_where_the_threshold_is_passed_too_early() -> None:
 def test_findings_of_methods_that_were_not_tried_are_left_out() -> None:
     found = results()
     some = type(found)(found.conditions, {"default": found.methods["default"]}, found.tasks)
-    assert [f.source for f in check_findings(some)] == ["Abstract", "III-D, aim"]
+    assert [f.source for f in check_findings(some)] == ["Abstract", "III-D, aim", "III, motivation"]
 
 
 def test_an_interval_covers_the_mean_as_often_as_it_says() -> None:

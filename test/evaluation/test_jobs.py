@@ -12,7 +12,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.evaluation import jobs
 from tactile_localizer.evaluation.evaluate import localise
-from tactile_localizer.evaluation.jobs import Task, Workers, run_tasks
+from tactile_localizer.evaluation.jobs import Task, Workers, run_tasks, told
 
 
 def task(seed: int, configuration: Configuration = QUICK[0].configuration) -> Task:
@@ -51,9 +51,9 @@ def test_a_run_goes_on_with_what_is_missing(tmp_path: Path) -> None:
     kept, lost = (tmp_path / f"{one.key}.json" for one in tasks)
     written = kept.stat().st_mtime_ns
     lost.unlink()
-    told: list[float] = []
-    again = run_tasks(tasks, tmp_path, Workers(1), lambda text, share: told.append(share))
-    assert told == [1.0]
+    shares: list[float] = []
+    again = run_tasks(tasks, tmp_path, Workers(1), lambda text, share: shares.append(share))
+    assert shares == [1.0]
     assert kept.stat().st_mtime_ns == written
     assert without_times(again) == without_times(first)
 
@@ -66,15 +66,33 @@ def test_what_was_done_before_a_failure_is_kept(tmp_path: Path) -> None:
 
 
 def test_tasks_that_are_the_same_are_done_once(tmp_path: Path) -> None:
-    told: list[float] = []
-    run_tasks([task(1), task(1)], tmp_path, Workers(1), lambda text, share: told.append(share))
-    assert told == [1.0]
+    shares: list[float] = []
+    run_tasks([task(1), task(1)], tmp_path, Workers(1), lambda text, share: shares.append(share))
+    assert shares == [1.0]
 
 
 def test_a_key_changes_with_what_a_result_depends_on() -> None:
     keys = {task(1).key, task(2).key, task(1, Configuration()).key}
     assert len(keys) == 3
     assert task(1).key in keys
+
+
+@pytest.mark.parametrize("name", ["own_place", "own_package.place"])
+def test_a_key_changes_with_the_code_of_a_model_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    file = tmp_path / f"{name.replace('.', '/')}.py"
+    file.parent.mkdir(exist_ok=True)
+    monkeypatch.syspath_prepend(tmp_path)
+    own = Configuration(model=f"{name}:Place")
+    keys = []
+    for code in ("A = 1", "A = 2", "A = 2"):
+        file.write_text(code)
+        (file.parent / "__init__.py").touch()
+        keys.append(Task(localise, (), {"configuration": told(own)}).key)
+    assert keys[0] != keys[1] == keys[2]
+    assert told(Configuration()) == vars(Configuration())
+    assert "source" in told(Configuration(model="missing_model:Place")), "refused where it is built"
 
 
 def test_workers_that_cannot_be_had_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from tactile_localizer.evaluation.outcome import BINS, blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.evaluation.replay import Track
-from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Scene
 
 SCENE = Scene("sheet", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)), (Phalanx("index", (0.0, 0.0)),))
 N = 50
@@ -88,6 +88,17 @@ def test_curves_follow_the_sweep_axis_and_the_travel_after_contact() -> None:
     assert after[0] == pytest.approx(0.001)
     assert after[7] == pytest.approx(0.001)
     assert after[8] is None  # past the feature's end
+
+
+def test_past_the_feature_the_error_stands_beside_what_motion_alone_makes_of_it() -> None:
+    outcome = sweep_outcome(SCENE, track(), (20, 39), axis=0)
+    assert outcome["error_past_m"][:5] == pytest.approx([0.001] * 5)
+    assert outcome["error_past_m"][5] is None, "the sweep is over"
+    gone = np.array([3, 4]) * 1e-3
+    noise = 2 * DEFAULT_MOTION_STD**2 * gone
+    assert outcome["motion_past_m"][1] == pytest.approx(np.mean(np.sqrt(1e-6 + noise)), rel=0.01)
+    never = sweep_outcome(SCENE, track(), (-1, -1), axis=0)
+    assert never["error_past_m"] == never["motion_past_m"] == [None] * 12
 
 
 def test_a_sweep_without_contact_has_only_a_before() -> None:

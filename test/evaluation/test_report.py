@@ -15,7 +15,7 @@ from tactile_localizer.evaluation.figures import evaluation_figures
 from tactile_localizer.evaluation.report import Report, save_figures
 from tactile_localizer.evaluation.tables import Table, evaluation_tables
 
-NAMES = ["fig5_bump", "fig5_snap", "fig8_bump", "fig8_snap", "methods", "convergence"]
+NAMES = ["fig5_bump", "fig5_snap", "fig8_bump", "fig8_snap", "methods", "convergence", "past"]
 
 
 @pytest.fixture(scope="module")

@@ -58,6 +58,8 @@ _SWEEP = {
     "error_curve_m": [0.01] * 50,
     "trace_curve_m2": [1e-4] * 50,
     "error_after_contact_m": [0.004, 0.002] + [0.0015] * (_STRETCHES - 2),
+    "error_past_m": [0.002] * 6 + [None] * (_STRETCHES - 6),
+    "motion_past_m": [0.0025] * 6 + [None] * (_STRETCHES - 6),
     "error_after_travel_m": {"0.01": 0.006, "0.04": 0.002},
 }
 _BLANK = {"converged": False, "lowest_trace_blank_m2": 1e-4, "highest_marginal_blank": 30.0}
