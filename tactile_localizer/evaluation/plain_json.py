@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,27 @@ def plain(value: Any) -> Any:
     return value
 
 
+def plain_columns(columns: Mapping[str, np.ndarray | list[Any]]) -> Iterator[dict[str, Any]]:
+    """The rows of columns of the same length as :func:`plain` would make them, but sooner."""
+    lists = [column if isinstance(column, list) else _entries(column) for column in columns.values()]
+    return (dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True))
+
+
+def _entries(column: np.ndarray) -> list[Any]:
+    finite = np.isfinite(column)
+    return (column if finite.all() else np.where(finite, column.astype(object), np.array(None))).tolist()
+
+
+def _line(row: Any) -> str:
+    try:
+        return _ENCODER.encode(row)
+    except ValueError:
+        return json.dumps(plain(row))
+
+
+_ENCODER = json.JSONEncoder(allow_nan=False, default=plain)
+
+
 def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = None) -> None:
     """Write ``value`` to a file that appears only when it is complete.
 
@@ -47,7 +68,7 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
     unfinished = path.with_name(f"{path.name}.part{os.getpid()}")
     text = json.dumps(plain({name: entry for name, entry in value.items() if name != rows}), indent=1)
     if rows is not None:
-        lines = ",\n".join(json.dumps(plain(row)) for row in value[rows])
+        lines = ",\n".join(map(_line, value[rows]))
         text = f'{text[:-2]},\n "{rows}": [\n{lines}\n]\n}}'
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.evaluation.metrics import position_error, summarize, timing, yaw_error
+from tactile_localizer.evaluation.plain_json import plain_columns
 from tactile_localizer.evaluation.replay import Track
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
@@ -43,24 +44,30 @@ def replay_document(
 
 
 def _updates(scene: Scene, track: Track) -> Iterator[dict[str, Any]]:
-    errors, yaw_errors, trace = position_error(scene, track), yaw_error(scene, track), track.trace
-    with_yaw = "yaw" in scene.axis_names
-    for i in range(len(track)):
-        truth = None if track.truth is None or np.isnan(track.truth[i]).any() else track.truth[i]
-        yield {
-            "stamp_s": int(track.stamp_ns[i]) / 1e9,
-            "stamp_ns": int(track.stamp_ns[i]),
-            "sweep": track.number,
-            "mean": track.mean[i],
-            "covariance": track.covariance[i],
-            "trace": trace[i],
-            "converged": track.converged[i],
-            "reason": track.reason[i],
-            "evidence": track.evidence[i],
-            "log_marginal": track.log_marginal[i],
-            "updated": track.updated[i],
-            "travel_m": track.travel[i],
-            "truth": truth,
-            "error_m": errors[i],
-            **({"error_rad": yaw_errors[i]} if with_yaw else {}),
-        }
+    columns: dict[str, Any] = {
+        "stamp_s": [stamp_ns / 1e9 for stamp_ns in track.stamp_ns.tolist()],
+        "stamp_ns": track.stamp_ns,
+        "sweep": [track.number] * len(track),
+        "mean": track.mean,
+        "covariance": track.covariance,
+        "trace": track.trace,
+        "converged": track.converged,
+        "reason": list(track.reason),
+        "evidence": track.evidence,
+        "log_marginal": track.log_marginal,
+        "updated": track.updated,
+        "travel_m": track.travel,
+        "truth": _known(track),
+        "error_m": position_error(scene, track),
+    }
+    if "yaw" in scene.axis_names:
+        columns["error_rad"] = yaw_error(scene, track)
+    return plain_columns(columns)
+
+
+def _known(track: Track) -> list[list[float] | None]:
+    """The true positions; ``None`` where one is not known on all axes."""
+    if track.truth is None:
+        return [None] * len(track)
+    known = np.isfinite(track.truth).all(axis=1).tolist()
+    return [place if here else None for place, here in zip(track.truth.tolist(), known, strict=True)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.evaluation.plain_json import plain, plain_columns, write_json
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.recording import MISSING, RecordedSweep, Recording
 from tactile_localizer.io.scene_file import load_scene
@@ -105,3 +108,22 @@ def test_progress_ends_at_one(recording: Recording) -> None:
     replay(localizer(), recording, lambda text, share: told.append(share))
     assert told == sorted(told)
     assert told[-1] == 1.0
+
+
+def test_rows_of_columns_are_written_as_each_row_alone_would_be(tmp_path: Path) -> None:
+    columns = {
+        "stamp_ns": np.array([2**62 + 1, 5]),
+        "mean": np.array([[0.1, np.nan], [1e-300, -0.0]]),
+        "converged": np.array([True, False]),
+        "evidence": np.array([np.inf, 1 / 3]),
+        "reason": ["lost: é", ""],
+    }
+    rows = list(plain_columns(columns))
+    assert rows == [plain({name: column[row] for name, column in columns.items()}) for row in range(2)]
+    write_json(
+        tmp_path / "out.json", {"n": 2, "rows": [*rows, {"odd": np.nan, "array": np.ones(2)}]}, rows="rows"
+    )
+    assert json.loads((tmp_path / "out.json").read_text())["rows"] == [
+        *rows,
+        {"odd": None, "array": [1.0, 1.0]},
+    ]
