@@ -32,6 +32,7 @@ from tactile_localizer.core.region import propose_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
+from tactile_localizer.core.sweep_offset import SweepOffset
 from tactile_localizer.scene import GAUGES, Scene
 
 Progress = Callable[[str, float], None]
@@ -66,6 +67,10 @@ def build_localizer(
     """
     parameters = complete_parameters(scan, scene, progress)
     scene = with_region(scan, scene, parameters)
+    offset = None
+    if parameters.sweep_offset:
+        offset = SweepOffset(scan, scene)
+        scan = offset.removed_from(scan, scene)
     model = build_model(scan, scene, configuration, parameters)
     null = build_null(scan, scene, configuration, parameters)
     return Localizer(
@@ -77,6 +82,7 @@ def build_localizer(
         PhalanxHealth(scene, model, null),
         configuration.update_distance,
         _correlation(scene, parameters),
+        offset,
     )
 
 
@@ -98,6 +104,7 @@ def build_identifier(
         correlation_length=max(float(parameters.correlation_length or 0.0) for parameters in chosen),
         correlation_change=_largest([parameters.correlation_change for parameters in chosen]),
         interpolate=any(parameters.interpolate for parameters in chosen),
+        sweep_offset=all(parameters.sweep_offset for parameters in chosen),
         neighbours=max(parameters.neighbours for parameters in chosen),
     )
     return FeatureIdentifier(

@@ -46,8 +46,6 @@ class Convergence:
 
     _MEASURE = 0.004
     """m of travel over which a log-ratio of one nat makes evidence of one nat."""
-    _STRIDE = 0.001
-    """m of travel that one strain speaks for at most: where none came, nobody knows what was passed."""
     _MOST = 3.0
     _LARGEST_STEP = 20.0
     _RELEASE = 4.0
@@ -71,11 +69,10 @@ class Convergence:
         ----------
         belief : after the update
         log_ratio : log-likelihood of the strain by the belief, less that by the null, nats
-        travel : m since the last update
+        travel : m that the strain speaks for
         """
         criteria = self.criteria
         step = float(np.clip(log_ratio, -self._LARGEST_STEP, self._LARGEST_STEP))
-        travel = min(travel, self._STRIDE)
         most = self._MOST * criteria.evidence
         self.evidence = float(np.clip(self.evidence + travel / self._MEASURE * step, 0.0, most))
         spread = float(np.mean(np.diag(belief.covariance) / criteria.std**2))

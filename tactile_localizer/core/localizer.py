@@ -18,12 +18,15 @@ from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery
+from tactile_localizer.core.sweep_offset import SweepOffset
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
 WEIGHING_PERIOD_NS = 8_000_000
 """Least time between two weighed strains, ns, by their stamps. A hand that moves fast, as between sweeps,
 passes an update distance with every strain; weighing them all would take longer than they take to come."""
+STRIDES = 2.0
+"""Update distances that one strain speaks for at most: where none came, nobody knows what was passed."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,7 @@ class Localizer:
     health : tells which phalanges to trust
     update_distance : m of travel between two weighed strains
     correlation : how much consecutive strains have in common
+    offset : learns and removes the sweep's own offset; ``None``: strains are taken as they come
     """
 
     def __init__(
@@ -93,6 +97,7 @@ class Localizer:
         health: PhalanxHealth,
         update_distance: float,
         correlation: Correlation,
+        offset: SweepOffset | None = None,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
@@ -102,6 +107,7 @@ class Localizer:
         self._health = health
         self._update_distance = update_distance
         self._correlation = correlation
+        self._offset = offset
         self._motion = MotionModel(scene)
         self._unit = np.eye(scene.dimension)
         self._stamp_ns: int | None = None
@@ -175,6 +181,8 @@ class Localizer:
     def _restart(self) -> None:
         if self._recovery is not None:
             self._recovery.reset()
+        if self._offset is not None:
+            self._offset.reset()
         self._convergence.reset()
         self._health.reset()
         self._stamp_ns = None
@@ -194,12 +202,14 @@ class Localizer:
         counted = max(travel, self._update_distance)
         used = self._used(present)
         self._weight = self._share(strain, used, counted)
+        if self._offset is not None:
+            strain = self._offset.corrected(strain, used, counted)
         featureless = self._null.featureless(strain, used)
         self._log_marginal = self.filter.update(strain, used, self._weight, featureless)
         self._log_null = max(featureless, self._null.unknown(strain, used))
         self._belief = self.filter.belief()
         log_ratio = self._log_marginal - self._log_null
-        self._convergence.update(self._belief, log_ratio, travel)
+        self._convergence.update(self._belief, log_ratio, min(travel, STRIDES * self._update_distance))
         self._health.update(*self.filter.hypotheses(), strain, present, travel)
         if self._recovery is not None:
             fraction = self._recovery.fraction(log_ratio, counted)

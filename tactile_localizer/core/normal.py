@@ -23,10 +23,9 @@ class Normal:
     def __init__(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         self.mean = mean
         self.covariance = covariance
-        self._factor = np.linalg.cholesky(covariance)
-        self._log_constant = -0.5 * len(mean) * math.log(2 * math.pi) - float(
-            np.log(np.diag(self._factor)).sum()
-        )
+        factor = np.linalg.cholesky(covariance)
+        self._whiten = solve_triangular(factor, np.eye(len(mean)), lower=True).T
+        self._log_constant = -0.5 * len(mean) * math.log(2 * math.pi) - float(np.log(np.diag(factor)).sum())
 
     @classmethod
     def fitted(cls, samples: np.ndarray) -> Normal:
@@ -40,9 +39,8 @@ class Normal:
 
     def log_density(self, value: np.ndarray) -> np.ndarray:
         """Log-density of values (..., D): (...)."""
-        deviation = (value - self.mean).reshape(-1, len(self.mean))
-        white = solve_triangular(self._factor, deviation.T, lower=True)
-        return (self._log_constant - 0.5 * np.einsum("dk,dk->k", white, white)).reshape(np.shape(value)[:-1])
+        white = (value - self.mean) @ self._whiten
+        return self._log_constant - 0.5 * np.einsum("...d,...d->...", white, white)
 
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:

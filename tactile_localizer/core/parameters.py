@@ -24,6 +24,7 @@ class ModelParameters:
     correlation_length : m of travel that make one independent measurement
     correlation_change : change of the strain, in kernel widths, that makes one; ``None``: only travel counts
     interpolate : whether the sum of Gaussians also has pairs interpolated between the sweeps; ``None``: not
+    sweep_offset : whether a sweep's own offset is learned on featureless material and removed; ``None``: not
     neighbours : nearest pairs of the Gaussian models; the paper has 8
     """
 
@@ -32,6 +33,7 @@ class ModelParameters:
     correlation_length: float | None = None
     correlation_change: float | None = None
     interpolate: bool | None = None
+    sweep_offset: bool | None = None
     neighbours: int = 8
 
     @classmethod
@@ -49,12 +51,10 @@ class ModelParameters:
                 raise ParameterError(f"measurement {name!r}: expected one of {', '.join(names)}")
         parameters = cls(**values)
         for name, value in values.items():
-            if name != "interpolate":
+            if name not in ("interpolate", "sweep_offset"):
                 _require_positive(name, value)
-        if not isinstance(parameters.interpolate, bool | None):
-            raise ParameterError(
-                f"measurement interpolate: expected true or false, got {parameters.interpolate!r}"
-            )
+            elif not isinstance(value, bool):
+                raise ParameterError(f"measurement {name}: expected true or false, got {value!r}")
         if not isinstance(parameters.neighbours, int):
             raise ParameterError(
                 f"measurement neighbours: expected a whole number, got {parameters.neighbours!r}"

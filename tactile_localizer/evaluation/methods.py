@@ -26,8 +26,9 @@ PAPER_PARAMETERS = {
     "strain_std": math.sqrt(0.001),
     "correlation_length": Configuration().update_distance,
     "interpolate": False,
+    "sweep_offset": False,
 }
-"""The paper's hand-set widths (III-C) in m and V; each strain counts in full."""
+"""The paper's hand-set widths (III-C) in m and V; each strain counts in full, as it is."""
 
 PAPER_NEIGHBOURS = 8
 """k of the paper's Gaussian models (Fig. 6)."""

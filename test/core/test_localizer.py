@@ -70,6 +70,28 @@ def test_a_fast_hand_is_not_weighed_with_every_strain_but_moved_along_between(lo
     assert estimate.travel == pytest.approx(59 * 0.0005)
 
 
+def weighed_each(update_distance):
+    choices = Configuration(update_distance=update_distance)
+    return build_localizer(SCAN, OF, choices, np.random.default_rng(1))
+
+
+def test_evidence_is_of_the_travel_however_often_strains_are_weighed():
+    needed = [
+        next(e.travel for _, e in slide(weighed_each(distance), steps=60, step=(0.0005, 0)) if e.evidence > 4)
+        for distance in (0.0005, 0.002)
+    ]
+    assert needed[0] == pytest.approx(needed[1], abs=0.003)
+
+
+def test_one_strain_after_a_long_silence_makes_no_evidence_of_the_way_that_nobody_felt():
+    localizer = weighed_each(0.0005)
+    for n, x in enumerate((0.01, 0.04)):
+        place = np.array([x, 0.02])
+        estimate = localizer.update(n * 10**9, place + ANYWHERE, strain_at(place[None])[0])
+    assert not estimate.converged
+    assert estimate.evidence < 2.5
+
+
 def test_a_hand_at_rest_learns_nothing(localizer):
     list(slide(localizer, steps=10))
     place = np.array([0.0154, 0.0218])
