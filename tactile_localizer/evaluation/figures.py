@@ -136,12 +136,14 @@ def error_past_feature(results: Results) -> Figure:
     figure = Figure(figsize=_SIZE, layout="constrained")
     plot = figure.add_subplot()
     along = (STRETCHES[:-1] + STRETCHES[1:]) / 2 * MM
-    for method in (m for m in ("default", SUM) if m in results.methods):
-        label, colour = _LOOKS[method]
-        for name, style, what in (("error_past_m", "-", label), ("motion_past_m", ":", "by motion alone")):
+    for method, label in (("default", "default"), (SUM, "constant injection (paper's form)")):
+        if method not in results.methods:
+            continue
+        colour = _LOOKS[method][1]
+        for name, style, what in (("error_past_m", "o-", label), ("motion_past_m", ":", "by motion alone")):
             curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method)])
             drawn, mean = _mean_curve(curves)
-            plot.plot(along[drawn], MM * mean, style, color=colour, label=what)
+            plot.plot(along[drawn], MM * mean, style, ms=4, color=colour, label=what)
     plot.set_xlim(left=0)
     plot.set_ylim(bottom=0)
     plot.set_xlabel("travel since the feature's end, mm")
