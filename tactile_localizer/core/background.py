@@ -42,7 +42,9 @@ class Background:
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of the strain (8F,) of the phalanges that are ``present`` (F,) bool."""
-        return float(self.log_densities(np.where(np.repeat(present, GAUGES), strain, 0.0))[present].sum())
+        if not present.all():
+            strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+        return float(self.log_densities(strain)[present].sum())
 
 
 def _standard_deviation(strain: np.ndarray, mean: np.ndarray) -> np.ndarray:

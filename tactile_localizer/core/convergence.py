@@ -72,10 +72,10 @@ class Convergence:
         travel : m that the strain speaks for
         """
         criteria = self.criteria
-        step = float(np.clip(log_ratio, -self._LARGEST_STEP, self._LARGEST_STEP))
+        step = min(max(log_ratio, -self._LARGEST_STEP), self._LARGEST_STEP)
         most = self._MOST * criteria.evidence
-        self.evidence = float(np.clip(self.evidence + travel / self._MEASURE * step, 0.0, most))
-        spread = float(np.mean(np.diag(belief.covariance) / criteria.std**2))
+        self.evidence = min(max(self.evidence + travel / self._MEASURE * step, 0.0), most)
+        spread = float((belief.covariance.diagonal() / criteria.std**2).mean())
         if self.converged:
             self._check_release(spread)
             return

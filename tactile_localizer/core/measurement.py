@@ -47,7 +47,7 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
     Raises
     ------
     MeasurementError
-        A wrong shape, no phalanx present, or NaN, infinity or a number over 1e100 in a present phalanx.
+        A wrong shape, no phalanx present, or NaN, infinity or numbers over 1e100 in a present phalanx.
     """
     strain = np.asarray(strain, dtype=np.float64)
     if strain.shape != (GAUGES * phalanges,):
@@ -56,17 +56,18 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
         _require_usable(strain)
         return strain, np.ones(phalanges, dtype=bool)
     present = np.asarray(present, dtype=bool)
-    if present.shape != (phalanges,) or not present.any():
+    felt = np.count_nonzero(present)
+    if present.shape != (phalanges,) or not felt:
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
-    if not present.all():
+    if felt < phalanges:
         strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
     _require_usable(strain)
     return strain, present
 
 
 def usable(numbers: np.ndarray) -> bool:
-    """Whether all numbers are finite, and so far from overflow that their squares are."""
-    return bool((np.abs(numbers) < _LARGEST).all())
+    """Whether all of some numbers (N,) are finite, and so far from overflow that their squares are."""
+    return float(numbers @ numbers) < _LARGEST**2
 
 
 def _require_usable(strain: np.ndarray) -> None:

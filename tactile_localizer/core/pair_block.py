@@ -91,16 +91,19 @@ class PairBlock:
 
     def _exponents(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
         """-||z - z_n||^2 / 2 of every pair but for an offset: (M,) and the offset."""
+        felt = slice(None)
         half_square = self._half_square
         if not present.all():
             strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
             half_square = self._half_squares[present].sum(axis=0)
+            first, last = np.flatnonzero(present)[[0, -1]]
+            felt = slice(GAUGES * first, GAUGES * (last + 1))
         dtype = self._strain.dtype
         size = float(strain @ strain)
         # z.z_n - ||z_n||^2 / 2 takes one pass over the strains but cancels. Where that could cost a hundredth
         # (the measurement is far from the whole scan, or float32 is short) subtract first.
         if 8.0 * float(np.finfo(dtype).eps) * (size + self._largest) < 1e-2:
-            exponents = strain.astype(dtype, copy=False) @ self._strain
+            exponents = strain[felt].astype(dtype, copy=False) @ self._strain[felt]
             exponents -= half_square
             return exponents, -0.5 * size
         if size + self._largest > _LARGEST_IN_FLOAT32:

@@ -71,7 +71,7 @@ class PhalanxHealth:
         for index in np.flatnonzero(present):
             alone = np.arange(len(self.trusted)) == index
             log_ratio = self._log_ratio(drawn, on_feature[:, index], strain, alone)
-            self._average[index] += gain * (float(np.clip(log_ratio, -20.0, 20.0)) - self._average[index])
+            self._average[index] += gain * (min(max(log_ratio, -20.0), 20.0) - self._average[index])
         self._decide()
 
     def _log_ratio(
@@ -86,8 +86,8 @@ class PhalanxHealth:
 
     def _decide(self) -> None:
         """Leave out the worst phalanx that contradicts, if another does not; take back the well ones."""
-        self.trusted |= self._average > self._WELL
-        suspects = self.trusted & (self._average < self._SICK)
-        if suspects.any() and (self.trusted & (self._average > self._SICK)).any():
-            worst = int(np.argmin(np.where(suspects, self._average, np.inf)))
-            self.trusted[worst] = False
+        trusted = self.trusted | (self._average > self._WELL)
+        suspects = trusted & (self._average < self._SICK)
+        if suspects.any() and (trusted & (self._average > self._SICK)).any():
+            trusted[int(np.argmin(np.where(suspects, self._average, np.inf)))] = False
+        self.trusted = trusted

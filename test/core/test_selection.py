@@ -55,6 +55,7 @@ def test_the_chosen_candidate_is_the_one_of_most_merit(searched: tuple[list[Tria
         best.parameters.correlation_length,
         best.parameters.correlation_change,
         interpolate=False,
+        sweep_offset=False,
     )
     assert best.score > 1.0
 
