@@ -5,19 +5,25 @@ receipt of the posterior in another process. A strain vector waits for the palm 
 period is part of it; an arm's controller sends them at 500 Hz. It is taken from the first sweep on, with the
 ways back between the sweeps, not while the nodes start.
 
-Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/end_to_end.py [--sweeps 3]``.
+Where it goes is told too, by what DDS notes of each message: when it was sent, and when this process received
+it, as the nodes did. And, of the same minute, how late the machine wakes a process that only sleeps.
+
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/end_to_end.py [--sweeps 8] [--worst 10]``.
 """
 
 from __future__ import annotations
 
 import argparse
+import struct
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from nodes import BUS, Nodes, cpu_s
+from geometry_msgs.msg import PoseStamped
+from machine import Machine
+from nodes import BEST_EFFORT, BUS, Nodes, cpu_s
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from record import record, row
 from std_msgs.msg import Bool
@@ -25,12 +31,18 @@ from std_srvs.srv import Trigger
 
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.msg import Posterior
+from tactile_localizer.msg import Posterior, StrainVectors
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
 POSE_RATE_HZ = 500.0
 LOAD_CELL_RATE_HZ = 200.0
+
+_STAMP = struct.Struct("<iI")
+_STAMP_AT = 4
+"""Of a serialized message that begins with a header: after CDR's own four bytes."""
+
+STAMP, SENT, RECEIVED = range(3)
 
 
 def store_scan(path: Path) -> None:
@@ -43,28 +55,49 @@ def store_scan(path: Path) -> None:
             store.end_sweep()
 
 
-class Clock:
-    """Takes the time of each posterior's way."""
+class Way:
+    """Stamp, sending and receipt of the messages of a topic, ns of the system's clock.
 
-    def __init__(self, nodes: Nodes) -> None:
-        self.taken_ms: list[float] = []
-        self.sweeping: bool | None = None
-        nodes.probe.create_subscription(Posterior, "filter/posterior", self._take, QoSProfile(depth=1000))
-        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        nodes.probe.create_subscription(Bool, "simulator/sweep_active", self._keep, kept)
+    By DDS: this process also waits for services, and looks at what came later.
+    """
 
-    def _take(self, message: Posterior, info: dict[str, Any]) -> None:
-        # When DDS received it: this process also waits for services, and looks at what came later.
-        if not message.stale:
-            stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-            self.taken_ms.append((info["received_timestamp"] - stamp_ns) * 1e-6)
+    def __init__(self, nodes: Nodes, kind: Any, topic: str, quality: QoSProfile) -> None:
+        self._times: list[tuple[int, int, int]] = []
+        nodes.probe.create_subscription(kind, topic, self._take, quality, raw=True)
 
-    def _keep(self, message: Bool) -> None:
-        self.sweeping = message.data
+    def _take(self, message: bytes, info: dict[str, Any]) -> None:
+        s, ns = _STAMP.unpack_from(message, _STAMP_AT)
+        self._times.append((s * 1_000_000_000 + ns, info["source_timestamp"], info["received_timestamp"]))
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def since(self, begin_ns: int) -> np.ndarray:
+        """(n, 3) those stamped at ``begin_ns`` or later, in the order of their stamps, each stamp once."""
+        times = np.array(self._times, dtype=np.int64).reshape(-1, 3)
+        times = times[times[:, STAMP] >= begin_ns]
+        return times[np.unique(times[:, STAMP], return_index=True)[1]]
 
 
-def end_to_end(sweeps: int) -> list[dict[str, Any]]:
-    """Times over ``sweeps`` sweeps at unknown places."""
+def parts_ms(strains: np.ndarray, poses: np.ndarray, posteriors: np.ndarray) -> dict[str, np.ndarray]:
+    """Where the time of each posterior went, ms; the rows of all three are from :meth:`Way.since`."""
+    strains = strains[np.searchsorted(strains[:, STAMP], posteriors[:, STAMP])]
+    after = np.searchsorted(poses[:, STAMP], posteriors[:, STAMP])
+    pose_received = np.maximum.accumulate(poses[:, RECEIVED])[np.minimum(after, len(poses) - 1)]
+    ready = np.maximum(strains[:, RECEIVED], pose_received)
+    parts = {
+        "driver": strains[:, SENT] - strains[:, STAMP],
+        "strain's way": strains[:, RECEIVED] - strains[:, SENT],
+        "wait for the pose": ready - strains[:, RECEIVED],
+        "filter": posteriors[:, SENT] - ready,
+        "posterior's way": posteriors[:, RECEIVED] - posteriors[:, SENT],
+        "all": posteriors[:, RECEIVED] - posteriors[:, STAMP],
+    }
+    return {name: times * 1e-6 for name, times in parts.items()}
+
+
+def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
+    """Times over ``sweeps`` sweeps at unknown places; prints the parts of the ``worst`` ones."""
     with tempfile.TemporaryDirectory() as directory, Nodes() as nodes:
         scan = Path(directory, "scan.db")
         store_scan(scan)
@@ -74,43 +107,79 @@ def end_to_end(sweeps: int) -> list[dict[str, Any]]:
             "driver": nodes.start_node("driver_node", BUS | {"tare_file": f"{directory}/tare.yaml"}),
             "filter": nodes.start_node("filter_node", {"scan_file": scan}),
         }
-        clock = Clock(nodes)
-        cpu, begin_s = dict.fromkeys(started, 0.0), 0.0
-        for sweep in range(sweeps):
-            nodes.call(Trigger, "simulator/prepare")
-            if sweep == 0:
-                nodes.until(lambda: clock.taken_ms, "the first posterior", 60)
-                clock.taken_ms.clear()
-                cpu, begin_s = {name: cpu_s(process) for name, process in started.items()}, time.monotonic()
-            clock.sweeping = None
-            nodes.call(Trigger, "simulator/sweep")
-            nodes.until(lambda: clock.sweeping is False, "the end of the sweep", 60)
-        elapsed_s = time.monotonic() - begin_s
-        cores = {name: (cpu_s(process) - cpu[name]) / elapsed_s for name, process in started.items()}
+        reliable = QoSProfile(depth=1000)
+        posteriors = Way(nodes, Posterior, "filter/posterior", reliable)
+        strains = Way(nodes, StrainVectors, "strain", BEST_EFFORT)
+        poses = Way(nodes, PoseStamped, "palm_pose", reliable)
+        sweeping: list[bool] = []
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        nodes.probe.create_subscription(
+            Bool, "simulator/sweep_active", lambda told: sweeping.append(told.data), kept
+        )
+        nodes.until(lambda: len(posteriors), "the first posterior", 60)
+        with Machine() as machine:
+            cpu = {name: cpu_s(process) for name, process in started.items()}
+            begin_ns = time.time_ns()
+            for _ in range(sweeps):
+                nodes.call(Trigger, "simulator/prepare")
+                sweeping.clear()
+                nodes.call(Trigger, "simulator/sweep")
+                nodes.until(lambda: sweeping[-2:] == [True, False], "the end of the sweep", 60)
+            elapsed_s = (time.time_ns() - begin_ns) * 1e-9
+            cores = {name: (cpu_s(process) - cpu[name]) / elapsed_s for name, process in started.items()}
+    told = posteriors.since(begin_ns)
+    parts = parts_ms(strains.since(begin_ns), poses.since(begin_ns), told)
+    late = [machine.during(*one) for one in told[:, [STAMP, RECEIVED]]]
+    print_worst(parts | {"machine late": np.array(late)}, (told[:, STAMP] - begin_ns) * 1e-9, worst)
+    return rows(parts, machine, elapsed_s, cores)
+
+
+def print_worst(parts: dict[str, np.ndarray], at_s: np.ndarray, worst: int) -> None:
+    """Print the parts of the ones that took longest."""
+    for i in np.sort(np.argsort(parts["all"])[len(at_s) - worst :]):
+        print(
+            f"{at_s[i]:8.3f} s: "
+            + ", ".join(f"{name} {times[i]:.1f}" for name, times in parts.items())
+            + " ms"
+        )
+
+
+def rows(
+    parts: dict[str, np.ndarray], machine: Machine, elapsed_s: float, cores: dict[str, float]
+) -> list[dict[str, Any]]:
+    """The measurements."""
+    times = parts["all"]
+    name = "end to end: frame to posterior"
     what = {
         "rate_hz": LOAD_CELL_RATE_HZ,
         "pose_rate_hz": POSE_RATE_HZ,
-        "posteriors": len(clock.taken_ms),
-        "posteriors_per_s": len(clock.taken_ms) / elapsed_s,
+        "posteriors": len(times),
+        "posteriors_per_s": len(times) / elapsed_s,
         "cores_used": cores,
+        "parts_median_ms": {part: round(float(np.median(ms)), 3) for part, ms in parts.items()},
+        "parts_p99_ms": {part: round(float(np.percentile(ms, 99)), 3) for part, ms in parts.items()},
     }
     return [
-        row(
-            "end to end: frame to posterior, 99th percentile",
-            np.percentile(clock.taken_ms, 99),
-            "ms",
-            "<= 10",
-            **what,
+        row(f"{name}, 99th percentile", np.percentile(times, 99), "ms", "<= 10", **what),
+        row(f"{name}, median", np.median(times), "ms"),
+        row(f"{name}, longest", times.max(), "ms"),
+        *(
+            row(f"{name}, 99th percentile: {part}", np.percentile(ms, 99), "ms")
+            for part, ms in parts.items()
+            if part != "all"
         ),
-        row("end to end: frame to posterior, median", np.median(clock.taken_ms), "ms", **what),
+        row(f"{name}: the machine's own latest wake-up", machine.late[:, 1].max(initial=0.0), "ms"),
+        row(f"{name}: time the machine's host took", machine.stolen_s, "s", seconds=elapsed_s),
     ]
 
 
 def main() -> None:
     """Measure and record."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sweeps", type=int, default=3)
-    record(end_to_end(parser.parse_args().sweeps))
+    parser.add_argument("--sweeps", type=int, default=8, help="of 7.5 s each, with ways back of 1 s")
+    parser.add_argument("--worst", type=int, default=0, help="print where the time of the longest went")
+    args = parser.parse_args()
+    record(end_to_end(args.sweeps, args.worst))
 
 
 if __name__ == "__main__":
