@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from tactile_localizer.core.estimate import Belief
+
+
+class Marginal(NamedTuple):
+    """Logarithms, nats, of what the belief expected of a strain.
+
+    Parameters
+    ----------
+    log_likelihood : of P(z_t | z_1:t-1), with the likelihood untempered, and off the feature not less than
+        that of featureless material
+    log_evidence : of the belief's mean of the tempered likelihood; summed over the strains it is the evidence
+        of the whole sequence
+    """
+
+    log_likelihood: float
+    log_evidence: float
 
 
 class BayesFilter(Protocol):
@@ -21,18 +36,15 @@ class BayesFilter(Protocol):
     def predict(self, displacement: np.ndarray, travel: float) -> None:
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres."""
 
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
+    def update(
+        self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float
+    ) -> Marginal:
         """Weigh the belief by the likelihood of ``strain`` (8F,) raised to ``exponent``.
 
         Parameters
         ----------
         present : (F,) bool, the phalanges that count
         featureless : log-density of the strain on featureless material, nats
-
-        Returns
-        -------
-        The logarithm of the marginal likelihood P(z_t | z_1:t-1), nats, with the likelihood untempered, and
-        off the feature not less than that of featureless material.
         """
 
     def belief(self) -> Belief:

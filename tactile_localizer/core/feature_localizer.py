@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from tactile_localizer.core.convergence import ConvergenceCriteria
@@ -63,8 +61,6 @@ class FeatureLocalizer:
         most_probable = self.identification.most_probable
         if most_probable == NONE:
             estimate = self.identification.estimates[self._believed]
-            return dataclasses.replace(
-                estimate, converged=False, reason="not converged: none of the features"
-            )
+            return estimate._replace(converged=False, reason="not converged: none of the features")
         self._believed = most_probable
         return self.identification.estimates[most_probable]

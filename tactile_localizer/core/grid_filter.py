@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy import ndimage
 
+from tactile_localizer.core.bayes_filter import Marginal
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import MeasurementModel, flatten_axes
 from tactile_localizer.core.motion import MotionModel
@@ -93,7 +94,9 @@ class GridFilter:
         for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
             self._diffuse(int(axis))
 
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
+    def update(
+        self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float
+    ) -> Marginal:
         """See :meth:`BayesFilter.update`."""
         log_likelihood = self._model.log_likelihood_on(self._axes(), strain, present)
         with np.errstate(divide="ignore"):
@@ -103,7 +106,7 @@ class GridFilter:
         log_posterior, log_total = normalize((log_belief + exponent * log_likelihood).ravel())
         if log_total > -math.inf:
             self._belief = np.exp(log_posterior).reshape(self._shape)
-        return log_marginal
+        return Marginal(log_marginal, log_total)
 
     def belief(self) -> Belief:
         """See :meth:`BayesFilter.belief`. The spread within a cell counts."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.weights import normalize
@@ -29,11 +30,12 @@ class Identification:
 class FeatureIdentifier:
     """Runs a localizer for each candidate feature and weighs them against each other and against none.
 
-    A candidate's evidence is the tempered log-marginal of its own belief: densities over the same strain,
-    which compare. *None* explains a strain as well as the candidates' nulls do on average: as featureless, or
-    as badly as a map explains the worst of its own held-out sweeps. Small differences, as there are on
-    featureless material, do not count. What is remembered is bounded, so that a change of material is
-    noticed.
+    A candidate's evidence is that of the whole sequence, log P(z_1:t | candidate), tempered as in its filter:
+    the sum of :class:`.Estimate`'s ``log_evidence``. *Which of them* compares these with each other. *One of
+    them at all* compares their mean, by the probabilities so far, with material that was never scanned; a
+    strain that is more like featureless material says nothing on this, for all materials have such places.
+    Before anything was felt, none is as probable as all candidates together. What is remembered is bounded,
+    so that a change of material is noticed.
 
     Parameters
     ----------
@@ -41,21 +43,18 @@ class FeatureIdentifier:
     """
 
     _MOST = 12.0
-    """nats that the most probable candidate can be ahead of any other."""
-    _LARGEST_STEP = 20.0
-    _TOLERANCE = 2.0
-    """nats that any may be behind the best at no cost."""
+    """nats that the most probable candidate can be ahead of any other, and one of them ahead of none."""
 
     def __init__(self, localizers: Mapping[str, Localizer]) -> None:
         self.localizers = dict(localizers)
-        self._names = (*self.localizers, NONE)
         self.reset()
 
     def reset(self) -> None:
-        """Start anew: every candidate, and none of them, alike."""
+        """Start anew: the candidates alike, and none of them as probable as all together."""
         for localizer in self.localizers.values():
             localizer.reset()
-        self._log_odds = np.zeros(len(self._names))
+        self._log_shares, _ = normalize(np.zeros(len(self.localizers)))
+        self._log_odds = 0.0
 
     def update(
         self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -65,14 +64,18 @@ class FeatureIdentifier:
             name: localizer.update(stamp_ns, position, strain, present)
             for name, localizer in self.localizers.items()
         }
-        values = list(estimates.values())
-        weight = min(estimate.weight for estimate in values)
-        if weight > 0.0:
-            none = float(np.mean([estimate.log_null for estimate in values]))
-            steps = np.array([*(estimate.log_marginal for estimate in values), none])
-            self._log_odds += weight * np.clip(
-                steps - steps.max() + self._TOLERANCE, -self._LARGEST_STEP, 0.0
-            )
-            self._log_odds = np.maximum(self._log_odds - self._log_odds.max(), -self._MOST)
-        probabilities = np.exp(normalize(self._log_odds)[0])
-        return Identification(dict(zip(self._names, map(float, probabilities), strict=True)), estimates)
+        if all(estimate.updated for estimate in estimates.values()):
+            self._weigh(list(estimates.values()))
+        one_of_them = float(expit(self._log_odds))
+        shares = one_of_them * np.exp(self._log_shares)
+        probabilities = dict(zip(estimates, shares.tolist(), strict=True)) | {NONE: 1.0 - one_of_them}
+        return Identification(probabilities, estimates)
+
+    def _weigh(self, estimates: list[Estimate]) -> None:
+        featureless = float(np.mean([estimate.log_featureless for estimate in estimates]))
+        unknown = float(np.mean([estimate.log_unknown for estimate in estimates]))
+        evidence = [estimate.log_evidence - estimate.weight * unknown for estimate in estimates]
+        shares, gain = normalize(self._log_shares + evidence)
+        self._log_shares, _ = normalize(np.maximum(shares, shares.max() - self._MOST))
+        if unknown > featureless:
+            self._log_odds = float(np.clip(self._log_odds + gain, -self._MOST, self._MOST))

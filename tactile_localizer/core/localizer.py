@@ -5,7 +5,7 @@ Live nodes, replay and benchmarks share it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,7 @@ STRIDES = 2.0
 """Update distances that one strain speaks for at most: where none came, nobody knows what was passed."""
 
 
-@dataclass(frozen=True)
-class Estimate:
+class Estimate(NamedTuple):
     """What is believed after a strain vector.
 
     Parameters
@@ -41,7 +40,9 @@ class Estimate:
     converged, reason : whether the position may be believed, and why or why not
     evidence : nats gathered for the believed place
     log_marginal : log P(z_t | z_1:t-1) at the last update, nats
-    log_null : how well that strain is explained without knowing the position, nats
+    log_featureless, log_unknown : how well that strain is explained as one of featureless material, and of
+        material that was never scanned, nats
+    log_evidence : what that strain, tempered, adds to the evidence for the material that was scanned, nats
     weight : share of an independent measurement that this strain counted for; zero where it was not weighed
     trusted : (F,) bool, phalanges that do not contradict the others
     effective_sample_size, hypotheses : of the particles or cells
@@ -57,7 +58,9 @@ class Estimate:
     reason: str
     evidence: float
     log_marginal: float
-    log_null: float
+    log_featureless: float
+    log_unknown: float
+    log_evidence: float
     weight: float
     trusted: np.ndarray
     effective_sample_size: float
@@ -109,7 +112,7 @@ class Localizer:
         self._correlation = correlation
         self._offset = offset
         self._motion = MotionModel(scene)
-        self._unit = np.eye(scene.dimension)
+        self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._stamp_ns: int | None = None
         self._weighed_ns = 0
         self._last_position: np.ndarray | None = None
@@ -191,7 +194,7 @@ class Localizer:
         self._pending_travel = 0.0
         self._travel = 0.0
         self._belief = None
-        self._log_marginal = self._log_null = float("nan")
+        self._log_marginal = self._log_featureless = self._log_unknown = self._log_evidence = float("nan")
         self._weight = 0.0
         self._weighed: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -205,10 +208,15 @@ class Localizer:
         if self._offset is not None:
             strain = self._offset.corrected(strain, used, counted)
         featureless = self._null.featureless(strain, used)
-        self._log_marginal = self.filter.update(strain, used, self._weight, featureless)
-        self._log_null = max(featureless, self._null.unknown(strain, used))
+        unknown = self._null.unknown(strain, used)
+        self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, featureless)
+        # A phalanx that is left out may feel anything: so densities of all that are present are compared.
+        left_out = present & ~used
+        rest = self._null.anything(strain, left_out) if left_out.any() else 0.0
+        self._log_featureless, self._log_unknown = featureless + rest, unknown + rest
+        self._log_evidence = log_evidence + self._weight * rest
         self._belief = self.filter.belief()
-        log_ratio = self._log_marginal - self._log_null
+        log_ratio = self._log_marginal - max(featureless, unknown)
         self._convergence.update(self._belief, log_ratio, min(travel, STRIDES * self._update_distance))
         self._health.update(*self.filter.hypotheses(), strain, present, travel)
         if self._recovery is not None:
@@ -235,20 +243,22 @@ class Localizer:
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
-        covariance = belief.covariance + self._unit * self._motion.variance(self._pending_travel)
+        covariance = belief.covariance + self._pending_travel * self._noise_per_metre
         convergence = self._convergence
         return Estimate(
             stamp_ns=stamp_ns,
             mean=self._motion.wrapped(belief.mean + self._pending),
             covariance=covariance,
-            trace=float(covariance.trace()),
+            trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
             converged=convergence.converged,
             reason=convergence.reason,
             evidence=convergence.evidence,
             log_marginal=self._log_marginal,
-            log_null=self._log_null,
+            log_featureless=self._log_featureless,
+            log_unknown=self._log_unknown,
+            log_evidence=self._log_evidence,
             weight=self._weight,
-            trusted=self._health.trusted.copy(),
+            trusted=self._health.trusted,
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
             travel=self._travel + self._pending_travel,

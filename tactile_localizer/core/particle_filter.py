@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from tactile_localizer.core.bayes_filter import Marginal
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.kld import kld_sample_size
 from tactile_localizer.core.measurement import MeasurementModel
@@ -84,7 +85,9 @@ class ParticleFilter:
         if self._wraps.any():
             self._states[:, self._wraps] = wrap_angle(self._states[:, self._wraps])
 
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float) -> float:
+    def update(
+        self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float
+    ) -> Marginal:
         """See :meth:`BayesFilter.update`."""
         self._resample_if_needed()
         log_likelihood, prior = self._weigh(strain, present)
@@ -93,7 +96,7 @@ class ParticleFilter:
         if featureless > -math.inf:
             off = ~self._scene.on_feature(self._states)
             log_likelihood[off] = np.maximum(log_likelihood[off], featureless)
-        return normalize(prior + log_likelihood)[1]
+        return Marginal(normalize(prior + log_likelihood)[1], log_total)
 
     def _weigh(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Log-likelihoods and prior log-weights, (P,) each; outside the bounds a weight is zero."""

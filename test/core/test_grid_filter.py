@@ -84,7 +84,7 @@ def test_it_agrees_with_the_kalman_filter_on_a_linear_scene():
         strain = model.gain @ truth + rng.standard_normal(16)
         kalman.predict(step, np.array([0.02, 0.03]) ** 2 * travel)
         grid.predict(step, travel)
-        assert grid.update(strain, PRESENT, 1.0, NOWHERE) == pytest.approx(kalman.update(strain), abs=0.02)
+        assert grid.update(strain, PRESENT, 1.0, NOWHERE)[0] == pytest.approx(kalman.update(strain), abs=0.02)
         belief, std = grid.belief(), np.sqrt(np.diag(kalman.covariance))
         assert np.abs((belief.mean - kalman.mean) / std).max() < 0.02
         np.testing.assert_allclose(np.sqrt(np.diag(belief.covariance)), std, rtol=0.02)
@@ -93,7 +93,10 @@ def test_it_agrees_with_the_kalman_filter_on_a_linear_scene():
 def test_a_tempered_step_counts_for_less_and_its_evidence_is_untempered():
     model = LinearModel(np.random.default_rng(0).standard_normal((16, 2)) * 50, 1.0)
     one, half = (GridFilter(scene(), model, np.array([0.001, 0.001])) for _ in range(2))
-    assert half.update(STRAIN, PRESENT, 0.5, NOWHERE) == one.update(STRAIN, PRESENT, 1.0, NOWHERE)
+    assert (
+        half.update(STRAIN, PRESENT, 0.5, NOWHERE).log_likelihood
+        == one.update(STRAIN, PRESENT, 1.0, NOWHERE).log_likelihood
+    )
     half.update(STRAIN, PRESENT, 0.5, NOWHERE)
     np.testing.assert_allclose(half.hypotheses()[1], one.hypotheses()[1], atol=1e-14)
 
@@ -102,7 +105,7 @@ def test_when_no_state_explains_the_strain_nothing_is_learned():
     grid = GridFilter(scene(), FlatModel(-math.inf), np.array([0.001, 0.001]))
     grid.seed(np.array([0.02, 0.02]), np.array([0.003, 0.003]))
     before = grid.belief()
-    assert grid.update(STRAIN, PRESENT, 1.0, NOWHERE) == -math.inf
+    assert grid.update(STRAIN, PRESENT, 1.0, NOWHERE).log_likelihood == -math.inf
     np.testing.assert_allclose(grid.belief().mean, before.mean)
     np.testing.assert_allclose(grid.belief().covariance, before.covariance)
 
@@ -110,7 +113,7 @@ def test_when_no_state_explains_the_strain_nothing_is_learned():
 def test_off_the_feature_the_evidence_is_at_least_that_of_featureless_material():
     where = Region((0.04, -math.inf), (0.05, math.inf))
     grid = GridFilter(scene(phalanges=1, feature=where), FlatModel(-100.0), np.array([0.001, 0.001]))
-    log_marginal = grid.update(np.zeros(8), PRESENT[:1], 1.0, featureless=-10.0)
+    log_marginal, _ = grid.update(np.zeros(8), PRESENT[:1], 1.0, featureless=-10.0)
     assert log_marginal == pytest.approx(-10.0 + math.log(0.8), abs=1e-9)
 
 
@@ -215,3 +218,17 @@ def test_the_density_over_a_uniform_one_is_zero_outside_and_one_where_nothing_is
     grid = GridFilter(line(), FlatModel(), np.array([0.01]))
     density = [grid.relative_density(np.array([x])) for x in (-0.6, 0.0, 0.6)]
     assert density == pytest.approx([0.0, 1.0, 0.0])
+
+
+def test_the_evidence_of_a_sequence_is_that_of_all_its_strains_at_once():
+    """Without motion the sum over the strains is the log of the cells' mean of the product of powers."""
+    rng = np.random.default_rng(0)
+    model = LinearModel(rng.standard_normal((16, 2)) * 50, 1.0)
+    grid = GridFilter(scene(), model, np.array([0.001, 0.001]))
+    states, product = grid.hypotheses()[0], 0.0
+    total = 0.0
+    for share in (0.3, 1.0, 0.05):
+        strain = rng.standard_normal(16)
+        total += grid.update(strain, PRESENT, share, NOWHERE).log_evidence
+        product = product + share * model.log_likelihood(states, strain, PRESENT)
+    assert total == pytest.approx(math.log(np.mean(np.exp(product))))

@@ -47,7 +47,7 @@ def test_one_gaussian_step_is_weighed_as_bayes_says():
     particles = ParticleFilter(scene(), model, np.random.default_rng(0), 500)
     states, _ = particles.hypotheses()
     strain = model.gain @ [0.02, 0.03]
-    log_marginal = particles.update(strain, PRESENT, 1.0, NOWHERE)
+    log_marginal, _ = particles.update(strain, PRESENT, 1.0, NOWHERE)
     likelihood = np.exp(model.log_likelihood(states, strain))
     np.testing.assert_allclose(particles.hypotheses()[1], likelihood / likelihood.sum(), rtol=1e-9)
     assert log_marginal == pytest.approx(math.log(likelihood.mean()))
@@ -58,7 +58,10 @@ def test_one_gaussian_step_is_weighed_as_bayes_says():
 def test_a_tempered_step_counts_for_less_and_its_evidence_is_untempered():
     model, strain = linear(), np.zeros(16)
     one, half = (ParticleFilter(scene(), model, np.random.default_rng(0), 50) for _ in range(2))
-    assert half.update(strain, PRESENT, 0.5, NOWHERE) == one.update(strain, PRESENT, 1.0, NOWHERE)
+    assert (
+        half.update(strain, PRESENT, 0.5, NOWHERE).log_likelihood
+        == one.update(strain, PRESENT, 1.0, NOWHERE).log_likelihood
+    )
     np.testing.assert_allclose(
         half.hypotheses()[1] ** 2 / np.sum(half.hypotheses()[1] ** 2), one.hypotheses()[1], rtol=1e-9
     )
@@ -78,7 +81,10 @@ def test_it_agrees_with_the_kalman_filter_on_a_linear_scene(resampling):
     for step, travel, strain in sweep(model, 25):
         kalman.predict(step, variance * travel)
         particles.predict(step, travel)
-        expected, found = kalman.update(strain), particles.update(strain, PRESENT, 1.0, NOWHERE)
+        expected, found = (
+            kalman.update(strain),
+            particles.update(strain, PRESENT, 1.0, NOWHERE).log_likelihood,
+        )
         assert found == pytest.approx(expected, abs=0.1)
         std = np.sqrt(np.diag(kalman.covariance))
         belief = particles.belief()
@@ -139,7 +145,7 @@ def test_when_no_state_explains_the_strain_nothing_is_learned():
     particles.update(model.gain @ [0.02, 0.03], PRESENT, 1.0, NOWHERE)
     before = particles.belief()
     model.log_likelihood = FlatModel(-math.inf).log_likelihood
-    assert particles.update(STRAIN, PRESENT, 1.0, NOWHERE) == -math.inf
+    assert particles.update(STRAIN, PRESENT, 1.0, NOWHERE).log_likelihood == -math.inf
     np.testing.assert_allclose(particles.belief().mean, before.mean)
     np.testing.assert_allclose(particles.belief().covariance, before.covariance)
 
@@ -151,7 +157,7 @@ def test_off_the_feature_the_evidence_is_at_least_that_of_featureless_material()
     particles = ParticleFilter(
         scene(phalanges=1, feature=where), FlatModel(-100.0), np.random.default_rng(0), 1000
     )
-    log_marginal = particles.update(np.zeros(8), PRESENT[:1], 1.0, featureless=-10.0)
+    log_marginal, _ = particles.update(np.zeros(8), PRESENT[:1], 1.0, featureless=-10.0)
     assert log_marginal == pytest.approx(-10.0 + math.log(0.8), abs=0.01)
 
 
