@@ -50,8 +50,8 @@ HEARD: dict[str, tuple[Any, QoSProfile | int]] = {
     "/simulator/ground_truth": (PoseStamped, 100),
     "/diagnostics": (DiagnosticArray, 10),
 }
-TRAVEL_M = 0.026
-"""How far the hand slides."""
+TRAVEL_M = 0.024
+"""How far the hand slides, and on until the next diagnostics."""
 
 Messages = dict[str, list[Any]]
 
@@ -94,7 +94,14 @@ def listen() -> Messages:
                 messages[topic].clear()
             watcher.call(Trigger, "simulator/sweep")
             wait(lambda: posteriors and posteriors[-1].travel > TRAVEL_M, "the hand to slide")
+            messages["/diagnostics"].clear()
+            wait(lambda: {"filter", "driver"} <= senders(messages["/diagnostics"]), "the diagnostics")
             return {topic: list(heard) for topic, heard in messages.items()}
+
+
+def senders(arrays: list[Any]) -> set[str]:
+    """Nodes that have told of themselves."""
+    return {status.name.split(":")[0].removesuffix("_node") for array in arrays for status in array.status}
 
 
 def columns(cloud: PointCloud2) -> dict[str, np.ndarray]:
@@ -113,7 +120,8 @@ def draw_marker(axes: Axes, marker: Marker) -> None:
     points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
     if marker.type == Marker.TEXT_VIEW_FACING:
         place = marker.pose.position
-        axes.text(place.x, place.y - 0.008, marker.text, color=colour(marker.color), ha="center", fontsize=8)
+        style = {"color": colour(marker.color), "ha": "center", "va": "center", "fontsize": 9}
+        axes.text(place.x, place.y, marker.text, **style)
     elif marker.type == Marker.SPHERE_LIST:
         for x, y in points:
             size = marker.scale.x
@@ -157,7 +165,7 @@ def draw_rviz(messages: Messages) -> Figure:
                 axes.axvline(at, color="0.31", lw=0.5, zorder=0)
                 axes.axhline(at, color="0.31", lw=0.5, zorder=0)
         elif kind == "PointCloud2" and display["Use rainbow"]:
-            size = (display["Size (m)"] * 9 * 72 / 0.135) ** 2
+            size = (display["Size (m)"] * 9 * 72 / 0.096) ** 2
             draw_cloud(axes, messages[topic][-1], display["Channel Name"], "jet", size, display["Alpha"])
         elif kind == "PointCloud2":
             ends = [
@@ -172,8 +180,8 @@ def draw_rviz(messages: Messages) -> Figure:
             for marker in getattr(newest, "markers", [newest]):
                 draw_marker(axes, marker)
     view = layout["Views"]["Current"]
-    axes.set_xlim(view["X"] - 0.045, view["X"] + 0.045)
-    axes.set_ylim(view["Y"] - 0.03, view["Y"] + 0.03)
+    axes.set_xlim(view["X"] - 0.048, view["X"] + 0.048)
+    axes.set_ylim(view["Y"] - 0.032, view["Y"] + 0.032)
     axes.axis("off")
     return figure
 
@@ -239,8 +247,8 @@ def draw_3d(axes: Axes, config: Any, messages: Messages) -> None:
             for marker in getattr(newest, "markers", [newest]):
                 draw_marker(axes, marker)
     x, y, _ = config["cameraState"]["targetOffset"]
-    axes.set_xlim(x - 0.034, x + 0.034)
-    axes.set_ylim(y - 0.0285, y + 0.0285)
+    axes.set_xlim(x - 0.038, x + 0.038)
+    axes.set_ylim(y - 0.032, y + 0.032)
     axes.set_xticks([])
     axes.set_yticks([])
 

@@ -15,7 +15,7 @@ from tactile_localizer.scene import Scene
 
 _PAD_M = 0.012
 _TEXT_M = 0.003
-_BELIEVED = ColorRGBA(r=0.1, g=0.7, b=0.2, a=0.9)
+_BELIEVED = ColorRGBA(r=0.1, g=0.7, b=0.2, a=0.6)
 _DOUBTED = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
 _STALE = ColorRGBA(r=0.5, g=0.5, b=0.5, a=0.5)
 _ELLIPSE = 2.4477
@@ -23,7 +23,7 @@ _ELLIPSE = 2.4477
 
 
 def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerArray:
-    """The phalanges where they are believed to be, the 95 % ellipse of the palm, and the reason in words.
+    """The phalanges where they are believed to be, the 95 % ellipse of the palm, and the reason above.
 
     Parameters
     ----------
@@ -38,7 +38,10 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
         pads.points.append(Point(x=x + along, y=y + across))
     text = Marker(type=Marker.TEXT_VIEW_FACING, ns="reason", color=ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0))
     text.text = f"stale: {stale}" if stale else estimate.reason
-    text.pose = Pose(position=Point(x=x, y=y, z=0.02))
+    centre, top = (
+        _planar(scene.axis_names, limits) for limits in ((scene.lower + scene.upper) / 2, scene.upper)
+    )
+    text.pose = Pose(position=Point(x=centre[0], y=top[1] + _TEXT_M, z=0.02))
     text.scale.z = _TEXT_M
     shown = [pads, _ellipse(estimate, scene, (x, y), colour), text]
     for number, marker in enumerate(shown):

@@ -84,6 +84,9 @@ def test_pose_flag_trace_and_particles_agree_with_the_posterior(node, probe):
     pads = markers[-1].markers[0]
     assert len(pads.points) == 2
     assert pads.points[0].y - pads.points[1].y == pytest.approx(0.0254)
+    reason = markers[-1].markers[2]
+    assert reason.text
+    assert reason.pose.position.y > 0.0508, "the words lie above the map, not on the hand"
 
 
 def test_the_map_is_kept_for_late_subscribers(node, probe):
