@@ -220,12 +220,12 @@ def _evidence_does_not_fire_falsely(results: Results) -> Finding:
     alarms = own_criterion(results, "default")
     blanks = len(results.blanks("default"))
     held = blanks > 0 and alarms.blank == 0.0
+    in_blanks = f"in {alarms.blank:.1%} of {blanks} blank sweeps and " if blanks else ""
     return Finding(
         "Convergence can be told without false alarms where no feature is (this package's criterion).",
         "III-D, aim",
         HELD if held else OPEN if not blanks else NOT_HELD,
-        f"fires in {alarms.blank:.1%} of {blanks} blank sweeps and "
-        f"in {alarms.before:.1%} of sweeps before contact",
+        f"fires {in_blanks}in {alarms.before:.1%} of sweeps before contact",
     )
 
 

@@ -33,6 +33,8 @@ th { border-bottom: 2px solid #999; } th:first-child, td:first-child { text-alig
   table { font-size: .72rem; } th, td { padding: .2rem .35rem; }
   th { white-space: normal; } th:first-child, td:first-child { white-space: normal; overflow-wrap: anywhere; }
   th:first-child, td:first-child { position: sticky; left: 0; min-width: 6rem; background: #fff; }
+  .words thead { display: none; } .words tr, .words td { display: block; border: 0; padding: .05rem 0; }
+  .words tr { border-bottom: 1px solid #ddd; padding: .4rem 0; }
 }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; } .wide { overflow: visible; }
