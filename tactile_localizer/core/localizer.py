@@ -44,7 +44,7 @@ class Estimate(NamedTuple):
         material that was never scanned, nats
     log_evidence : what that strain, tempered, adds to the evidence for the material that was scanned, nats
     weight : share of an independent measurement that this strain counted for; zero where it was not weighed
-    trusted : (F,) bool, phalanges that do not contradict the others
+    trusted : (F,) bool, phalanges that are not stuck and do not contradict the others
     effective_sample_size, hypotheses : of the particles or cells
     travel : m since the belief was last spread over the whole scene
     updated : whether this strain was weighed; otherwise the last belief was only moved along
@@ -203,6 +203,7 @@ class Localizer:
         if travel > 0.0:
             self.filter.predict(self._pending, travel)
         counted = max(travel, self._update_distance)
+        self._health.hear(strain, present, travel)
         used = self._used(present)
         self._weight = self._share(strain, used, counted)
         if self._offset is not None:

@@ -1,10 +1,11 @@
 """Which phalanges can be trusted.
 
-One that contradicts what the belief expects of it is left out until it is well.
+One that is stuck, or contradicts what the belief expects of it, is left out until it is well.
 
-A load cell that is stuck, swapped, scaled or drifting still sends plausible numbers. Its own evidence gives
-it away: at the believed place the map says what that phalanx should feel, and the null model says how well
-its strain is explained without the map.
+A load cell that is stuck, swapped, scaled or drifting still sends plausible numbers. One that is stuck sends
+the same to the last bit while another changes: a load cell that works always has noise. The others are given
+away by their own evidence: at the believed place the map says what that phalanx should feel, and the null
+model says how well its strain is explained without the map.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.resampling import systematic
 from tactile_localizer.core.weights import normalize
-from tactile_localizer.scene import Scene
+from tactile_localizer.scene import GAUGES, Scene
 
 _STATES = 48
 """States drawn evenly from the belief to ask what a phalanx should feel."""
@@ -29,7 +30,14 @@ class PhalanxHealth:
     Parameters
     ----------
     scene, model, null : as the localizer's
+
+    Attributes
+    ----------
+    trusted : (F,) bool, phalanges to use; replaced, never changed in place
     """
+
+    _STUCK = 0.002
+    """m of travel over which a phalanx that says the same is taken for stuck."""
 
     _INTERVAL = 0.002
     """m of travel between two checks: they cost as much as an update."""
@@ -46,9 +54,20 @@ class PhalanxHealth:
 
     def reset(self) -> None:
         """Trust every phalanx."""
-        self.trusted = np.ones(len(self._scene.phalanges), dtype=bool)
+        self._agree = self.trusted = np.ones(len(self._scene.phalanges), dtype=bool)
         self._average = np.zeros(len(self.trusted))
         self._pending = 0.0
+        self._last: np.ndarray | None = None
+        self._unchanged = np.zeros(len(self.trusted))
+
+    def hear(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
+        """Take in what the load cells say, before anything is removed from it; arguments as :meth:`update`."""
+        if self._last is not None:
+            same = present & (strain == self._last).reshape(-1, GAUGES).all(axis=1)
+            others_change = (present & ~same).any()
+            self._unchanged = np.where(same, self._unchanged + travel * others_change, 0.0)
+            self.trusted = self._agree & (self._unchanged < self._STUCK)
+        self._last = strain
 
     def update(
         self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray, present: np.ndarray, travel: float
@@ -86,8 +105,9 @@ class PhalanxHealth:
 
     def _decide(self) -> None:
         """Leave out the worst phalanx that contradicts, if another does not; take back the well ones."""
-        trusted = self.trusted | (self._average > self._WELL)
-        suspects = trusted & (self._average < self._SICK)
-        if suspects.any() and (trusted & (self._average > self._SICK)).any():
-            trusted[int(np.argmin(np.where(suspects, self._average, np.inf)))] = False
-        self.trusted = trusted
+        agree = self._agree | (self._average > self._WELL)
+        suspects = agree & (self._average < self._SICK)
+        if suspects.any() and (agree & (self._average > self._SICK)).any():
+            agree[int(np.argmin(np.where(suspects, self._average, np.inf)))] = False
+        self._agree = agree
+        self.trusted = agree & (self._unchanged < self._STUCK)

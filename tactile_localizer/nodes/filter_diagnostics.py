@@ -82,7 +82,7 @@ class FilterDiagnostics:
         if stale:
             return self._status("belief", DiagnosticStatus.STALE, f"stale: {stale}", values)
         if left_out := _left_out(tracker):
-            message = f"left out, for they contradict the belief: {', '.join(left_out)}"
+            message = f"left out, for they are stuck or contradict the belief: {', '.join(left_out)}"
             return self._status("belief", DiagnosticStatus.WARN, message, values)
         message = "nothing felt yet" if estimate is None else estimate.reason
         return self._status("belief", DiagnosticStatus.OK, message, values)

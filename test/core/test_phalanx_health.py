@@ -68,3 +68,33 @@ def test_a_phalanx_that_is_well_again_is_taken_back(localizer: Localizer) -> Non
         seen.append(localizer.update(int(TEST.stamp_ns[row]), TEST.odometry[row], strain).trusted[1])
     assert not all(seen)
     assert seen[-1]
+
+
+def frozen(localizer: Localizer, *fingers: int) -> list[Estimate]:
+    """Estimates before contact and the rest of a sweep, with fingers that say the same from 2 mm on."""
+    part = TEST.slices()[0]
+    localizer.reset()
+    estimates = []
+    for row in range(part.start, part.stop):
+        strain = TEST.strain[row].copy()
+        for finger in fingers:
+            held = min(row, part.start + 30)
+            strain[8 * finger : 8 * finger + 8] = TEST.strain[held, 8 * finger : 8 * finger + 8]
+        estimates.append(localizer.update(int(TEST.stamp_ns[row]), TEST.odometry[row], strain))
+    return estimates
+
+
+def test_a_phalanx_that_says_the_same_while_the_other_changes_is_left_out_before_contact(
+    localizer: Localizer,
+) -> None:
+    trusted = np.array([estimate.trusted for estimate in frozen(localizer, 1)])
+    contact = TEST.contact[0] - TEST.slices()[0].start
+    assert trusted[:30].all()
+    assert trusted[:contact, 0].all()
+    assert not trusted[contact:, 1].any()
+    assert not trusted[100:contact, 1].any()
+
+
+def test_where_all_say_the_same_none_is_left_out_for_it(localizer: Localizer) -> None:
+    contact = TEST.contact[0] - TEST.slices()[0].start
+    assert np.array([estimate.trusted for estimate in frozen(localizer, 0, 1)[:contact]]).all()
