@@ -61,7 +61,7 @@ class PhalanxHealth:
         self._unchanged = np.zeros(len(self.trusted))
 
     def hear(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
-        """Take in what the load cells say, before anything is removed from it; arguments as :meth:`update`."""
+        """Take in what the load cells say, as they say it; arguments as :meth:`update`."""
         if self._last is not None:
             same = present & (strain == self._last).reshape(-1, GAUGES).all(axis=1)
             others_change = (present & ~same).any()
