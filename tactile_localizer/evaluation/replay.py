@@ -104,12 +104,11 @@ def _localise(
     localizer: Localizer, sweep: RecordedSweep, clock: Callable[[], float]
 ) -> Iterator[tuple[int, Estimate | None, float]]:
     """For each sample its row, the estimate (``None``: refused) and the seconds it took."""
-    present = usable(sweep.status)
-    stamps = sweep.stamp_ns.tolist()
-    for row, stamp_ns in enumerate(stamps):
+    samples = zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True)
+    for row, sample in enumerate(samples):
         began = clock()
         try:
-            estimate = localizer.update(stamp_ns, sweep.position[row], sweep.strain[row], present[row])
+            estimate = localizer.update(*sample)
         except MeasurementError:
             estimate = None
         yield row, estimate, clock() - began
