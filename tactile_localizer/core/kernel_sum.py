@@ -91,11 +91,16 @@ class KernelSum:
         return white
 
     def at_states(
-        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray
+        self,
+        states: np.ndarray,
+        strain: np.ndarray,
+        present: np.ndarray,
+        log_floor: float = -math.inf,
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """The sums at states (P, d), m, for a strain (8F,), V, of the phalanges ``present`` (F,) bool.
 
-        A full-turn axis is periodic: any turn of it will do.
+        A full-turn axis is periodic: any turn of it will do. ``log_floor``: logarithm of what will be added to
+        the sums; pairs that are negligible beside it may be left out.
 
         Returns
         -------
@@ -109,14 +114,20 @@ class KernelSum:
         block = self._block_for(*box(scaled))
         if len(block) == 0:
             return np.zeros(len(states)), np.zeros(len(states)), 0.0
-        weights, log_scale = self._weights(block, strain, present)
         if self.evaluation == "field" and block.nodes <= min(_NODES_A_PAIR * len(block), _MOST_NODES):
-            return block.grid.at_states(scaled, block.grid.spread(weights)), block.density(scaled), log_scale
+            pairs, weights, log_scale = self._weights(block, strain, present, log_floor)
+            field = block.spread(pairs, weights)
+            return block.grid.at_states(scaled, field), block.density(scaled), log_scale
+        _, weights, log_scale = self._weights(block, strain, present, -math.inf)
         both = block.direct_sum(scaled, np.stack([weights, np.ones(len(weights))], axis=1))
         return both[:, 0], both[:, 1], log_scale
 
     def on_axes(
-        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray
+        self,
+        axes: list[np.ndarray],
+        strain: np.ndarray,
+        present: np.ndarray,
+        log_floor: float = -math.inf,
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """The same at every combination of d coordinates: arrays (C1, ..., Cd)."""
         shape = tuple(len(coordinates) for coordinates in axes)
@@ -127,15 +138,19 @@ class KernelSum:
         # The grid is contracted with the first axis alone; directly, every state meets every pair.
         worth = _NODES_A_PAIR * len(block) * (len(states) / len(axes[0]))
         if self.evaluation != "field" or len(block) == 0 or block.nodes > min(worth, _MOST_NODES):
-            sums, density, log_scale = self.at_states(states, strain, present)
+            sums, density, log_scale = self.at_states(states, strain, present, log_floor)
             return sums.reshape(shape), density.reshape(shape), log_scale
-        weights, log_scale = self._weights(block, strain, present)
-        sums = block.grid.on_axes(scaled, block.grid.spread(weights))
+        pairs, weights, log_scale = self._weights(block, strain, present, log_floor)
+        sums = block.grid.on_axes(scaled, block.spread(pairs, weights))
         return sums, np.maximum(block.grid.on_axes(scaled, block.count), 0.0), log_scale
 
-    def _weights(self, block: PairBlock, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
-        weights, log_scale = block.strain_weights((strain - self._centre) / self._strain_std, present)
-        return weights, log_scale + float(self._log_constants[present].sum())
+    def _weights(
+        self, block: PairBlock, strain: np.ndarray, present: np.ndarray, log_floor: float
+    ) -> tuple[np.ndarray | None, np.ndarray, float]:
+        white = (strain - self._centre) / self._strain_std
+        log_constant = float(self._log_constants[present].sum())
+        pairs, weights, log_scale = block.strain_weights(white, present, log_floor - log_constant)
+        return pairs, weights, log_scale + log_constant
 
     def _block_for(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
         """The pairs within reach of the box, kept while they serve and are not far too many."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -67,7 +68,7 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
 
 def usable(numbers: np.ndarray) -> bool:
     """Whether all of some numbers (N,) are finite, and so far from overflow that their squares are."""
-    return float(numbers @ numbers) < _LARGEST**2
+    return math.hypot(*numbers.tolist()) < _LARGEST
 
 
 def _require_usable(strain: np.ndarray) -> None:

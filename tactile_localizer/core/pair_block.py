@@ -13,6 +13,10 @@ from tactile_localizer.scene import GAUGES
 
 HEADROOM = 64.0
 """Logarithm of the nearest pair's weight, so that float32 still holds weights smaller by exp(-150)."""
+_NEAREST = 1.0
+"""Nats below the nearest pair's weight that are kept in any case."""
+_FEW = 0.15
+"""Share of the pairs below which it is less work to pick them out."""
 _CHUNK = 2**16
 """Kernels held at once: they stay in the processor's cache."""
 _LARGEST_IN_FLOAT32 = 1e8
@@ -70,24 +74,38 @@ class PairBlock:
         """Whether the box ``lower`` (d,) to ``upper`` (d,) lies inside this block's."""
         return bool((lower >= self.lower).all() and (upper <= self.upper).all())
 
-    def strain_weights(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
-        """exp(-||z - z_n||^2 / 2) of every pair, scaled so that nothing that matters underflows.
+    def strain_weights(
+        self, strain: np.ndarray, present: np.ndarray, log_negligible: float = -math.inf
+    ) -> tuple[np.ndarray | None, np.ndarray, float]:
+        """exp(-||z - z_n||^2 / 2) of the pairs, scaled so that nothing that matters underflows.
 
         Parameters
         ----------
         strain : (8F,) whitened
         present : (F,) bool, the phalanges to count
+        log_negligible : logarithm of a weight beside which the sum of all that are left out is below 1e-4
 
         Returns
         -------
-        weights : (M,); the largest is exp(:data:`HEADROOM`)
+        pairs : (M',) indices of those that are not negligible; ``None``: all, where they are not few
+        weights : (M',) or (M,); the largest is exp(:data:`HEADROOM`)
         log_scale : logarithm of what they were divided by
         """
         exponents, offset = self._exponents(strain, present)
         nearest = float(exponents.max())
+        least = log_negligible - offset - math.log(1e4 * len(self))
+        pairs = None
+        if least > -math.inf:
+            heavy = np.flatnonzero(exponents > min(least, nearest - _NEAREST))
+            if len(heavy) < _FEW * len(self):
+                pairs, exponents = heavy, exponents[heavy]
         exponents -= exponents.dtype.type(nearest)
         exponents += exponents.dtype.type(HEADROOM)
-        return np.exp(exponents, out=exponents), offset + nearest - HEADROOM
+        return pairs, np.exp(exponents, out=exponents), offset + nearest - HEADROOM
+
+    def spread(self, pairs: np.ndarray | None, weights: np.ndarray) -> np.ndarray:
+        """The weights of :meth:`strain_weights` on the nodes of the grid."""
+        return self.grid.spread(weights) if pairs is None else self.grid.spread_some(pairs, weights)
 
     def _exponents(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, float]:
         """-||z - z_n||^2 / 2 of every pair but for an offset: (M,) and the offset."""
@@ -117,7 +135,7 @@ class PairBlock:
         return exponents, 0.0
 
     def direct_sum(self, states: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Sum of weights (M,) or (M, k) times position kernel at states (P, d): (P,) or (P, k)."""
+        """Sum of weights (M, k) times position kernel at states (P, d): (P, k)."""
         rows = max(1, _CHUNK // len(self))
         parts = []
         for start in range(0, len(states), rows):

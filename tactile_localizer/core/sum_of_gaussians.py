@@ -59,17 +59,19 @@ class PhalanxKernels:
 
     def at_states(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Log-density at states (P, d): (P,)."""
-        return self._mix(*self.kernels.at_states(states, strain, present), strain, present)
+        log_floor = self._log_floor(strain, present)
+        return self._mix(*self.kernels.at_states(states, strain, present, log_floor), log_floor)
 
     def on_axes(self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Log-density at every combination of coordinates: (C1, ..., Cd)."""
-        return self._mix(*self.kernels.on_axes(axes, strain, present), strain, present)
+        log_floor = self._log_floor(strain, present)
+        return self._mix(*self.kernels.on_axes(axes, strain, present, log_floor), log_floor)
 
-    def _mix(
-        self, sums: np.ndarray, density: np.ndarray, log_scale: float, strain: np.ndarray, present: np.ndarray
-    ) -> np.ndarray:
+    def _log_floor(self, strain: np.ndarray, present: np.ndarray) -> float:
+        return math.log(FLOOR * self._typical) + self.background.log_density(strain, present)
+
+    def _mix(self, sums: np.ndarray, density: np.ndarray, log_scale: float, log_floor: float) -> np.ndarray:
         floor = FLOOR * self._typical
-        log_floor = math.log(floor) + self.background.log_density(strain, present)
         if abs(log_floor - log_scale) < _SAFE:
             total = np.log(sums + math.exp(log_floor - log_scale)) + log_scale
         else:

@@ -251,7 +251,7 @@ def test_cancellation_of_squares_never_costs_a_weight_more_than_a_hundredth(dtyp
     strain = (size * rng.standard_normal((16, 1)) + rng.standard_normal((16, 300))).astype(dtype)
     measured = strain[:, 0].astype(float) + 0.5
     block = PairBlock(rng.random((300, 2)), strain, np.full(2, -1.0), np.full(2, 2.0))
-    weights, _ = block.strain_weights(measured, PRESENT)
+    _, weights, _ = block.strain_weights(measured, PRESENT)
     squared = np.sum((strain.astype(float) - measured[:, None]) ** 2, axis=0)
     errors = np.log(weights) - HEADROOM + 0.5 * (squared - squared.min())
     assert np.abs(errors).max() < limit

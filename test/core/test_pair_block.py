@@ -31,7 +31,7 @@ def test_strain_kernels_do_not_cancel_or_underflow(seed, scale, away, dtype):
     rng = np.random.default_rng(seed)
     strain = (scale * rng.standard_normal((2 * GAUGES, 30))).astype(dtype)
     measured = strain[:, 3].astype(float) + rng.standard_normal(2 * GAUGES) + away * scale
-    weights, log_scale = block_of(rng.random((30, 2)), strain).strain_weights(measured, np.ones(2, bool))
+    _, weights, log_scale = block_of(rng.random((30, 2)), strain).strain_weights(measured, np.ones(2, bool))
     squared = np.sum((strain.astype(float) - measured[:, None]) ** 2, axis=0)
     assert np.log(weights.max()) == pytest.approx(HEADROOM, abs=0.02)
     weights, log_scale = weights / np.exp(HEADROOM), log_scale + HEADROOM
@@ -50,8 +50,8 @@ def test_strains_of_float32_are_compared_in_float32_and_as_exactly():
     measured = strain[:, 7] + rng.standard_normal(2 * GAUGES)
     positions = rng.random((500, 2))
     present = np.ones(2, bool)
-    exact, scale = block_of(positions, strain).strain_weights(measured, present)
-    short, short_scale = block_of(positions, strain.astype(np.float32)).strain_weights(measured, present)
+    _, exact, scale = block_of(positions, strain).strain_weights(measured, present)
+    _, short, short_scale = block_of(positions, strain.astype(np.float32)).strain_weights(measured, present)
     assert short.dtype == np.float32
     assert short_scale == pytest.approx(scale, abs=1e-3)
     np.testing.assert_allclose(short, exact, atol=1e-3 * np.exp(HEADROOM))
@@ -66,8 +66,25 @@ def test_an_absent_phalanx_is_as_if_it_were_not_there(seed):
         np.where(np.arange(16) < 8, measured, 0.0), np.array([True, False])
     )
     alone = block_of(positions, strain[:GAUGES]).strain_weights(measured[:GAUGES], np.ones(1, bool))
-    np.testing.assert_allclose(both[0], alone[0], rtol=1e-9)
-    assert both[1] == pytest.approx(alone[1], abs=1e-9)
+    np.testing.assert_allclose(both[1], alone[1], rtol=1e-9)
+    assert both[2] == pytest.approx(alone[2], abs=1e-9)
+
+
+@given(seed=st.integers(0, 2**32 - 1), log_floor=st.floats(-60.0, -5.0))
+def test_pairs_left_out_beside_a_floor_are_together_less_than_a_ten_thousandth_of_it(seed, log_floor):
+    rng = np.random.default_rng(seed)
+    positions, strain = 3.0 * rng.random((400, 2)), 4.0 * rng.standard_normal((2 * GAUGES, 400))
+    measured = strain[:, 5] + rng.standard_normal(2 * GAUGES)
+    block, present = block_of(positions, strain), np.ones(2, bool)
+    _, weights, log_scale = block.strain_weights(measured, present)
+    pairs, few, few_scale = block.strain_weights(measured, present, log_floor)
+    assert few_scale == log_scale
+    assert pairs is not None, "pairs 4 widths apart in 16 dimensions are far from most"
+    assert 5 in pairs
+    left_out = weights.sum() - few.sum()
+    assert left_out * np.exp(log_scale) <= 1.001e-4 * np.exp(log_floor)
+    whole, part = block.spread(None, weights), block.spread(pairs, few)
+    assert np.abs(whole - part).max() <= left_out + 1e-5 * whole.max()
 
 
 @given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(1, 3))
