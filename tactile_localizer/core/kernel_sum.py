@@ -99,8 +99,8 @@ class KernelSum:
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """The sums at states (P, d), m, for a strain (8F,), V, of the phalanges ``present`` (F,) bool.
 
-        A full-turn axis is periodic: any turn of it will do. ``log_floor``: logarithm of what will be added to
-        the sums; pairs that are negligible beside it may be left out.
+        A full-turn axis is periodic: any turn of it will do. ``log_floor``: logarithm of what will be added
+        to the sums; pairs that are negligible beside it may be left out.
 
         Returns
         -------
