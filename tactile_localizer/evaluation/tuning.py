@@ -89,11 +89,14 @@ def tuning_figure(trials: Sequence[Trial], by_neighbours: Sequence[NeighbourTria
     widths.set_xlabel("S_z, share of the sweeps' disagreement")
     widths.set_ylabel("merit, nats a strain")
     widths.legend(fontsize=7)
-    chosen = [
+    at_widths = [
         trial
         for trial in trials
         if (trial.position_factor, trial.strain_factor) == (best.position_factor, best.strain_factor)
     ]
+    # Each length was tried with more than one tempering by the change of strain.
+    every_mm = sorted({_correlation_mm(trial) for trial in at_widths})
+    chosen = [best_of([trial for trial in at_widths if _correlation_mm(trial) == mm]) for mm in every_mm]
     length_mm = [_correlation_mm(trial) for trial in chosen]
     lengths.plot(length_mm, [trial.merit for trial in chosen], "o-", ms=4, color="black", label="merit")
     lengths.plot(length_mm, [trial.score for trial in chosen], "o:", ms=3, color="0.5", label="score")

@@ -32,6 +32,7 @@ def trial(position: float, strain: float, length: float, score: float, coverage:
 TRIALS = [
     trial(0.5, 1.0, 0.002, 3.0),
     trial(0.5, 1.0, 0.005, 3.4),
+    trial(0.5, 1.0, 0.005, 3.2),  # with another tempering by the change of strain
     trial(0.5, 2.0, 0.002, 9.0, coverage=0.5),
     trial(1.0, 1.0, 0.002, 3.1),
 ]
@@ -44,7 +45,7 @@ NEIGHBOURS = [
 
 def test_the_best_is_honest_first() -> None:
     assert best_of(TRIALS) is TRIALS[1]
-    assert by_widths(TRIALS) == [TRIALS[1], TRIALS[2], TRIALS[3]]
+    assert by_widths(TRIALS) == [TRIALS[1], TRIALS[3], TRIALS[4]]
 
 
 def test_the_table_marks_what_is_chosen() -> None:
@@ -68,6 +69,7 @@ def test_the_picture_has_a_line_for_each_position_width() -> None:
     labels = [text.get_text() for text in widths.get_legend().get_texts()]
     assert labels == ["S_x at 0.5 of the sweeps' spacing", "S_x at 1 of the sweeps' spacing"]
     assert list(lengths.get_lines()[0].get_xdata()) == [2.0, 5.0]
+    assert list(lengths.get_lines()[0].get_ydata()) == [3.0, 3.4]
     assert list(neighbours.get_lines()[0].get_xdata()) == [4, 8, 16]
     assert coverage.get_ylabel() == "coverage of the 95 % region"
 
