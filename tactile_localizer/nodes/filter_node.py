@@ -21,7 +21,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.assembly import build_identifier, build_localizer, convergence_criteria
@@ -38,6 +37,7 @@ from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
 from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics, Inputs
 from tactile_localizer.nodes.filter_outputs import FilterOutputs
 from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration
+from tactile_localizer.nodes.hearing import Topic, hear
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.strain_vectors import StrainReader
 from tactile_localizer.nodes.tracker import Tracker
@@ -74,9 +74,12 @@ class FilterNode(ManagedNode):
     def activate(self) -> None:
         """Listen; the belief begins anew."""
         self._begin()
-        self._hear(StrainVectors, "strain", self._on_strain, _BEST_EFFORT)
-        self._hear(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100))
-        self._hear(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10))
+        heard = (
+            Topic(StrainVectors, "strain", self._on_strain, _BEST_EFFORT),
+            Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100)),
+            Topic(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10)),
+        )
+        self._made = [partial(self.destroy_subscription, one) for one in hear(self, heard)]
         for kind, name, answer in (
             (Empty, "~/reinitialize_global_localization", self._on_reinitialize),
             (LoadScan, "~/load_scan", self._on_load_scan),
@@ -100,11 +103,6 @@ class FilterNode(ManagedNode):
         for withdraw in self._offered:
             withdraw()
         self._offered = []
-
-    def _hear(self, kind: Any, topic: str, work: Callable[[Any], None], quality: QoSProfile) -> None:
-        options = QoSOverridingOptions.with_default_policies()
-        subscription = self.create_subscription(kind, topic, work, quality, qos_overriding_options=options)
-        self._made.append(partial(self.destroy_subscription, subscription))
 
     def _load(self, paths: Sequence[Path]) -> None:
         """Build the localizer of one scan file or several; where that fails, what was there stays."""

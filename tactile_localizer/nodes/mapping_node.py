@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.coverage import SWEEP_DISTANCE_M, Coverage
@@ -24,6 +23,7 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
 from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.nodes import palm_pose, stamps
+from tactile_localizer.nodes.hearing import Topic, hear
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.map_publisher import MapPublisher
 from tactile_localizer.nodes.mapping_diagnostics import MappingDiagnostics
@@ -98,13 +98,11 @@ class MappingNode(ManagedNode):
         self._failure = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        for kind, topic, work, qos in (
-            (StrainVectors, "strain", self._on_strain, best_effort),
-            (PoseStamped, "palm_pose", self._on_pose, 100),
-        ):
-            options = QoSOverridingOptions.with_default_policies()
-            heard = self.create_subscription(kind, topic, work, qos, qos_overriding_options=options)
-            self._made.append((self.destroy_subscription, heard))
+        heard = (
+            Topic(StrainVectors, "strain", self._on_strain, best_effort),
+            Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100)),
+        )
+        self._made = [(self.destroy_subscription, one) for one in hear(self, heard)]
         for name, answer in (("~/start_sweep", self._on_start), ("~/end_sweep", self._on_end)):
             self._made.append((self.destroy_service, self.create_service(Trigger, name, answer)))
         # Time that cannot be set back or stand still, whatever the nodes' clock does.
