@@ -15,7 +15,7 @@ MOST_AT_ONCE = 20
 
 
 class Topic(NamedTuple):
-    """What is heard: its kind and name, who takes a message, and the quality unless parameters say otherwise."""
+    """What is heard: kind and name, who takes a message, and the quality unless parameters say otherwise."""
 
     kind: Any
     name: str
