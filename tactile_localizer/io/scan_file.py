@@ -122,10 +122,12 @@ def _connect(uri: str) -> sqlite3.Connection:
 
 def _open(path: Path, writable: bool) -> sqlite3.Connection:
     uri = path.absolute().as_uri()
+    # For reading too: a connection that may only read leaves its log behind when it is the last to close.
+    connection = _connect(f"{uri}?mode=rw")
     if writable:
-        return _connect(f"{uri}?mode=rw")
+        return connection
     try:
-        connection = _connect(f"{uri}?mode=ro")
+        connection.execute("PRAGMA query_only = ON")
         connection.execute("SELECT count(*) FROM sqlite_master")
     except sqlite3.OperationalError:
         # Sharing a write-ahead log needs a folder that can be written; without a log nothing is shared.

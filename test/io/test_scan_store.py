@@ -57,6 +57,17 @@ def test_what_was_appended_is_loaded_bit_for_bit(tmp_path):
     assert (scan.axes, scan.phalanges) == (("x", "y"), ("index", "middle"))
 
 
+def test_reading_leaves_no_log_behind_and_changes_nothing(tmp_path):
+    record(tmp_path / "scan.db")
+    before = (tmp_path / "scan.db").read_bytes()
+    with ScanStore.open(tmp_path / "scan.db") as store, ScanStore.open(tmp_path / "scan.db") as other:
+        assert len(store.load()) == len(other.load()) == 20
+        with pytest.raises(ScanError):
+            store.begin_sweep()
+    assert [file.name for file in tmp_path.iterdir()] == ["scan.db"]
+    assert (tmp_path / "scan.db").read_bytes() == before
+
+
 def test_a_recording_of_the_file_has_its_stamps_by_sweep(tmp_path):
     recorded = record(tmp_path / "scan.db")
     with ScanStore.open(tmp_path / "scan.db") as store:
