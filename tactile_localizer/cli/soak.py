@@ -160,7 +160,9 @@ def _sentences(result: SoakResult) -> list[str]:
         f"fullest receive queue {result.queue_bytes} bytes",
     ]
     if not result.is_warm:
-        lines.append("memory was not judged: two rounds of all faults are the warm-up")
+        lines.append(
+            "memory was not judged: two rounds of all faults and two recorded sweeps are the warm-up"
+        )
     return (
         lines
         + [f"FAILED: {failure}" for failure in result.failures or ()]

@@ -24,7 +24,7 @@ from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.live.relay import SENT, Relay
 from tactile_localizer.live.simulated_scan import write_simulated_scan
 from tactile_localizer.live.soak_result import Injection, SoakResult
-from tactile_localizer.live.sweeping import Sweeping
+from tactile_localizer.live.sweeping import RECORDED_EVERY, Sweeping
 from tactile_localizer.live.system import System
 from tactile_localizer.live.told import Told
 from tactile_localizer.live.watcher import Watcher
@@ -35,6 +35,7 @@ WELL_WITHIN_S = 20.0
 
 _LAG_LIMIT_S = 1.0
 _ROUNDS_OF_WARM_UP = 2
+_SWEEPS_OF_WARM_UP = 2 * RECORDED_EVERY
 _STARTUP_S = 90.0
 _POLL_S = 0.05
 _SAMPLE_S = 1.0
@@ -151,7 +152,8 @@ class _Soak:
         """Round after round; after the warm-up, memory counts."""
         number = 0
         while True:
-            if number == _ROUNDS_OF_WARM_UP:
+            warm = number >= _ROUNDS_OF_WARM_UP and self._sweeping.done >= _SWEEPS_OF_WARM_UP
+            if warm and not self.result.is_warm:
                 self.result.is_warm = True
                 for memory in self.result.memory.values():
                     memory.warm_up = len(memory.samples)

@@ -20,7 +20,7 @@ from tactile_localizer.live.watcher import Watcher
 
 _ANSWER_S = 4.0
 _LONGEST_SWEEP_S = 15.0
-_EVERY = 10
+RECORDED_EVERY = 10
 """One sweep in so many is recorded: a scan that grows takes memory, and that is no leak."""
 
 
@@ -58,7 +58,7 @@ class Sweeping:
         number = 0
         while not self._stop.is_set():
             number += 1
-            recorded = number % _EVERY == 0
+            recorded = number % RECORDED_EVERY == 0
             try:
                 self._sweep(recorded)
                 self.done += 1
