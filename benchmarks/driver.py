@@ -103,7 +103,7 @@ class Health:
 
     def _keep(self, array: DiagnosticArray) -> None:
         for status in array.status:
-            if status.name == "driver_node: CAN bus":
+            if status.name == "driver: CAN bus":
                 self.told = {pair.key: pair.value for pair in status.values}
 
 

@@ -17,7 +17,7 @@ from tactile_localizer.live.relay import leave_alone
 from tactile_localizer.live.system import System
 from tactile_localizer.msg import StrainVectors
 
-CAN_BUS, INDEX, MIDDLE = "driver_node: CAN bus", "driver_node: index", "driver_node: middle"
+CAN_BUS, INDEX, MIDDLE = "driver: CAN bus", "driver: index", "driver: middle"
 INPUTS, BELIEF, SCAN = "filter: inputs", "filter: belief", "mapping: scan"
 STATUSES = (CAN_BUS, INDEX, MIDDLE, INPUTS, BELIEF, SCAN)
 """What the nodes tell once a second."""
@@ -175,7 +175,7 @@ FAULTS = (
     Fault("load cell silent", _parameter("fault.silent", ["middle"], []), _says(MIDDLE, "stale")),
     Fault("load cell's fault", _parameter("fault.faulty", ["index"], []), _says(INDEX, "reports a fault")),
     Fault("bus off", Acts(_send_bus_off), _gains(CAN_BUS, "reconnects")),
-    Fault("bus closed and opened", _asked(Trigger, "driver_node/reconnect"), _gains(CAN_BUS, "reconnects")),
+    Fault("bus closed and opened", _asked(Trigger, "driver/reconnect"), _gains(CAN_BUS, "reconnects")),
     _silence("strain stops", _stopped("strain"), "no strain"),
     _silence("poses stop", _stopped("palm_pose"), "no palm_pose"),
     _silence("strain and poses stop", _stopped("strain", "palm_pose"), "no strain and no palm_pose"),
@@ -208,7 +208,7 @@ FAULTS = (
     Fault("filter frozen", _frozen("filter"), _falls_silent(INPUTS)),
     Fault("mapping frozen", _frozen("mapping"), _falls_silent(SCAN)),
     _silence("simulator down and up", _cycled("simulator"), "no strain and no palm_pose"),
-    _silence("driver down and up", _cycled("driver_node"), "no strain"),
+    _silence("driver down and up", _cycled("driver"), "no strain"),
     Fault("filter down and up", _cycled("filter"), _falls_silent(INPUTS)),
     Fault("mapping down and up", _cycled("mapping"), _falls_silent(SCAN)),
 )

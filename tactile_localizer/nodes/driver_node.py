@@ -93,7 +93,7 @@ class DriverNode(ManagedNode):
     """Reads load cells and publishes what they feel."""
 
     def __init__(self) -> None:
-        super().__init__("driver_node", PARAMETERS, threads=2)  # a tare takes its time, diagnostics go on
+        super().__init__("driver", PARAMETERS, threads=2)  # a tare takes its time, diagnostics go on
         self._driver: LoadCellDriver | None = None
         self._timer: Any = None  # of the diagnostics; there while the node is active
         self._made: list = []  # services, destroyed in cleanup

@@ -184,7 +184,7 @@ def test_the_drivers_own_parameters_say_what_to_look_for(
     log = write_log(tmp_path / "hand.log", cycles(range(20)))
     config = tmp_path / "driver.yaml"
     config.write_text(
-        "driver_node:\n  ros__parameters:\n    phalanges: [finger]\n"
+        "driver:\n  ros__parameters:\n    phalanges: [finger]\n"
         "    messages.finger: [index_a, index_b]\n    dbc: loadcells.dbc\n"
     )
     assert main(["can", "check", "--log", str(log), "--config", str(config)]) == 0

@@ -60,7 +60,7 @@ def test_a_reconnect_and_bus_off_are_survived_and_told(
     listener.listen(hand)
     sent = list(hand.send(10))
     hand.wait(listener)
-    assert probe.call(Trigger, "driver_node/reconnect").success
+    assert probe.call(Trigger, "driver/reconnect").success
     probe.until(listener.reconnects(1), "the bus opened again")
     hand.pause(5)
     few = 6  # cycles that it takes at most, after each pause, to find out where a cycle begins

@@ -21,7 +21,7 @@ def heard_midway():
         for k in range(21)
     ]
     heard.particles = np.array([[0.02, 0.025, 0.6], [0.021, 0.026, 0.4]])
-    heard.diagnostics["driver_node: index"] = {"drops": "3"}
+    heard.diagnostics["driver: index"] = {"drops": "3"}
     heard.diagnostics["filter: belief"] = {"update_median_us": "800.0", "update_p99_us": "1200.0"}
     return heard
 

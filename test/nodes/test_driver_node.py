@@ -89,12 +89,12 @@ def test_every_parameter_has_a_description_and_every_number_a_range(
     from rcl_interfaces.srv import DescribeParameters, ListParameters
 
     node_process("driver_node", parameters=parameters)
-    names = probe.call(ListParameters, "driver_node/list_parameters").result.names
+    names = probe.call(ListParameters, "driver/list_parameters").result.names
     of_rclpy = ("use_sim_time", "start_type_description_service", "qos_overrides.")
     own = [name for name in names if not name.startswith(of_rclpy)]
     assert {"phalanges", "interface", "receive_buffer", "messages.index", "autostart"} <= set(own)
     request = DescribeParameters.Request(names=own)
-    for descriptor in probe.call(DescribeParameters, "driver_node/describe_parameters", request).descriptors:
+    for descriptor in probe.call(DescribeParameters, "driver/describe_parameters", request).descriptors:
         assert len(descriptor.description) > 10, descriptor.name
         if descriptor.type == 2:
             assert descriptor.integer_range, descriptor.name
@@ -115,15 +115,15 @@ def test_without_autostart_a_manager_leads_and_a_bad_database_refuses_the_transi
 
     def change(transition: int) -> bool:
         request = ChangeState.Request(transition=Transition(id=transition))
-        return bool(probe.call(ChangeState, "driver_node/change_state", request).success)
+        return bool(probe.call(ChangeState, "driver/change_state", request).success)
 
     def state() -> str:
-        return str(probe.call(GetState, "driver_node/get_state").current_state.label)
+        return str(probe.call(GetState, "driver/get_state").current_state.label)
 
     def set_dbc(path: str) -> Any:
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=path)
         request = SetParameters.Request(parameters=[Parameter(name="dbc", value=value)])
-        return probe.call(SetParameters, "driver_node/set_parameters", request).results[0]
+        return probe.call(SetParameters, "driver/set_parameters", request).results[0]
 
     assert not change(Transition.TRANSITION_CONFIGURE)
     assert state() == "unconfigured"
@@ -145,7 +145,7 @@ def test_without_autostart_a_manager_leads_and_a_bad_database_refuses_the_transi
 
 
 def values(array: Any, what: str) -> tuple[bytes, str, dict[str, str]]:
-    (status,) = [status for status in array.status if status.name == f"driver_node: {what}"]
+    (status,) = [status for status in array.status if status.name == f"driver: {what}"]
     return status.level, status.message, {pair.key: pair.value for pair in status.values}
 
 
@@ -213,7 +213,7 @@ class Tares:
 
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.strains = probe.listen(StrainVectors, "strain", sensor_data)
-        self.offsets = probe.listen(StrainVectors, "driver_node/tare_offset", kept)
+        self.offsets = probe.listen(StrainVectors, "driver/tare_offset", kept)
         self._probe, self._hand = probe, hand
 
     def sending(self, condition: Callable[[], Any], what: str) -> None:
@@ -242,7 +242,7 @@ class Tares:
         """Answer of the driver's ``service``, while the hand sends."""
         from std_srvs.srv import Trigger
 
-        client = self._probe.node.create_client(Trigger, f"driver_node/{service}")
+        client = self._probe.node.create_client(Trigger, f"driver/{service}")
         self._probe.until(client.service_is_ready, service)
         future = client.call_async(Trigger.Request())
         self.sending(future.done, f"an answer of {service}")
@@ -257,7 +257,7 @@ def test_a_tare_is_refused_while_the_hand_is_silent_or_moves(
     tares = Tares(probe, hand)
     node_process("driver_node", parameters=parameters)
     tares.told([0.0] * 16, "the offset at the start")
-    silent = probe.call(Trigger, "driver_node/tare")
+    silent = probe.call(Trigger, "driver/tare")
     assert not silent.success
     assert "at least 10 samples of index, got 0" in silent.message
 
@@ -306,10 +306,10 @@ def test_two_hands_tell_of_themselves_and_keep_their_tares_apart(
     for hand in ("left", "right"):
         process(node_command("driver_node", parameters, namespace=f"/{hand}"), {"ROS_HOME": str(tmp_path)})
     told: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
-    wanted = {"left/driver_node: CAN bus", "right/driver_node: CAN bus"}
+    wanted = {"left/driver: CAN bus", "right/driver: CAN bus"}
     probe.until(lambda: wanted <= {status.name for array in told for status in array.status}, "both")
     for hand in ("left", "right"):
-        answer = probe.call(Trigger, f"{hand}/driver_node/clear_tare")
+        answer = probe.call(Trigger, f"{hand}/driver/clear_tare")
         assert answer.message.endswith(f"stored in {tmp_path}/tactile_localizer/{hand}/tare.yaml")
 
 

@@ -13,7 +13,7 @@ from tactile_localizer.resources import PACKAGE, resource_path
 NAMESPACE = "/guarded"
 """Of this test alone: nodes of other tests, of the same names, are not taken for these."""
 
-ENCLAVES = {"driver": "driver_node", "mapping": "mapping", "filter": "filter", "simulator": "simulator"}
+NODES = ("driver", "mapping", "filter", "simulator")
 
 
 def allowed(enclave):
@@ -43,9 +43,9 @@ def full_name(name, node):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("enclave", ENCLAVES)
+@pytest.mark.parametrize("node", NODES)
 def test_the_policy_allows_what_the_running_node_does_and_no_more(
-    node_process, probe, simulated_can, tmp_path, enclave
+    node_process, probe, simulated_can, tmp_path, node
 ):
     bus = {
         "interface": simulated_can["interface"],
@@ -59,10 +59,9 @@ def test_the_policy_allows_what_the_running_node_does_and_no_more(
         "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"},
         "filter": {"scan_file": tmp_path / "bump.db", "cell": 2.0},
         "simulator": bus,
-    }[enclave]
-    node_process(f"{enclave}_node", {"use_sim_time": True, **parameters}, namespace=NAMESPACE)
-    node = ENCLAVES[enclave]
-    expected = allowed(enclave)
+    }[node]
+    node_process(f"{node}_node", {"use_sim_time": True, **parameters}, namespace=NAMESPACE)
+    expected = allowed(node)
 
     def done():
         try:

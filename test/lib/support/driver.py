@@ -42,7 +42,7 @@ class Listener:
 
     def counted(self, what: str) -> dict[str, str]:
         """Values of the newest diagnostics of ``CAN bus`` or of a phalanx."""
-        (status,) = [one for one in self.diagnostics[-1].status if one.name == f"driver_node: {what}"]
+        (status,) = [one for one in self.diagnostics[-1].status if one.name == f"driver: {what}"]
         return {pair.key: pair.value for pair in status.values}
 
     def drops(self) -> int:

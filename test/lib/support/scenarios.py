@@ -209,7 +209,7 @@ def _see_the_feature_once_the_manager_wants_it(probe: Probe, place: Place) -> No
     from tactile_localizer.msg import FeatureProbabilities
 
     features = probe.listen(FeatureProbabilities, "filter/feature", 1000)
-    for node in ("driver_node", "filter"):
+    for node in ("driver", "filter"):
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             assert not features
             request = ChangeState.Request(transition=Transition(id=transition))
@@ -244,15 +244,15 @@ def _see_the_silent_load_cell_told_and_done_without(probe: Probe, place: Place) 
         assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
         told.clear()
 
-    probe.until(lambda: posteriors and says("driver_node: middle", "well"), "a hand that is well", 60.0)
+    probe.until(lambda: posteriors and says("driver: middle", "well"), "a hand that is well", 60.0)
     silence(["middle"])
-    probe.until(lambda: says("driver_node: middle", "stale"), "the driver to tell of it")
+    probe.until(lambda: says("driver: middle", "stale"), "the driver to tell of it")
     probe.until(lambda: says("filter: inputs", "strain vectors without middle"), "the filter to tell of it")
     posteriors.clear()
     probe.until(lambda: len(posteriors) > 20, "posteriors of the other phalanx")
     assert not any(posterior.stale for posterior in posteriors)
     silence([])
-    probe.until(lambda: says("driver_node: middle", "well") and says("filter: inputs", "well"), "both well")
+    probe.until(lambda: says("driver: middle", "well") and says("filter: inputs", "well"), "both well")
 
 
 def _replaying(place: Place) -> Sequence[Started]:
