@@ -131,7 +131,7 @@ def candidates() -> list[Candidate]:
     few = replace(Configuration(), filter="particle", particles=300)
     found += [Candidate(few, every=every) for every in (2, 4, 8)]
     found += [Candidate(Configuration(), every=4)]
-    found += [Candidate(replace(few, model="gaussian"), neighbours=k) for k in (4, 16)]
+    found += [Candidate(replace(few, model="gaussian"), neighbours=k) for k in (4, 64)]
     unique: dict[tuple[Any, ...], Candidate] = {}
     for candidate in found:
         unique.setdefault((candidate.configuration, candidate.neighbours, candidate.every), candidate)
@@ -153,6 +153,8 @@ def _configurations() -> Iterator[Configuration]:
         yield replace(one, model="featureless")
     for model in ("gaussian", "gaussian_independent"):
         yield replace(particle, model=model)
+        # What the particles cost; finer cells would take minutes.
+        yield replace(grid, model=model, cell=0.6)
     yield replace(particle, particles=3000, adaptive=True)
 
 
