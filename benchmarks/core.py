@@ -42,6 +42,7 @@ from workload import (
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.credit import NO_CREDIT
 from tactile_localizer.core.featureless import Featureless
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
@@ -79,7 +80,7 @@ def measured(
 
         def run(displacement: np.ndarray, strain: np.ndarray) -> None:
             mine.predict(displacement, float(np.hypot(*displacement)))
-            mine.update(strain, PRESENT, 1.0, -math.inf)
+            mine.update(strain, PRESENT, 1.0, NO_CREDIT)
 
         if converged:
             return Stopwatch(run, lambda truth: mine.seed(truth, converged_std()), False, shift)
@@ -252,7 +253,7 @@ def filters(scan: Scan, scene: Scene, floor: float) -> list[dict[str, Any]]:
 
     def update_grid(displacement: np.ndarray, strain: np.ndarray) -> None:
         grid.predict(displacement, float(np.hypot(*displacement)))
-        grid.update(strain, PRESENT, 0.3, -math.inf)
+        grid.update(strain, PRESENT, 0.3, NO_CREDIT)
 
     given = {
         "position_std": float(POSITION_STD),
@@ -341,7 +342,7 @@ def _scene_row(
         strain = strains[rng.integers(len(strains))] + 0.01
         begin = time.perf_counter()
         particles.predict(np.full(dimension, 0.0003), 0.0005)
-        particles.update(strain, present, 1.0, -math.inf)
+        particles.update(strain, present, 1.0, NO_CREDIT)
         if number >= 5:
             times.append(time.perf_counter() - begin)
     model, exact = (
@@ -365,7 +366,7 @@ def _scene_row(
         pairs=len(scan),
         median_us=median,
         p99_us=1e6 * float(np.quantile(times, 0.99)),
-        peak_mb=peak_mb(lambda: build().update(strains[0], present, 1.0, -math.inf)),
+        peak_mb=peak_mb(lambda: build().update(strains[0], present, 1.0, NO_CREDIT)),
         ratio_to_floor=median / floor_us(part),
         tv_to_exact=worst,
     )

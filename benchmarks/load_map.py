@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.core.credit import NO_CREDIT
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.io.scan_store import ScanStore
@@ -27,5 +28,5 @@ with ScanStore.open(sys.argv[1]) as store:
     scene, model = store.scene, SumOfGaussians(store.load(), store.scene, POSITION_STD, STRAIN_STD)
 particles = ParticleFilter(scene, model, np.random.default_rng(0), 75)
 loaded_s, loaded_mb, begin = time.perf_counter() - begin, held_mb(), time.perf_counter()
-particles.update(np.zeros(16), np.ones(2, dtype=bool), 1.0, -math.inf)
+particles.update(np.zeros(16), np.ones(2, dtype=bool), 1.0, NO_CREDIT)
 print(loaded_s, time.perf_counter() - begin, start_mb, loaded_mb, held_mb())

@@ -15,7 +15,6 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import hashlib
 import json
-import math
 import subprocess
 import sys
 from collections.abc import Callable
@@ -66,6 +65,7 @@ def compare() -> list[dict[str, Any]]:
         tv_to_exact,
     )
 
+    from tactile_localizer.core.credit import NO_CREDIT
     from tactile_localizer.core.particle_filter import ParticleFilter
     from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 
@@ -83,7 +83,7 @@ def compare() -> list[dict[str, Any]]:
 
         def run(displacement: np.ndarray, strain: np.ndarray) -> None:
             mine.predict(displacement, float(np.hypot(*displacement)))
-            mine.update(strain, PRESENT, 1.0, -math.inf)
+            mine.update(strain, PRESENT, 1.0, NO_CREDIT)
 
         return Stopwatch(run, lambda _: mine.reset(), every_step=True)
 

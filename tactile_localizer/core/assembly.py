@@ -39,6 +39,7 @@ Progress = Callable[[str, float], None]
 
 BELIEVED_REGION = 0.5
 """Confidence above which a proposed region of the feature is believed."""
+_KERNEL_MODELS = ("sum_of_gaussians", "featureless")
 
 
 def build_localizer(
@@ -157,7 +158,7 @@ def build_null(
 ) -> NullModel:
     """The position-blind explanation: featureless where the scene's region says so, or never scanned."""
     unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
-    return _null(scan, scene, parameters, unknown)
+    return _null(scan, scene, parameters, unknown, blurred=configuration.model in _KERNEL_MODELS)
 
 
 def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
@@ -203,11 +204,17 @@ def _largest(changes: list[float | None]) -> float | None:
 
 
 def _null(
-    scan: Scan, scene: Scene, parameters: ModelParameters, unknown: HeldOutFit | None = None
+    scan: Scan,
+    scene: Scene,
+    parameters: ModelParameters,
+    unknown: HeldOutFit | None = None,
+    blurred: bool = False,
 ) -> NullModel:
     positions, strain = training_pairs(scan, scene)
-    background = Background(strain, np.broadcast_to(parameters.strain_std, strain.shape[1:]))
-    return NullModel(strain, scan.sweep, ~scene.on_feature(positions), background, unknown)
+    widths = np.broadcast_to(parameters.strain_std, strain.shape[1:])
+    off = ~scene.on_feature(positions)
+    background = Background(strain, widths)
+    return NullModel(strain, scan.sweep, off, background, unknown, widths if blurred else None)
 
 
 def _build_filter(

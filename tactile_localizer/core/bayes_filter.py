@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from tactile_localizer.core.credit import Credit
 from tactile_localizer.core.estimate import Belief
 
 
@@ -14,8 +15,7 @@ class Marginal(NamedTuple):
 
     Parameters
     ----------
-    log_likelihood : of P(z_t | z_1:t-1), with the likelihood untempered, and off the feature not less than
-        that of featureless material
+    log_likelihood : of P(z_t | z_1:t-1), with the likelihood untempered and credited
     log_evidence : of the belief's mean of the tempered likelihood; summed over the strains it is the evidence
         of the whole sequence
     """
@@ -36,15 +36,13 @@ class BayesFilter(Protocol):
     def predict(self, displacement: np.ndarray, travel: float) -> None:
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres."""
 
-    def update(
-        self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float
-    ) -> Marginal:
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, credit: Credit) -> Marginal:
         """Weigh the belief by the likelihood of ``strain`` (8F,) raised to ``exponent``.
 
         Parameters
         ----------
         present : (F,) bool, the phalanges that count
-        featureless : log-density of the strain on featureless material, nats
+        credit : what the places may claim of the strain, where it is featureless
         """
 
     def belief(self) -> Belief:

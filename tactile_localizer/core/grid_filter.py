@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_localizer.core.bayes_filter import Marginal
+from tactile_localizer.core.credit import Credit
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.measurement import MeasurementModel, flatten_axes
 from tactile_localizer.core.motion import MotionModel
@@ -59,7 +60,7 @@ class GridFilter:
         self._model = model
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
-        self._on_feature = scene.on_feature(flatten_axes(self._centres)).reshape(self._shape)
+        self._off = ~scene.on_feature(flatten_axes(self._centres)).reshape(self._shape)
         self._belief: np.ndarray
         self._offset: np.ndarray
         self._pending: np.ndarray
@@ -94,15 +95,12 @@ class GridFilter:
         for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
             self._diffuse(int(axis))
 
-    def update(
-        self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float
-    ) -> Marginal:
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, credit: Credit) -> Marginal:
         """See :meth:`BayesFilter.update`."""
         log_likelihood = self._model.log_likelihood_on(self._axes(), strain, present)
         with np.errstate(divide="ignore"):
             log_belief = np.log(self._belief)
-        expected = np.where(self._on_feature, -math.inf, featureless)
-        _, log_marginal = normalize((log_belief + np.maximum(log_likelihood, expected)).ravel())
+        _, log_marginal = normalize((log_belief + credit.earned(log_likelihood, self._off)).ravel())
         log_posterior, log_total = normalize((log_belief + exponent * log_likelihood).ravel())
         if log_total > -math.inf:
             self._belief = np.exp(log_posterior).reshape(self._shape)

@@ -208,9 +208,9 @@ class Localizer:
         self._weight = self._share(strain, used, counted)
         if self._offset is not None:
             strain = self._offset.corrected(strain, used, counted)
-        featureless = self._null.featureless(strain, used)
-        unknown = self._null.unknown(strain, used)
-        self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, featureless)
+        credit = self._null.credit(strain, used)
+        featureless, unknown = credit.featureless, self._null.unknown(strain, used)
+        self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, credit)
         # A phalanx that is left out may feel anything: so densities of all that are present are compared.
         left_out = present & ~used
         rest = self._null.anything(strain, left_out) if left_out.any() else 0.0

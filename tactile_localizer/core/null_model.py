@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tactile_localizer.core.background import Background
+from tactile_localizer.core.credit import Credit
 from tactile_localizer.core.fit import HeldOutFit
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.weights import normalize
@@ -35,6 +36,7 @@ class NullModel:
     featureless : (N,) bool, pairs that are known not to touch the feature (the paper's Lambda)
     background : the broad background of the measurement model, a lower limit for the unknown
     unknown : log-density of a strain on unknown material; ``None``: the background alone
+    blur : (8F,) kernel widths of the measurement model in strain, V; ``None``: it has none
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class NullModel:
         featureless: np.ndarray,
         background: Background,
         unknown: HeldOutFit | None = None,
+        blur: np.ndarray | None = None,
     ) -> None:
         if np.count_nonzero(featureless) < _FEWEST:
             featureless = np.ones(len(strain), dtype=bool)
@@ -55,7 +58,6 @@ class NullModel:
         means = (
             np.stack([np.bincount(index, weights=channel) for channel in strain.T], axis=1) / counts[:, None]
         )
-        self._means = means
         self._centre = strain.mean(axis=0)
         deviation = strain - means[index]
         within = deviation.T @ deviation / len(strain)
@@ -64,23 +66,26 @@ class NullModel:
         ridge = np.diag(
             _RIDGE * (np.diag(within) + np.diag(between)) + (1e-6 * np.abs(strain).max(axis=0)) ** 2 + 1e-24
         )
-        self._marginals: dict[bytes, tuple[Normal, Normal, np.ndarray, np.ndarray]] = {}
-        self._known = Normal(np.zeros(strain.shape[1]), within + ridge)
+        known = within + ridge
         # The mean of a new sweep is as uncertain as those of the known ones differ, and a little more.
-        self._new = Normal(self._centre, within + between * (1.0 + 1.0 / len(numbers)) + ridge)
+        new = within + between * (1.0 + 1.0 / len(numbers)) + ridge
+        self._featureless = _SweepsAndOneMore(means, known, self._centre, new)
+        self._blurred = None
+        if blur is not None:
+            self._blurred = _SweepsAndOneMore(
+                means, known + np.diag(blur**2), self._centre, new + np.diag(blur**2)
+            )
 
     def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material."""
-        key = present.tobytes()
-        if key not in self._marginals:
-            columns = np.repeat(present, GAUGES)
-            known, new = (normal.marginal(columns) for normal in (self._known, self._new))
-            self._marginals[key] = known, new, self._means[:, columns], columns
-        known, new, means, columns = self._marginals[key]
-        strain = strain[columns]
-        # The known sweeps share one covariance: their densities are that of the deviation from each mean.
-        of_known = normalize(known.log_density(strain - means))[1] - math.log(len(means))
-        return float(np.logaddexp(of_known, new.log_density(strain)) - _LOG_2)
+        return self._featureless.log_density(strain, present)
+
+    def credit(self, strain: np.ndarray, present: np.ndarray) -> Credit:
+        """What a believed place may claim of a strain, where it is featureless; see :class:`.Credit`."""
+        featureless = self.featureless(strain, present)
+        if self._blurred is None:
+            return Credit(featureless, 0.0)
+        return Credit(featureless, max(0.0, featureless - self._blurred.log_density(strain, present)))
 
     def unknown(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain on material that was never scanned."""
@@ -93,3 +98,24 @@ class NullModel:
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain by the better of the two explanations."""
         return max(self.featureless(strain, present), self.unknown(strain, present))
+
+
+class _SweepsAndOneMore:
+    """Half known sweeps with means (K, 8F) and one covariance, half a new one."""
+
+    def __init__(self, means: np.ndarray, known: np.ndarray, centre: np.ndarray, new: np.ndarray) -> None:
+        self._means = means
+        self._known, self._new = Normal(np.zeros(len(centre)), known), Normal(centre, new)
+        self._marginals: dict[bytes, tuple[Normal, Normal, np.ndarray, np.ndarray]] = {}
+
+    def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
+        key = present.tobytes()
+        if key not in self._marginals:
+            columns = np.repeat(present, GAUGES)
+            known, new = (normal.marginal(columns) for normal in (self._known, self._new))
+            self._marginals[key] = known, new, self._means[:, columns], columns
+        known, new, means, columns = self._marginals[key]
+        strain = strain[columns]
+        # The known sweeps share one covariance: their densities are that of the deviation from each mean.
+        of_known = normalize(known.log_density(strain - means))[1] - math.log(len(means))
+        return float(np.logaddexp(of_known, new.log_density(strain)) - _LOG_2)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tactile_localizer.core.bayes_filter import Marginal
+from tactile_localizer.core.credit import NO_CREDIT, Credit
 from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.kld import kld_sample_size
 from tactile_localizer.core.measurement import MeasurementModel
@@ -85,17 +86,14 @@ class ParticleFilter:
         if self._wraps.any():
             self._states[:, self._wraps] = wrap_angle(self._states[:, self._wraps])
 
-    def update(
-        self, strain: np.ndarray, present: np.ndarray, exponent: float, featureless: float
-    ) -> Marginal:
+    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, credit: Credit) -> Marginal:
         """See :meth:`BayesFilter.update`."""
         self._resample_if_needed()
         log_likelihood, prior = self._weigh(strain, present)
         posterior, log_total = normalize(prior + exponent * log_likelihood)
         self._log_weights = posterior if log_total > -math.inf else prior
-        if featureless > -math.inf:
-            off = ~self._scene.on_feature(self._states)
-            log_likelihood[off] = np.maximum(log_likelihood[off], featureless)
+        if credit is not NO_CREDIT:
+            log_likelihood = credit.earned(log_likelihood, ~self._scene.on_feature(self._states))
         return Marginal(normalize(prior + log_likelihood)[1], log_total)
 
     def _weigh(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

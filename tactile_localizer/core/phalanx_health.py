@@ -97,10 +97,9 @@ class PhalanxHealth:
         self, states: np.ndarray, on_feature: np.ndarray, strain: np.ndarray, alone: np.ndarray
     ) -> float:
         """How much better the believed places explain one phalanx's strain than the null does, nats."""
-        featureless = self._null.featureless(strain, alone)
-        expected = np.where(on_feature, -np.inf, featureless)
-        by_belief = np.maximum(self._model.log_likelihood(states, strain, alone), expected)
-        by_null = max(featureless, self._null.unknown(strain, alone))
+        credit = self._null.credit(strain, alone)
+        by_belief = credit.earned(self._model.log_likelihood(states, strain, alone), ~on_feature)
+        by_null = max(credit.featureless, self._null.unknown(strain, alone))
         return normalize(by_belief)[1] - math.log(len(states)) - by_null
 
     def _decide(self) -> None:

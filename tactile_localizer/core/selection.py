@@ -31,6 +31,7 @@ from tactile_localizer.core.between_sweeps import (
     with_interpolated_sweeps,
 )
 from tactile_localizer.core.correlation import Correlation
+from tactile_localizer.core.credit import NO_CREDIT
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.parameters import ModelParameters
@@ -296,7 +297,7 @@ def _localize(segment: Segment, grid: GridFilter, correlation: Correlation) -> n
         travel = float(segment.travels[t])
         if t:
             grid.predict(segment.displacements[t], travel)
-        grid.update(strain, present, correlation.weight(max(travel, _STEP), changes[t], present), -np.inf)
+        grid.update(strain, present, correlation.weight(max(travel, _STEP), changes[t], present), NO_CREDIT)
         density = grid.relative_density(segment.states[t])
         belief = grid.belief()
         error = segment.states[t] - belief.mean

@@ -10,6 +10,7 @@ from support.scans import SIDE, density, scan, scene, strain_at, total_variation
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import MODELS, Configuration
+from tactile_localizer.core.credit import NO_CREDIT
 from tactile_localizer.core.featureless import Featureless
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
@@ -64,7 +65,7 @@ def test_all_log_weights_minus_infinity_teach_nothing():
     for one in filters(FlatModel(-math.inf)):
         one.seed(TRUTH, np.array([0.003, 0.003]))
         before = one.belief()
-        assert one.update(np.zeros(16), PRESENT, 1.0, -math.inf).log_likelihood == -math.inf
+        assert one.update(np.zeros(16), PRESENT, 1.0, NO_CREDIT).log_likelihood == -math.inf
         np.testing.assert_allclose(one.belief().mean, before.mean, atol=1e-12)
         assert sound(one)
 
@@ -157,7 +158,7 @@ def test_one_particle_and_a_million(particles):
     one = ParticleFilter(OF, built, np.random.default_rng(0), particles)
     for _ in range(3):
         one.predict(np.array([0.0005, 0.0]), 0.0005)
-        log_marginal, _ = one.update(strain_at(TRUTH[None])[0], PRESENT, 1.0, -math.inf)
+        log_marginal, _ = one.update(strain_at(TRUTH[None])[0], PRESENT, 1.0, NO_CREDIT)
         assert math.isfinite(log_marginal)
     assert sound(one)
     assert len(one.hypotheses()[0]) == particles
@@ -165,7 +166,7 @@ def test_one_particle_and_a_million(particles):
         grid = GridFilter(OF, built, np.full(2, 0.0002))
         for _ in range(3):
             grid.predict(np.array([0.0005, 0.0]), 0.0005)
-            expected = grid.update(strain_at(TRUTH[None])[0], PRESENT, 1.0, -math.inf).log_likelihood
+            expected = grid.update(strain_at(TRUTH[None])[0], PRESENT, 1.0, NO_CREDIT).log_likelihood
         assert log_marginal == pytest.approx(expected, abs=0.05)
         np.testing.assert_allclose(one.belief().mean, grid.belief().mean, atol=5e-5)
 
@@ -273,7 +274,7 @@ def test_states_at_the_bounds_count_and_states_beyond_them_do_not(model):
     built = build(model)
     one = ParticleFilter(OF, built, np.random.default_rng(0), 400)
     one.predict(np.array([0.02, 0.0]), 0.0)
-    one.update(SCAN.strain[3], PRESENT, 1.0, -math.inf)
+    one.update(SCAN.strain[3], PRESENT, 1.0, NO_CREDIT)
     states, weights = one.hypotheses()
     beyond = (states < 0).any(axis=1) | (states > SIDE).any(axis=1)
     assert (weights[beyond] == 0).all()
@@ -281,9 +282,9 @@ def test_states_at_the_bounds_count_and_states_beyond_them_do_not(model):
     assert np.isfinite(built.log_likelihood(corners, SCAN.strain[3])).all()
     for each in filters(built):
         each.seed(np.array([SIDE, SIDE]), np.array([0.001, 0.001]))
-        each.update(SCAN.strain[3], PRESENT, 1.0, -math.inf)
+        each.update(SCAN.strain[3], PRESENT, 1.0, NO_CREDIT)
         each.predict(np.array([0.01, 0.01]), 0.014)
-        each.update(SCAN.strain[3], PRESENT, 1.0, -math.inf)
+        each.update(SCAN.strain[3], PRESENT, 1.0, NO_CREDIT)
         assert sound(each)
 
 
@@ -303,6 +304,6 @@ def test_yaw_wraps_around(model):
     for _ in range(5):
         particles.predict(np.array([0.0, 0.0, 0.02]), 0.0004)
         truth[2] += 0.02
-        particles.update(strain_at(truth[None])[0], PRESENT, 0.5, -math.inf)
+        particles.update(strain_at(truth[None])[0], PRESENT, 0.5, NO_CREDIT)
     turned = particles.belief().mean[2] - truth[2]
     assert abs(math.remainder(turned, 2 * math.pi)) < 0.1

@@ -10,6 +10,7 @@ from scipy import stats
 from support.models import FlatModel, KalmanFilter, LinearModel
 from support.scans import scene
 
+from tactile_localizer.core.credit import NO_CREDIT, Credit
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.resampling import RESAMPLERS
@@ -17,7 +18,7 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 PRESENT = np.ones(2, bool)
-NOWHERE = -math.inf
+NOWHERE = NO_CREDIT
 STRAIN = np.zeros(16)
 
 
@@ -157,7 +158,7 @@ def test_off_the_feature_the_evidence_is_at_least_that_of_featureless_material()
     particles = ParticleFilter(
         scene(phalanges=1, feature=where), FlatModel(-100.0), np.random.default_rng(0), 1000
     )
-    log_marginal, _ = particles.update(np.zeros(8), PRESENT[:1], 1.0, featureless=-10.0)
+    log_marginal, _ = particles.update(np.zeros(8), PRESENT[:1], 1.0, Credit(-10.0, 0.0))
     assert log_marginal == pytest.approx(-10.0 + math.log(0.8), abs=0.01)
 
 
