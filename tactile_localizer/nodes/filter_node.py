@@ -39,6 +39,7 @@ from tactile_localizer.nodes.filter_outputs import FilterOutputs
 from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.nodes.hearing import Topic, hear
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
+from tactile_localizer.nodes.map_publisher import MapPublisher
 from tactile_localizer.nodes.strain_vectors import StrainReader
 from tactile_localizer.nodes.tracker import Tracker
 from tactile_localizer.resources import given_or_shipped
@@ -66,9 +67,10 @@ class FilterNode(ManagedNode):
             raise ParameterError("scan_file: expected a path, got none")
         self._load([Path(file).expanduser() for file in files])
         self._outputs = FilterOutputs(self, self.parameters)
+        self._map = MapPublisher(self, self.parameters["material_frame"])
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._offered = [self._outputs.close, partial(self.destroy_publisher, self._health)]
-        self._outputs.publish_map(self._scan, self._tracker.localizer.scene)
+        self._offered = [self._outputs.close, self._map.close, partial(self.destroy_publisher, self._health)]
+        self._map.publish(self._scan, self._tracker.localizer.scene)
         self._diagnostics = FilterDiagnostics(self.get_fully_qualified_name().lstrip("/"))
 
     def activate(self) -> None:
@@ -201,7 +203,7 @@ class FilterNode(ManagedNode):
             self.get_logger().error(f"load scan: {error}")
             return response
         self._begin()
-        self._outputs.publish_map(self._scan, self._tracker.localizer.scene)
+        self._map.publish(self._scan, self._tracker.localizer.scene)
         response.success = True
         response.message = f"{self._scan_file}: {len(self._scan)} pairs"
         return response

@@ -7,25 +7,19 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.pose_buffer import NANOSECONDS
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.msg import FeatureProbabilities, Posterior
-from tactile_localizer.nodes import hand_markers, map_messages, posterior_messages
+from tactile_localizer.nodes import hand_markers, posterior_messages
 from tactile_localizer.nodes.parameters import Parameters
-from tactile_localizer.scene import Scene
 
 _RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-_KEPT = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
 
 
 class FilterOutputs:
@@ -57,19 +51,12 @@ class FilterOutputs:
         self._pose = publisher(PoseWithCovarianceStamped, "~/pose", 100)
         self._particles = publisher(PointCloud2, "~/particles", 10)
         self._markers = publisher(MarkerArray, "~/markers", 10)
-        self._map = publisher(PointCloud2, "~/map", _KEPT)
-        self._region = publisher(Marker, "~/feature_region", _KEPT)
 
     def close(self) -> None:
         """Withdraw the topics."""
         for made in self._made:
             self._node.destroy_publisher(made)
         self._made = []
-
-    def publish_map(self, scan: Scan, scene: Scene) -> None:
-        """The tactile map, and the region of the feature where the scene has one."""
-        self._map.publish(map_messages.map_cloud(make_map(scan, scene), scene, self._frame))
-        self._region.publish(map_messages.region_marker(scene, self._frame))
 
     def publish(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str = "") -> None:
         """An estimate; with a reason, that it is ``stale``."""

@@ -1,28 +1,56 @@
-"""Shows the map of a scan that is being recorded, without keeping the recording waiting."""
+"""Publishes the map of a scan: one that is given, or one that is being recorded, without holding that up."""
 
 from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
+from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.nodes.map_messages import map_cloud, region_marker
+from tactile_localizer.scene import Scene
 
-LATCHED = QoSProfile(
+_LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
 
 class MapPublisher:
-    """Publishes ``~/map`` and ``~/feature_region``, latched, from what is committed to a scan file.
+    """Publishes ``~/map`` and ``~/feature_region``, kept for late subscribers.
+
+    Parameters
+    ----------
+    node : whose topics they are
+    frame : the material's
+    """
+
+    def __init__(self, node: Node, frame: str) -> None:
+        self._node, self._frame = node, frame
+        self._map = node.create_publisher(PointCloud2, "~/map", _LATCHED)
+        self._region = node.create_publisher(Marker, "~/feature_region", _LATCHED)
+
+    def publish(self, scan: Scan, scene: Scene) -> None:
+        """The scan's map, and the region of the feature where the scene has one."""
+        cloud = map_cloud(make_map(scan, scene), scene, self._frame)
+        if self._node.context.ok():  # it may have taken a while
+            self._map.publish(cloud)
+            self._region.publish(region_marker(scene, self._frame))
+
+    def close(self) -> None:
+        """Withdraw the topics."""
+        for made in (self._map, self._region):
+            self._node.destroy_publisher(made)
+
+
+class RecordedMap:
+    """Publishes the map of what is committed to a scan file.
 
     Parameters
     ----------
@@ -32,9 +60,8 @@ class MapPublisher:
     """
 
     def __init__(self, node: Node, path: Path, frame: str) -> None:
-        self._node, self._path, self._frame = node, path, frame
-        self._map: Any = node.create_publisher(PointCloud2, "~/map", LATCHED)
-        self._region: Any = node.create_publisher(Marker, "~/feature_region", LATCHED)
+        self._node, self._path = node, path
+        self._publisher = MapPublisher(node, frame)
         self._thread: threading.Thread | None = None
 
     def refresh(self) -> None:
@@ -47,19 +74,12 @@ class MapPublisher:
         """Wait for the map that is being made and withdraw the topics."""
         if self._thread is not None:
             self._thread.join()
-        for made in (self._map, self._region):
-            self._node.destroy_publisher(made)
+        self._publisher.close()
 
     def _publish(self) -> None:
         try:
             with ScanStore.open(self._path) as store:
-                scene = store.scene
-                if not any(sweep.pairs and not sweep.dropped for sweep in store.sweeps()):
-                    return
-                tactile_map = make_map(store.load(), scene)
+                if any(sweep.pairs and not sweep.dropped for sweep in store.sweeps()):
+                    self._publisher.publish(store.load(), store.scene)
         except TactileLocalizerError as error:
             self._node.get_logger().warning(f"map: {error}")
-            return
-        if self._node.context.ok():
-            self._map.publish(map_cloud(tactile_map, scene, self._frame))
-            self._region.publish(region_marker(scene, self._frame))

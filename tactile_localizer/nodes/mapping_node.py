@@ -25,7 +25,7 @@ from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.nodes import palm_pose, stamps
 from tactile_localizer.nodes.hearing import Topic, hear
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
-from tactile_localizer.nodes.map_publisher import MapPublisher
+from tactile_localizer.nodes.map_publisher import RecordedMap
 from tactile_localizer.nodes.mapping_diagnostics import MappingDiagnostics
 from tactile_localizer.nodes.parameters import Parameter
 from tactile_localizer.nodes.strain_vectors import StrainReader
@@ -61,7 +61,7 @@ class MappingNode(ManagedNode):
         self._pairing: Pairing[Felt] | None = None
         self._status: Any = None
         self._health: Any = None
-        self._map: MapPublisher | None = None
+        self._map: RecordedMap | None = None
         self._made: list[tuple[Callable[[Any], Any], Any]] = []
 
     def configure(self) -> None:
@@ -85,7 +85,7 @@ class MappingNode(ManagedNode):
         self._status = self.create_publisher(ScanStatus, "~/status", latched)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics = MappingDiagnostics(self.get_fully_qualified_name().lstrip("/"))
-        self._map = MapPublisher(self, store.path, of["material_frame"])
+        self._map = RecordedMap(self, store.path, of["material_frame"])
         self._map.refresh()
 
     def activate(self) -> None:
