@@ -19,6 +19,7 @@ import numpy as np
 _SLEEP_S = 1e-3
 _TOLD_NS = 1_000_000
 _PRIORITY = 50
+_READY = b"\n"
 
 
 class Machine:
@@ -41,6 +42,8 @@ class Machine:
             )
             for core in sorted(os.sched_getaffinity(0))
         ]
+        for sleeper in self._sleepers:
+            sleeper.stdout.read(len(_READY))  # type: ignore[union-attr]
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -69,6 +72,8 @@ def sleep(core: int) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     except PermissionError:
         print(f"core {core}: sleeps at ordinary priority, and waits for others too", file=sys.stderr)
+    sys.stdout.buffer.write(_READY)
+    sys.stdout.buffer.flush()
     try:
         while True:
             due_ns = time.time_ns() + round(_SLEEP_S * 1e9)
