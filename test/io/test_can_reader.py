@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
@@ -101,6 +104,31 @@ def test_a_bus_closed_under_the_reader_is_opened_again_and_good_data_goes_on(
     assert one.reader.status.state == OPEN
     assert "closed" in one.reader.status.error
     assert len(one.log) == 6  # that it failed and that it is back, each once
+
+
+def test_an_interface_that_is_down_opens_and_is_back_only_when_it_can_be_read(
+    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = line(backoff_s=0.01)
+    down, read = threading.Event(), VirtualBus._recv_internal
+
+    def receive(bus: VirtualBus, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if not down.is_set():
+            return read(bus, timeout)
+        error = OSError(errno.ENETDOWN, os.strerror(errno.ENETDOWN))  # as SocketCAN has it
+        raise can.CanOperationError(f"Error receiving: {error.strerror}", error.errno) from error
+
+    monkeypatch.setattr(VirtualBus, "_recv_internal", receive)
+    down.set()
+    wait_until(lambda: len(one.opened) >= 4, "three attempts", 5.0)
+    assert (one.reader.status.state, one.reader.status.reconnects) == (FAILED, 0)
+    assert "Network is down" in one.reader.status.error
+    down.clear()
+    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
+    one.send(7)
+    one.wait_for(7)
+    assert one.reader.status.reconnects == 1
+    assert len(one.log) == 2
 
 
 def test_waits_between_attempts_double_up_to_the_limit(
