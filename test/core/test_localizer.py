@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support import strip
 from support.scans import scan, scene, strain_at
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import MeasurementError
+from tactile_localizer.scene import Region
 
 GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
 OF = dataclasses.replace(scene(), measurement=GIVEN)
@@ -251,3 +253,17 @@ def test_whatever_comes_an_estimate_is_finite_and_its_covariance_is_one(built, m
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0
         assert 0 <= estimate.weight <= 1
         assert built.hypotheses()[1].sum() == pytest.approx(1.0)
+
+
+def test_past_the_feature_but_inside_its_region_a_belief_is_kept():
+    """A region is larger than what is touched; the map's blur there contradicts nothing (core/credit.py)."""
+    given = {"position_std": 0.002, "strain_std": 0.03, "correlation_length": 0.002, "sweep_offset": True}
+    wide = dataclasses.replace(strip.SCENE, feature=Region((0.03,), (0.09,)), measurement=given)
+    localizer = build_localizer(strip.SCAN, wide, Configuration(), np.random.default_rng(1))
+    x = np.arange(0.062, 0.088, 0.0005)
+    strain = strip.felt(x, np.zeros(16), np.random.default_rng(8))
+    localizer.seed(x[:1], np.array([0.001]))
+    for n in range(len(x)):
+        estimate = localizer.update(n * 10_000_000, x[n : n + 1], strain[n])
+    assert abs(estimate.mean[0] - x[-1]) < 0.002
+    assert estimate.covariance[0, 0] < 0.003**2

@@ -81,3 +81,20 @@ def test_few_or_equal_pairs_still_give_a_density(pairs, scale):
     strain = scale * np.ones((pairs, 16))
     model = NullModel(strain, np.arange(pairs), np.ones(pairs, bool), Background(strain, np.full(16, 0.03)))
     assert np.isfinite(model.log_density(strain[0], BOTH))
+
+
+def test_the_blur_of_kernels_is_what_a_featureless_strain_is_lifted_by() -> None:
+    widths = np.full(16, 0.03)
+    blurred = NullModel(STRAIN, SWEEP, FEATURELESS, BACKGROUND, blur=widths)
+    own = STRAIN[FEATURELESS & (SWEEP == 0)]
+    strain, within = own.mean(axis=0), np.cov(own.T)
+    credit = blurred.credit(strain, BOTH)
+    assert credit.featureless == null().featureless(strain, BOTH)
+    lost = 0.5 * (np.linalg.slogdet(within + np.diag(widths**2))[1] - np.linalg.slogdet(within)[1])
+    assert credit.lift == pytest.approx(lost, rel=0.2)
+    assert null().credit(strain, BOTH).lift == 0.0
+
+
+def test_a_strain_unlike_featureless_material_is_not_lifted() -> None:
+    blurred = NullModel(STRAIN, SWEEP, FEATURELESS, BACKGROUND, blur=np.full(16, 0.03))
+    assert blurred.credit(STRAIN.max(axis=0) + 1.0, BOTH).lift == 0.0
