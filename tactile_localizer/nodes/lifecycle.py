@@ -20,14 +20,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.nodes.parameters import Parameter, Parameters
 
-_OWN_PARAMETERS = (
-    Parameter("autostart", True, "Configure and activate at start; false leaves that to a lifecycle manager"),
-    Parameter(
-        "executor",
-        "standard",
-        "rclpy executor; 'events' takes less CPU time where the installation's works",
-        choices=("standard", "events"),
-    ),
+_AUTOSTART = Parameter(
+    "autostart", True, "Configure and activate at start; false leaves that to a lifecycle manager"
 )
 
 
@@ -41,7 +35,7 @@ class ManagedNode(LifecycleNode):
     Parameters
     ----------
     name : the node's name
-    declared : its parameters, beside ``autostart`` and ``executor``
+    declared : its parameters, beside ``autostart``
     threads : callbacks that may run at once. More than one needs callback groups
     """
 
@@ -52,7 +46,7 @@ class ManagedNode(LifecycleNode):
         self._is_configured = False
         self.threads = threads
         try:
-            self.parameters = Parameters(self, (*_OWN_PARAMETERS, *declared), lambda: self._is_configured)
+            self.parameters = Parameters(self, (_AUTOSTART, *declared), lambda: self._is_configured)
         except TactileLocalizerError:
             self.destroy_node()  # nobody else has it
             raise
@@ -180,8 +174,4 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
 
 
 def _executor(node: ManagedNode) -> Executor:
-    if node.parameters["executor"] == "events":
-        from rclpy.experimental import EventsExecutor  # not in every installation
-
-        return EventsExecutor()
     return MultiThreadedExecutor(node.threads) if node.threads > 1 else SingleThreadedExecutor()
