@@ -35,14 +35,15 @@ class FeatureIdentifier:
     them at all* compares their mean, by the probabilities so far, with material that was never scanned; a
     strain that is more like featureless material says nothing on this, for all materials have such places.
     Before anything was felt, none is as probable as all candidates together. What is remembered is bounded,
-    so that a change of material is noticed.
+    so that a change of material is noticed. A phalanx that a candidate's localizer leaves out because it
+    contradicts its belief is no excuse: it speaks against that candidate.
 
     Parameters
     ----------
     localizers : a localizer for each candidate, over the same axes and phalanges
     """
 
-    _MOST = 12.0
+    _MOST = 4.0
     """nats that the most probable candidate can be ahead of any other, and one of them ahead of none."""
 
     def __init__(self, localizers: Mapping[str, Localizer]) -> None:

@@ -211,11 +211,11 @@ class Localizer:
         credit = self._null.credit(strain, used)
         featureless, unknown = credit.featureless, self._null.unknown(strain, used)
         self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, credit)
-        # A phalanx that is left out may feel anything: so densities of all that are present are compared.
+        # Left out, a phalanx that contradicts the belief still speaks against it, as it has of late.
         left_out = present & ~used
-        rest = self._null.anything(strain, left_out) if left_out.any() else 0.0
+        rest = self._null.log_density(strain, left_out) if left_out.any() else 0.0
         self._log_featureless, self._log_unknown = featureless + rest, unknown + rest
-        self._log_evidence = log_evidence + self._weight * rest
+        self._log_evidence = log_evidence + self._weight * (rest + self._health.contradiction(left_out))
         self._belief = self.filter.belief()
         log_ratio = self._log_marginal - max(featureless, unknown)
         self._convergence.update(self._belief, log_ratio, min(travel, STRIDES * self._update_distance))

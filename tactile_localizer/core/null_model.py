@@ -91,10 +91,6 @@ class NullModel:
         """Log-density of a strain on material that was never scanned."""
         return max(self._unknown.of(present), self._background.log_density(strain, present))
 
-    def anything(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Log-density of a strain of phalanges that do not work: that of the broad background."""
-        return self._background.log_density(strain, present)
-
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain by the better of the two explanations."""
         return max(self.featureless(strain, present), self.unknown(strain, present))

@@ -69,6 +69,10 @@ class PhalanxHealth:
             self.trusted = self._agree & (self._unchanged < self._STUCK)
         self._last = strain
 
+    def contradiction(self, phalanges: np.ndarray) -> float:
+        """Log-ratio of belief to null, nats, of those ``phalanges`` (F,) that contradict the belief."""
+        return float(self._average[phalanges & ~self._agree].sum())
+
     def update(
         self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray, present: np.ndarray, travel: float
     ) -> None:

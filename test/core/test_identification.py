@@ -41,6 +41,10 @@ def test_a_scanned_feature_is_recognised_in_most_sweeps(identifier: FeatureIdent
     assert list(verdicts(identifier, "grommet")).count("grommet") >= 3
 
 
+def test_a_feature_that_no_scan_has_shown_is_none_of_them(identifier: FeatureIdentifier) -> None:
+    assert list(verdicts(identifier, "seam")).count(NONE) >= 3
+
+
 def test_featureless_material_is_taken_for_no_feature(identifier: FeatureIdentifier) -> None:
     assert {"bump", "grommet"}.isdisjoint(verdicts(identifier, "none"))
 
