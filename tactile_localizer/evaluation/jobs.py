@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -89,7 +91,7 @@ def run_tasks(
     missing = {task.key: task for task in tasks if not files[task.key].exists()}
     done = len(files) - len(missing)
     if missing:
-        with _backend(workers):
+        with _terminated_as_interrupted(), _backend(workers):
             calls = [joblib.delayed(task.function)(*task.arguments) for task in missing.values()]
             results = joblib.Parallel(return_as="generator", batch_size=1)(calls)
             for (key, task), result in zip(missing.items(), results, strict=True):
@@ -135,6 +137,19 @@ def _backend(workers: Workers) -> AbstractContextManager[Any]:
         return _dask(workers.dask)
     # A single job is done in this process, which the command line has made single-threaded as all others are.
     return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the workers too, as Ctrl-C does; by default it would leave them to themselves."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -66,13 +66,15 @@ def test_an_interrupted_run_goes_on_where_it_was(folder: Path) -> None:
     command = [sys.executable, "-c", "import sys; from tactile_localizer.cli import main; sys.exit(main())"]
     arguments = [*OWN.split(), "--seeds", "5", "-o", "again"]
     tasks = Path("again/tasks")
-    running = subprocess.Popen([*command, *arguments])
+    running = subprocess.Popen([*command, *arguments, "--jobs", "2"], stderr=subprocess.PIPE, text=True)
     try:
         wait_until(lambda: len(list(tasks.glob("*.json"))) > 6, "some results", 60)
         running.terminate()
-        running.wait(30)
+        _, told = running.communicate(timeout=60)  # also waits for workers, who have the same stderr
     finally:
         running.kill()
+    assert running.returncode == 130
+    assert "Warning" not in told
     before = {file: file.stat().st_mtime_ns for file in tasks.glob("*.json")}
     assert 6 < len(before) < 15
     assert main(arguments) == 0
