@@ -20,7 +20,7 @@ from tactile_localizer.live.watcher import Watcher
 
 _ANSWER_S = 4.0
 _LONGEST_SWEEP_S = 15.0
-RECORDED_EVERY = 10
+RECORDED_EVERY = 30
 """One sweep in so many is recorded: a scan that grows takes memory, and that is no leak."""
 
 
