@@ -104,9 +104,9 @@ def _simulated(place: Place) -> Sequence[Started]:
     return [Started("simulate.launch.py", ("simulator", "driver"), place.buses[0])]
 
 
-def _hardware(place: Place) -> Started:
+def _hardware(place: Place, **arguments: Any) -> Started:
     """Load cells and an arm."""
-    return Started("", ("simulator",), place.buses[0])
+    return Started("", ("simulator",), place.buses[0] | arguments)
 
 
 def _see_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
@@ -199,7 +199,8 @@ def _led_by_a_manager(place: Place) -> Sequence[Started]:
     other = place.folder / "snap.db"
     write_scan(other, "snap")
     arguments = {"candidate_scan_files": [str(place.scan_file), str(other)], "autostart": False}
-    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
+    hand = _hardware(place, speed=2.0)  # slow enough for two maps on a busy machine
+    return [hand, Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
 
 
 def _see_the_feature_once_the_manager_wants_it(probe: Probe, place: Place) -> None:
