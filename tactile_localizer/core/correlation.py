@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
 from tactile_localizer.scene import GAUGES
 
+_SPAN = 0.001
+"""m of travel over which the change is taken. Noise changes at once: so it counts the same, however often
+strains are weighed."""
 _LARGEST_CHANGE = 5.0
 """Kernel widths; a gauge that jumps farther says no more."""
 
@@ -17,12 +21,13 @@ class Correlation:
 
     They grow independent with the travel between them, and with the change of the strain itself: where
     nothing changes, as over featureless material, nothing new is said, and a feature's edge says much in
-    little travel. A strain's likelihood counts for the share
+    little travel. Over a way Delta s the strains make a share
 
     .. math:: \\min(1, \\sqrt{(\\Delta s / l)^2 + (\\Delta z / c)^2})
 
     of an independent measurement, with l the ``length``, c the ``change`` and Delta z the root mean square
-    over the channels of the change since the last weighed strain, in kernel widths.
+    over the channels of their change, in kernel widths. The way reaches back a millimetre, or to the last
+    strain, if that was longer ago; a strain has its part of it by the travel since the last one.
 
     Parameters
     ----------
@@ -35,18 +40,37 @@ class Correlation:
         self._length = length
         self._change = change
         self._per_width = 1.0 / np.asarray(strain_std, dtype=np.float64)
+        self.reset()
 
-    def weight(self, travel: float, change: np.ndarray, felt: np.ndarray) -> float:
-        """Share of an independent measurement, in (0, 1].
+    def reset(self) -> None:
+        """Forget the strains."""
+        self._travelled = 0.0
+        self._past: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
+
+    def share(self, strain: np.ndarray, felt: np.ndarray, travel: float) -> float:
+        """Take in a strain; returns the share of an independent measurement that it makes, in (0, 1].
 
         Parameters
         ----------
-        travel : m since the last weighed strain
-        change : (8F,) V since then
-        felt : (F,) bool, phalanges that were felt at both times
+        strain : (8F,) V
+        felt : (F,) bool, the phalanges that were felt
+        travel : m since the last strain
         """
-        by_travel = travel / self._length
-        if self._change is None or not felt.any():
-            return min(1.0, by_travel)
+        self._travelled += travel
+        past = self._past
+        while len(past) > 1 and self._travelled - past[1][0] > 0.999 * _SPAN:
+            past.popleft()
+        way, change = travel, 0.0
+        if past:
+            way = max(self._travelled - past[0][0], travel)
+            change = self._widths(strain - past[0][1], felt & past[0][2])
+        past.append((self._travelled, strain.copy(), felt))
+        by_change = 0.0 if self._change is None else change / self._change
+        return min(1.0, math.hypot(way / self._length, by_change)) * travel / way
+
+    def _widths(self, change: np.ndarray, felt: np.ndarray) -> float:
+        """Root mean square of a change (8F,), V, of phalanges ``felt`` (F,) both times, in kernel widths."""
+        if not felt.any():
+            return 0.0
         widths = np.minimum(np.abs(change * self._per_width), _LARGEST_CHANGE)[np.repeat(felt, GAUGES)]
-        return min(1.0, math.hypot(by_travel, math.sqrt(widths @ widths / len(widths)) / self._change))
+        return math.sqrt(widths @ widths / len(widths))

@@ -186,6 +186,7 @@ class Localizer:
             self._recovery.reset()
         if self._offset is not None:
             self._offset.reset()
+        self._correlation.reset()
         self._convergence.reset()
         self._health.reset()
         self._stamp_ns = None
@@ -196,7 +197,6 @@ class Localizer:
         self._belief = None
         self._log_marginal = self._log_featureless = self._log_unknown = self._log_evidence = float("nan")
         self._weight = 0.0
-        self._weighed: tuple[np.ndarray, np.ndarray] | None = None
 
     def _weigh(self, strain: np.ndarray, present: np.ndarray) -> None:
         travel = self._pending_travel
@@ -205,7 +205,7 @@ class Localizer:
         counted = max(travel, self._update_distance)
         self._health.hear(strain, present, travel)
         used = self._used(present)
-        self._weight = self._share(strain, used, counted)
+        self._weight = self._correlation.share(strain, used, counted)
         if self._offset is not None:
             strain = self._offset.corrected(strain, used, counted)
         credit = self._null.credit(strain, used)
@@ -227,14 +227,6 @@ class Localizer:
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
-
-    def _share(self, strain: np.ndarray, used: np.ndarray, travel: float) -> float:
-        """Share of an independent measurement that a strain makes after the one that was weighed last."""
-        change, felt = np.zeros_like(strain), np.zeros_like(used)
-        if self._weighed is not None:
-            change, felt = strain - self._weighed[0], used & self._weighed[1]
-        self._weighed = strain.copy(), used
-        return self._correlation.weight(travel, change, felt)
 
     def _used(self, present: np.ndarray) -> np.ndarray:
         """Phalanges that are present and trusted; the present ones, where no trusted one is left."""

@@ -20,7 +20,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 
 NEIGHBOURS = (2, 4, 8, 16, 32, 64, 128, 256)
-"""Not more: an update costs in proportion, and what 512 gain on the simulated features is 0.3 nats at most."""
+"""Not more: an update costs in proportion, and 512 gain at most 0.3 nats on the simulated features."""
 
 Progress = Callable[[str, float], None]
 

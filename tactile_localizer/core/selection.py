@@ -291,13 +291,12 @@ def _localize(segment: Segment, grid: GridFilter, correlation: Correlation) -> n
     """After each strain, the score of the belief and whether its 95 % region holds the truth: (T, 2)."""
     present = np.ones(segment.strain.shape[1] // GAUGES, dtype=bool)
     radius = float(chi2.ppf(0.95, segment.states.shape[1]))
-    changes = np.diff(segment.strain, axis=0, prepend=segment.strain[:1])
     results = np.empty((len(segment.strain), 2))
     for t, strain in enumerate(segment.strain):
         travel = float(segment.travels[t])
         if t:
             grid.predict(segment.displacements[t], travel)
-        grid.update(strain, present, correlation.weight(max(travel, _STEP), changes[t], present), NO_CREDIT)
+        grid.update(strain, present, correlation.share(strain, present, max(travel, _STEP)), NO_CREDIT)
         density = grid.relative_density(segment.states[t])
         belief = grid.belief()
         error = segment.states[t] - belief.mean
