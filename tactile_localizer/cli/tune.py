@@ -11,11 +11,10 @@ from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
 from tactile_localizer.core.assembly import with_parameters
 from tactile_localizer.core.neighbours import search_neighbours
-from tactile_localizer.core.selection import search
+from tactile_localizer.core.selection import best_of, search
 from tactile_localizer.evaluation.report import save_figures
 from tactile_localizer.evaluation.tuning import (
     best_neighbours,
-    best_of,
     neighbours_table,
     tuning_figure,
     tuning_table,
@@ -47,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         by_neighbours = search_neighbours(scan, scene, progress)
     print_tables([tuning_table(trials, scene.axis_names), neighbours_table(by_neighbours)])
     pictures = save_figures({args.output.stem: tuning_figure(trials, by_neighbours)}, args.output.parent)
-    chosen = replace(best_of(trials).parameters, neighbours=best_neighbours(by_neighbours).neighbours)
+    chosen = replace(best_of(trials).for_whole_scan, neighbours=best_neighbours(by_neighbours).neighbours)
     save_scene(with_parameters(scene, chosen), args.output)
     print(f"{args.output}, {pictures[0]}")
     return 0

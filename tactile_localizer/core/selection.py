@@ -18,7 +18,7 @@ sweeps leave gaps.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +61,9 @@ _MOST_CELLS = 2000
 _UNIFORM = 0.01
 _HONEST = 0.94
 """Coverage asked of 95 % regions."""
+_WHOLE = 0.85
+"""What widths are multiplied by for the whole scan, where its sweeps leave gaps: with one left out, kernels had
+to bridge a gap twice as wide."""
 _PENALTY = 30.0
 """nats a unit of coverage that is missing: a candidate that covers 0.90 has to be 1.2 nats better."""
 
@@ -81,6 +84,16 @@ class Trial:
     def merit(self) -> float:
         """The score, less a penalty where the candidate is not honest about its uncertainty."""
         return self.score if self.coverage >= _HONEST else self.score - _PENALTY * (_HONEST - self.coverage)
+
+    @property
+    def for_whole_scan(self) -> ModelParameters:
+        """The parameters, with widths for a scan from which no sweep is left out."""
+        chosen = self.parameters
+        if not chosen.interpolate:
+            return chosen
+        return replace(
+            chosen, position_std=_WHOLE * chosen.position_std, strain_std=_WHOLE * chosen.strain_std
+        )
 
 
 @dataclass(frozen=True)
@@ -103,8 +116,13 @@ class Segment:
 
 
 def choose_parameters(scan: Scan, scene: Scene, progress: Progress | None = None) -> ModelParameters:
-    """The best of :func:`search`, as the parameters to write into a scene."""
-    return max(search(scan, scene, progress), key=lambda trial: trial.merit).parameters
+    """The best of :func:`search` for the whole scan, as the parameters to write into a scene."""
+    return best_of(search(scan, scene, progress)).for_whole_scan
+
+
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """The trial of most merit."""
+    return max(trials, key=lambda trial: trial.merit)
 
 
 def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[Trial]:

@@ -9,13 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactile_localizer.core.neighbours import NeighbourTrial
-from tactile_localizer.core.selection import Trial
+from tactile_localizer.core.selection import Trial, best_of
 from tactile_localizer.evaluation.tables import Table
-
-
-def best_of(trials: Sequence[Trial]) -> Trial:
-    """The trial that is chosen."""
-    return max(trials, key=lambda trial: trial.merit)
 
 
 def by_widths(trials: Sequence[Trial]) -> list[Trial]:
@@ -45,7 +40,8 @@ def tuning_table(trials: Sequence[Trial], axes: Sequence[str]) -> Table:
     columns = ("", "S_x, one sigma", "S_z, median", "length, mm", "score, nats", "coverage", "merit")
     note = (
         "Score: log-density at the true position of held-out sweeps, over a uniform belief; merit: less a "
-        "penalty where the 95 % region covers too little; *: chosen."
+        "penalty where the 95 % region covers too little; *: chosen, with narrower kernels for a "
+        "whole scan whose sweeps leave gaps."
     )
     return Table("Kernel widths", columns, rows, note)
 

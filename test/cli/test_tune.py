@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tactile_localizer.cli import main, tune
 from tactile_localizer.core.neighbours import NeighbourTrial
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.selection import Trial
+from tactile_localizer.core.selection import Trial, best_of
 from tactile_localizer.evaluation.tuning import (
     best_neighbours,
-    best_of,
     by_widths,
     neighbours_table,
     tuning_figure,
@@ -46,6 +46,14 @@ NEIGHBOURS = [
 def test_the_best_is_honest_first() -> None:
     assert best_of(TRIALS) is TRIALS[1]
     assert by_widths(TRIALS) == [TRIALS[1], TRIALS[3], TRIALS[4]]
+
+
+def test_widths_chosen_over_a_doubled_gap_are_narrower_for_the_whole_scan() -> None:
+    alone = replace(TRIALS[1].parameters, position_std=np.array([0.002]), strain_std=np.full(16, 0.01))
+    whole = replace(TRIALS[1], parameters=replace(alone, interpolate=True)).for_whole_scan
+    assert whole.position_std == pytest.approx(0.85 * alone.position_std)
+    assert whole.strain_std == pytest.approx(0.85 * alone.strain_std)
+    assert replace(TRIALS[1], parameters=alone).for_whole_scan is alone
 
 
 def test_the_table_marks_what_is_chosen() -> None:
