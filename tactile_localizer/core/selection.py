@@ -62,8 +62,8 @@ _UNIFORM = 0.01
 _HONEST = 0.94
 """Coverage asked of 95 % regions."""
 _WHOLE = 0.85
-"""What widths are multiplied by for the whole scan, where its sweeps leave gaps: with one left out, kernels had
-to bridge a gap twice as wide."""
+"""What widths are multiplied by for the whole scan, where its sweeps leave gaps: with one left out, kernels
+had to bridge a gap twice as wide."""
 _PENALTY = 30.0
 """nats a unit of coverage that is missing: a candidate that covers 0.90 has to be 1.2 nats better."""
 
