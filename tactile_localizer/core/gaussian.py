@@ -37,8 +37,7 @@ class Shrinkage:
     scale : c, chosen so that the median squared Mahalanobis distance of held-out strains is that of a normal
         distribution
     before, after : that median without and with the regularisation, over its expected value; infinite where
-    the
-        sample covariance is singular
+        the sample covariance is singular
     """
 
     share: float

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from tactile_localizer.core.fit import held_out_log_densities
-from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.gaussian import Gaussian, Shrinkage
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
@@ -32,12 +32,12 @@ class NeighbourTrial:
     Parameters
     ----------
     neighbours : k
-    shrinkage : share of the covariance that is that of all held-out residuals (:class:`~.gaussian.Shrinkage`)
+    shrinkage : of the covariance, and what it does on held-out sweeps
     score : log-likelihood of held-out sweeps, nats a strain
     """
 
     neighbours: int
-    shrinkage: float
+    shrinkage: Shrinkage
     score: float
 
 
@@ -68,7 +68,7 @@ def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None
             progress("choosing the number of neighbours", count / len(NEIGHBOURS))
         build = partial(Gaussian, scene=scene, neighbours=k)
         _, scores, _ = held_out_log_densities(scan, scene, rows, build)
-        trials.append(NeighbourTrial(k, build(scan).shrinkage.share, float(scores.mean())))
+        trials.append(NeighbourTrial(k, build(scan).shrinkage, float(scores.mean())))
     if progress is not None:
         progress("choosing the number of neighbours", 1.0)
     return trials

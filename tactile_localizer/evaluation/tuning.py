@@ -58,15 +58,18 @@ def neighbours_table(trials: Sequence[NeighbourTrial]) -> Table:
         (
             "*" if trial is best else "",
             str(trial.neighbours),
-            f"{trial.shrinkage:.2f}",
+            f"{trial.shrinkage.share:.2f}",
+            f"{trial.shrinkage.before:.3g}",
+            f"{trial.shrinkage.after:.3g}",
             f"{trial.score:.2f}",
         )
         for trial in trials
     ]
-    columns = ("", "k", "shrinkage", "score, nats")
+    columns = ("", "k", "shrinkage", "unshrunk", "shrunk", "score, nats")
     note = (
         "Of the Gaussian models. Shrinkage: share of the covariance that is that of held-out residuals, "
-        "itself chosen by their likelihood; score: log-likelihood of held-out strains; *: chosen."
+        "itself chosen by their likelihood; unshrunk, shrunk: median squared Mahalanobis distance of "
+        "held-out strains over that of a normal distribution; score: their log-likelihood; *: chosen."
     )
     return Table("Neighbours", columns, rows, note)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.cli import main, tune
+from tactile_localizer.core.gaussian import Shrinkage
 from tactile_localizer.core.neighbours import NeighbourTrial
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.selection import Trial, best_of
@@ -37,9 +39,9 @@ TRIALS = [
     trial(1.0, 1.0, 0.002, 3.1),
 ]
 NEIGHBOURS = [
-    NeighbourTrial(4, 0.9, 1.0),
-    NeighbourTrial(8, 0.8, 1.6),
-    NeighbourTrial(16, 0.5, 1.2),
+    NeighbourTrial(4, Shrinkage(0.9, 2.0, math.inf, 1.0), 1.0),
+    NeighbourTrial(8, Shrinkage(0.8, 1.5, math.inf, 1.0), 1.6),
+    NeighbourTrial(17, Shrinkage(0.5, 1.2, 546.0, 1.0), 1.2),
 ]
 
 
@@ -65,10 +67,10 @@ def test_the_table_marks_what_is_chosen() -> None:
 
 def test_the_neighbours_of_the_best_score_are_chosen_and_marked() -> None:
     assert best_neighbours(NEIGHBOURS) is NEIGHBOURS[1]
-    assert [row[:3] for row in neighbours_table(NEIGHBOURS).rows] == [
-        ("", "4", "0.90"),
-        ("*", "8", "0.80"),
-        ("", "16", "0.50"),
+    assert [row[:5] for row in neighbours_table(NEIGHBOURS).rows] == [
+        ("", "4", "0.90", "inf", "1"),
+        ("*", "8", "0.80", "inf", "1"),
+        ("", "17", "0.50", "546", "1"),
     ]
 
 
@@ -78,7 +80,7 @@ def test_the_picture_has_a_line_for_each_position_width() -> None:
     assert labels == ["S_x at 0.5 of the sweeps' spacing", "S_x at 1 of the sweeps' spacing"]
     assert list(lengths.get_lines()[0].get_xdata()) == [2.0, 5.0]
     assert list(lengths.get_lines()[0].get_ydata()) == [3.0, 3.4]
-    assert list(neighbours.get_lines()[0].get_xdata()) == [4, 8, 16]
+    assert list(neighbours.get_lines()[0].get_xdata()) == [4, 8, 17]
     assert coverage.get_ylabel() == "coverage of the 95 % region"
 
 

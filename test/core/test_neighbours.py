@@ -36,7 +36,7 @@ def best(trials: tuple[NeighbourTrial, ...]) -> NeighbourTrial:
 def test_every_number_is_tried_and_the_best_is_chosen() -> None:
     trials = tried(0.02)
     assert [trial.neighbours for trial in trials] == list(NEIGHBOURS)
-    assert all(0.0 < trial.shrinkage <= 1.0 for trial in trials)
+    assert all(0.0 < trial.shrinkage.share <= 1.0 for trial in trials)
     assert choose_neighbours(lines(0.02), SCENE) == best(trials).neighbours
 
 
