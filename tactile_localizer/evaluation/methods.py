@@ -30,6 +30,9 @@ PAPER_PARAMETERS = {
 }
 """The paper's hand-set widths (III-C) in m and V; each strain counts in full, as it is."""
 
+PARTICLES = (75, 1000)
+"""The paper's number, and one that should come close to the exact filter."""
+
 PAPER_NEIGHBOURS = 8
 """k of the paper's Gaussian models (Fig. 6)."""
 
@@ -66,9 +69,20 @@ def exact_form(model: str) -> str:
     return f"{model}-paper-grid"
 
 
+def exact_of(method: str) -> str:
+    """Name of the method that a method would be with the exact filter: the default is its own model's."""
+    return f"{method}-grid" if method.endswith("-paper") else "default"
+
+
 def standard_methods() -> dict[str, Method]:
-    """By name: the default, the presets, and the paper's models, each also with the exact filter."""
+    """By name: the default, also with few and many particles, the presets, and the paper's models.
+
+    Each of the paper's models is also there with the exact filter.
+    """
     methods = [Method("default", Configuration())]
+    methods += [
+        Method(f"particles-{count}", Configuration(filter="particle", particles=count)) for count in PARTICLES
+    ]
     methods.append(Method("featureless", Configuration(model="featureless")))
     methods += [Method(preset, load_configuration(preset)) for preset in PRESETS]
     for model in MODELS:

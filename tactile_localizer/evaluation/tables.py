@@ -12,6 +12,7 @@ from tactile_localizer.evaluation.bootstrap import Interval
 from tactile_localizer.evaluation.evaluate import Results, as_array
 from tactile_localizer.evaluation.figures import by_feature, compared_error
 from tactile_localizer.evaluation.findings import check_findings, own_criterion, plain_criteria
+from tactile_localizer.evaluation.methods import exact_of
 from tactile_localizer.evaluation.metrics import INCH, MARKS
 
 _SOON = 0.005
@@ -58,7 +59,8 @@ def error_table(results: Results) -> Table:
     for method in results.methods:
         intervals = [results.interval(method, quantity, condition) for condition in conditions]
         overall = results.interval(method, quantity)
-        exact = results.interval(f"{method}-grid", quantity) if f"{method}-grid" in results.methods else None
+        by = exact_of(method)
+        exact = results.interval(by, quantity) if by in results.methods and by != method else None
         away = "" if overall is None or exact is None else f"{(overall.mean / exact.mean - 1) * 100:+.0f} %"
         rows.append(
             (

@@ -26,6 +26,10 @@ def test_errors_stand_in_mm_and_inch_with_their_interval_and_distance_to_the_exa
     assert found["inch"] == "0.100"
     assert found["to exact"] == "+27 %"
     assert row(table, "default")["to exact"] == ""
+    few = error_table(
+        results({"particles-75": {"error_contact_m": 0.0022}, "default": {"error_contact_m": 0.002}})
+    )
+    assert row(few, "particles-75")["to exact"] == "+10 %"
 
 
 def test_convergence_is_told_with_false_alarms() -> None:
