@@ -27,7 +27,8 @@ class Correlation:
 
     of an independent measurement, with l the ``length``, c the ``change`` and Delta z the root mean square
     over the channels of their change, in kernel widths. The way reaches back a millimetre, or to the last
-    strain, if that was longer ago; a strain has its part of it by the travel since the last one.
+    strain, if that was longer ago; a strain has its part of it by the travel since the last one. A strain that
+    is a length away from the last one counts in full, as all do in the paper.
 
     Parameters
     ----------
@@ -65,6 +66,8 @@ class Correlation:
             way = max(self._travelled - past[0][0], travel)
             change = self._widths(strain - past[0][1], felt & past[0][2])
         past.append((self._travelled, strain.copy(), felt))
+        if travel >= self._length:
+            return 1.0
         by_change = 0.0 if self._change is None else change / self._change
         return min(1.0, math.hypot(way / self._length, by_change)) * travel / way
 

@@ -61,6 +61,11 @@ def test_noise_counts_alike_however_often_strains_are_weighed(step: float) -> No
     assert total == pytest.approx(each_millimetre * 0.001 / max(step, 0.001) * 200, rel=0.1)
 
 
+def test_strains_a_length_apart_count_in_full_each() -> None:
+    correlation = Correlation(0.0005, 4.0, WIDTHS)
+    assert [correlation.share(STILL, BOTH, 0.0005) for _ in range(5)] == [1.0] * 5
+
+
 def test_a_new_sweep_has_no_past() -> None:
     correlation = Correlation(0.004, 4.0, WIDTHS)
     correlation.share(STILL, BOTH, STEP)
