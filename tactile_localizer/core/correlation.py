@@ -27,8 +27,8 @@ class Correlation:
 
     of an independent measurement, with l the ``length``, c the ``change`` and Delta z the root mean square
     over the channels of their change, in kernel widths. The way reaches back a millimetre, or to the last
-    strain, if that was longer ago; a strain has its part of it by the travel since the last one. One that is a
-    length away from the last counts in full, as all do in the paper.
+    strain, if that was longer ago; a strain has its part of it by the travel since the last one. One that
+    is a length away from the last counts in full, as all do in the paper.
 
     Parameters
     ----------
