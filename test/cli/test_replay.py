@@ -82,7 +82,7 @@ def test_exact_odometry_is_the_truths_displacements(folder: Path) -> None:
     arguments = "replay test.csv --scan scan.db --odometry exact --config fast --json exact.json"
     assert main(arguments.split()) == 0
     assert document("exact.json")["summary"]["odometry"] == "exact"
-    assert document("exact.json")["configuration"]["filter"] == "particle"
+    assert document("exact.json")["configuration"]["cell"] == 0.8
 
 
 def test_a_scan_file_is_a_recording_too(folder: Path) -> None:

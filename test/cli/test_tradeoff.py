@@ -49,7 +49,7 @@ def test_everything_tried_is_shown_and_written(command: list[str], capsys) -> No
     assert main(command) == 0
     printed = capsys.readouterr().out
     assert "Pareto front" in printed
-    assert "fast: sum_of_gaussians particle" in printed
+    assert "fast: sum_of_gaussians grid" in printed
     trades = json.loads(Path("out/tradeoff.json").read_text())["trades"]
     assert len(trades) == len(FEW)
     assert all(one["update_us"] > 0 and one["memory_mb"] > 0 for one in trades)
