@@ -69,9 +69,12 @@ def exact_form(model: str) -> str:
     return f"{model}-paper-grid"
 
 
-def exact_of(method: str) -> str:
-    """Name of the method that a method would be with the exact filter: the default is its own model's."""
-    return f"{method}-grid" if method.endswith("-paper") else "default"
+def exact_of(method: Method) -> str:
+    """Name of the method that a method would be with the exact filter; its own where there is none other."""
+    if method.name.endswith("-paper"):
+        return f"{method.name}-grid"
+    is_exact = method.name.endswith("-paper-grid")
+    return method.name if is_exact or method.configuration.model != Configuration().model else "default"
 
 
 def standard_methods() -> dict[str, Method]:

@@ -56,10 +56,10 @@ def error_table(results: Results) -> Table:
     conditions = results.condition_names
     together = len(conditions) > 1
     rows = []
-    for method in results.methods:
+    for method, tried in results.methods.items():
         intervals = [results.interval(method, quantity, condition) for condition in conditions]
         overall = results.interval(method, quantity)
-        by = exact_of(method)
+        by = exact_of(tried)
         exact = results.interval(by, quantity) if by in results.methods and by != method else None
         away = "" if overall is None or exact is None else f"{(overall.mean / exact.mean - 1) * 100:+.0f} %"
         rows.append(

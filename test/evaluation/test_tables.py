@@ -25,7 +25,8 @@ def test_errors_stand_in_mm_and_inch_with_their_interval_and_distance_to_the_exa
     assert found["bump, mm"].startswith("2.54 (2.4")
     assert found["inch"] == "0.100"
     assert found["to exact"] == "+27 %"
-    assert row(table, "default")["to exact"] == ""
+    for exact in ("default", "gaussian-paper-grid", "sum_of_gaussians-paper-grid", "featureless"):
+        assert row(table, exact)["to exact"] == "", exact
     few = error_table(
         results({"particles-75": {"error_contact_m": 0.0022}, "default": {"error_contact_m": 0.002}})
     )
