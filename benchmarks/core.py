@@ -127,7 +127,7 @@ def updates() -> list[dict[str, Any]]:
     for particles in (75, 1_000, 10_000):
         for precision in ("float64", "float32"):
             for converged in (False, True):
-                asked = particles == 75 and precision == "float64"
+                asked = particles == 75 and precision == Configuration().precision
                 rows.append(
                     measured(
                         f"update: {particles} particles, {PHASES[converged]}, {precision}",
@@ -142,7 +142,7 @@ def updates() -> list[dict[str, Any]]:
                         floor=floor,
                     )
                 )
-    spread = next(one for one in rows if one["name"] == "update: 75 particles, spread, float64")
+    spread = next(one for one in rows if one["name"] == "update: 75 particles, spread, float32")
     rows.append(row("update: 75 particles, ratio to the floor", spread["ratio_to_floor"], "x", "<= 20"))
     for evaluation in ("truncated", "exact"):
         for converged in (False, True):

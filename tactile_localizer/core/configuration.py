@@ -63,7 +63,7 @@ class Configuration:
     particles: int = 300
     cell: float = 0.3
     evaluation: str = "field"
-    precision: str = "float64"
+    precision: str = "float32"
     conditional: bool = True
     resampling: str = "systematic"
     resample_below: float = 0.5

@@ -15,8 +15,6 @@ _BAND = 12.0
 """Standard deviations beyond which a kernel is left out on long axes: below exp(-72), less than any floor."""
 _BANDED_ABOVE = 3
 """Axes longer than this many bands are worth a sparse matrix."""
-_TINY = np.float32(1e-30)
-"""Weights below are left out: denormal numbers are slow."""
 _MOST_INT32 = 2**31 - 1
 _CHUNK = 2**22
 """Kernels held at once."""
@@ -50,7 +48,7 @@ class KernelGrid:
         self._nodes = [(spacing * np.arange(size)).astype(np.float32) for size in self.shape]
         narrowed = 1.0 - spacing**2 / 4.0
         self._factor = np.float32(-0.5 / narrowed)
-        self._peak = np.float32(1.0 / math.sqrt(narrowed))
+        self._peak = narrowed ** (-0.5 * len(self.shape))
         self._taps = self._spreading((positions - self._low) / spacing)
 
     @staticmethod
@@ -87,9 +85,7 @@ class KernelGrid:
 
     def spread(self, weights: np.ndarray) -> np.ndarray:
         """Weights of the pairs (M,) on the nodes: an array of the grid's shape."""
-        weights = weights.astype(np.float32)
-        weights *= weights > _TINY
-        return (self._taps @ weights).reshape(self.shape)
+        return (self._taps @ weights.astype(np.float32, copy=False)).reshape(self.shape)
 
     def spread_some(self, pairs: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """As :meth:`spread`, of a few pairs (M',), by index, with weights (M',): less work."""
@@ -111,7 +107,7 @@ class KernelGrid:
         for axis in range(1, len(self.shape)):
             kernel = self._dense(states[:, axis], axis)
             total = np.einsum("pg,pgr->pr", kernel, total.reshape(len(states), self.shape[axis], -1))
-        return total[:, 0].astype(np.float64)
+        return self._peak * total[:, 0].astype(np.float64)
 
     def on_axes(self, axes: list[np.ndarray], field: np.ndarray) -> np.ndarray:
         """The same at every combination of d coordinates -> (C1, ..., Cd)."""
@@ -121,7 +117,7 @@ class KernelGrid:
             total = (self._kernel(coordinates, axis) @ total.reshape(len(total), -1)).reshape(-1, *rest)
             # The axis that was contracted goes last, so after d turns the order is right again.
             total = np.moveaxis(total, 0, -1)
-        return total.astype(np.float64)
+        return self._peak * total.astype(np.float64)
 
     def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray | sparse.csr_array:
         """Kernel between coordinates (C,) and an axis's nodes, (C, G): banded where most of it is nothing."""
@@ -146,7 +142,6 @@ class KernelGrid:
         difference *= difference
         difference *= self._factor
         np.exp(difference, out=difference)
-        difference *= self._peak
         return difference
 
 

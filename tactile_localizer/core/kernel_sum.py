@@ -73,7 +73,7 @@ class KernelSum:
         order = np.argsort(unrolled[:, 0], kind="stable")
         self._positions = unrolled[order]
         self._positions /= self.position_std
-        self._first, self._last = box(self._positions)
+        self._first, self._last = (corner.tolist() for corner in box(self._positions))
         rows = rows[order]
         del unrolled, order  # of a large map, memory that the strains are about to need
         self._strain = self._whitened(strain, rows)
@@ -171,8 +171,10 @@ class KernelSum:
 
     def _volume(self, lower: np.ndarray, upper: np.ndarray) -> float:
         """Volume that the pairs of a block for this box take up: a measure of their number."""
-        sides = np.minimum(upper + REACH, self._last) - np.maximum(lower - REACH, self._first)
-        return float(np.prod(np.maximum(sides, 1e-3)))
+        sides = zip(lower.tolist(), upper.tolist(), self._first, self._last, strict=True)
+        return math.prod(
+            max(min(high + REACH, last) - max(low - REACH, first), 1e-3) for low, high, first, last in sides
+        )
 
     def _make_block(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
         if np.isinf(lower).all() and np.isinf(upper).all():

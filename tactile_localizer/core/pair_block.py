@@ -13,6 +13,8 @@ from tactile_localizer.scene import GAUGES
 
 HEADROOM = 64.0
 """Logarithm of the nearest pair's weight, so that float32 still holds weights smaller by exp(-150)."""
+_LEAST = np.float32(-69.0)
+"""Least logarithm of a weight, 133 nats below the nearest pair's: denormal numbers are slow."""
 _NEAREST = 1.0
 """Nats below the nearest pair's weight that are kept in any case."""
 _FEW = 0.15
@@ -72,7 +74,8 @@ class PairBlock:
 
     def serves(self, lower: np.ndarray, upper: np.ndarray) -> bool:
         """Whether the box ``lower`` (d,) to ``upper`` (d,) lies inside this block's."""
-        return bool((lower >= self.lower).all() and (upper <= self.upper).all())
+        inside = zip(lower.tolist(), upper.tolist(), self.lower.tolist(), self.upper.tolist(), strict=True)
+        return all(low >= least and high <= most for low, high, least, most in inside)
 
     def strain_weights(
         self, strain: np.ndarray, present: np.ndarray, log_negligible: float = -math.inf
@@ -96,11 +99,13 @@ class PairBlock:
         least = log_negligible - offset - math.log(1e4 * len(self))
         pairs = None
         if least > -math.inf:
-            heavy = np.flatnonzero(exponents > min(least, nearest - _NEAREST))
-            if len(heavy) < _FEW * len(self):
-                pairs, exponents = heavy, exponents[heavy]
+            heavy = exponents > min(least, nearest - _NEAREST)
+            if np.count_nonzero(heavy) < _FEW * len(self):
+                pairs = np.flatnonzero(heavy)
+                exponents = exponents[pairs]
         exponents -= exponents.dtype.type(nearest)
         exponents += exponents.dtype.type(HEADROOM)
+        np.maximum(exponents, _LEAST, out=exponents)
         return pairs, np.exp(exponents, out=exponents), offset + nearest - HEADROOM
 
     def spread(self, pairs: np.ndarray | None, weights: np.ndarray) -> np.ndarray:
