@@ -65,6 +65,7 @@ def compare() -> list[dict[str, Any]]:
         tv_to_exact,
     )
 
+    from tactile_localizer.core.configuration import Configuration
     from tactile_localizer.core.credit import NO_CREDIT
     from tactile_localizer.core.particle_filter import ParticleFilter
     from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
@@ -73,7 +74,7 @@ def compare() -> list[dict[str, Any]]:
     floor = floor_us(scan)
     plain, model = (
         PlainModel(scan, POSITION_STD, STRAIN_STD),
-        SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD),
+        SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD, precision=Configuration().precision),
     )
     exact = SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD, evaluation="exact")
     rows = []

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from tactile_localizer.core.kernel_grid import box
 
-_NODES_PER_WIDTH = 4.0
+_NODES_PER_WIDTH = 3.5
 _NODES_A_STATE = 15
 """Nodes of the grid that are as much work as one state more than the first :data:`_FEWEST_STATES`."""
 _FEWEST_STATES = 150
@@ -27,7 +27,7 @@ def interpolated(
 ) -> np.ndarray:
     """A function of state, smooth on a scale of ``width`` (d,), at states (P, d): (P,).
 
-    Where it is less work, the function is evaluated on a grid of four nodes a width over the states, and
+    Where it is less work, the function is evaluated on a grid of three and a half nodes a width over the states, and
     interpolated by cubic splines; otherwise at each state. The function is a log-likelihood, whose tails are
     parabolas: cubic splines follow them exactly.
     """

@@ -72,13 +72,11 @@ class PhalanxKernels:
 
     def _mix(self, sums: np.ndarray, density: np.ndarray, log_scale: float, log_floor: float) -> np.ndarray:
         floor = FLOOR * self._typical
+        scanned = (density if self._conditional else self._typical) + floor
         if abs(log_floor - log_scale) < _SAFE:
-            total = np.log(sums + math.exp(log_floor - log_scale)) + log_scale
-        else:
-            with np.errstate(divide="ignore"):
-                total = np.logaddexp(np.log(sums) + log_scale, log_floor)
-        scanned = density if self._conditional else self._typical
-        return total - np.log(scanned + floor)
+            return np.log((sums + math.exp(log_floor - log_scale)) / scanned) + log_scale
+        with np.errstate(divide="ignore"):
+            return np.logaddexp(np.log(sums) + log_scale, log_floor) - np.log(scanned)
 
 
 class SumOfGaussians:
