@@ -28,8 +28,8 @@ def interpolated(
     """A function of state, smooth on a scale of ``width`` (d,), at states (P, d): (P,).
 
     Where it is less work, the function is evaluated on a grid of three and a half nodes a width over the
-    states, and interpolated by cubic splines; otherwise at each state. The function is a log-likelihood, whose
-    tails are parabolas: cubic splines follow them exactly.
+    states, and interpolated by cubic splines; otherwise at each state. The function is a log-likelihood,
+    whose tails are parabolas: cubic splines follow them exactly.
     """
     most_nodes = min(_NODES_A_STATE * (len(states) - _FEWEST_STATES), _MOST_NODES)
     if most_nodes <= 0:
