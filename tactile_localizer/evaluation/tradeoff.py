@@ -149,7 +149,7 @@ def _configurations() -> Iterator[Configuration]:
     for evaluation in ("truncated", "exact"):
         yield replace(particle, particles=75, evaluation=evaluation)
     for one in (grid, particle):
-        yield replace(one, precision="float32")
+        yield replace(one, precision="float64")
         yield replace(one, model="featureless")
     for model in ("gaussian", "gaussian_independent"):
         yield replace(particle, model=model)
