@@ -67,7 +67,7 @@ class PhalanxHealth:
             others_change = (present & ~same).any()
             self._unchanged = np.where(same, self._unchanged + travel * others_change, 0.0)
             self.trusted = self._agree & (self._unchanged < self._STUCK)
-        self._last = strain
+        self._last = strain.copy()
 
     def contradiction(self, phalanges: np.ndarray) -> float:
         """Log-ratio of belief to null, nats, of those ``phalanges`` (F,) that contradict the belief."""

@@ -211,6 +211,15 @@ def test_the_callers_arrays_are_neither_kept_nor_changed(localizer):
     assert np.linalg.norm(estimate.mean - before[1]) < 0.001
 
 
+def test_a_caller_may_fill_one_buffer_with_every_strain(localizer):
+    """A phalanx that is stuck is found by what the last strain was, not by what its array holds now."""
+    strain, rng = np.zeros(16), np.random.default_rng(0)
+    for n in range(10):
+        strain[8:] = rng.normal(0.0, 0.01, 8)
+        estimate = localizer.update(n * 10_000_000, np.array([0.01 + 0.001 * n, 0.02]), strain)
+    assert estimate.trusted.tolist() == [False, True]
+
+
 def test_a_seeded_belief_is_followed(localizer):
     localizer.seed(np.array([0.03, 0.03]), np.array([0.001, 0.001]))
     estimate = localizer.update(0, ANYWHERE, strain_at(np.array([[0.03, 0.03]]))[0])
