@@ -1,7 +1,7 @@
 """Seeds known faults into a copy of the core, one at a time, and sees that a test fails for each.
 
-A spot check of the tests, not a part of them: ``make mutants``. ``python test/mutants.py WORD`` tries the
-faults with that word in their names alone.
+A spot check of the tests, not a part of them: ``make mutants``. ``python test/mutants.py WORD...`` tries the
+faults with these words in their line alone, and does not see first that the sound core passes.
 """
 
 from __future__ import annotations
@@ -36,6 +36,23 @@ class Fault:
     right: str
     wrong: str
 
+    @property
+    def path(self) -> Path:
+        """Of the module in a tree."""
+        return Path("tactile_localizer", "core", f"{self.module}.py")
+
+    def seeded(self, sound: str) -> str:
+        """The module's text with the fault in it.
+
+        Raises
+        ------
+        ValueError
+            The text to replace is not there, or more than once.
+        """
+        if (found := sound.count(self.right)) != 1:
+            raise ValueError(f"{self.name}: expected {self.right!r} once in {self.path}, found {found}")
+        return sound.replace(self.right, self.wrong)
+
 
 def faults() -> list[Fault]:
     """Those of ``mutants.txt``."""
@@ -48,13 +65,15 @@ def faults() -> list[Fault]:
 
 def main(words: list[str]) -> int:
     """Try the faults; the exit status says whether all were caught."""
-    chosen = [fault for fault in faults() if all(word in fault.name for word in words)]
+    chosen = [fault for fault in faults() if all(word in f"{fault.module}: {fault.name}" for word in words)]
     survived = []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for name in COPIED:
             source = ROOT / name
             (shutil.copytree if source.is_dir() else shutil.copy)(source, copy / name)
+        if not words and (failed := failing(copy, copy / "test" / "core")):
+            raise SystemExit(f"the sound core: expected to pass its tests, failed {failed}")
         for fault in chosen:
             begun = time.monotonic()
             caught = seed(copy, fault)
@@ -67,11 +86,9 @@ def main(words: list[str]) -> int:
 
 def seed(copy: Path, fault: Fault) -> str:
     """The first test that fails with the fault in the copy; empty where none does."""
-    path = copy / "tactile_localizer" / "core" / f"{fault.module}.py"
+    path = copy / fault.path
     sound = path.read_text()
-    if sound.count(fault.right) != 1:
-        raise SystemExit(f"{fault.name}: expected {fault.right!r} once in {path.name}, the core has changed")
-    path.write_text(sound.replace(fault.right, fault.wrong))
+    path.write_text(fault.seeded(sound))
     try:
         own = copy / "test" / "core" / f"test_{fault.module}.py"
         return (failing(copy, own) if own.exists() else "") or failing(copy, copy / "test" / "core")
