@@ -71,24 +71,28 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
         lw=1,
         label="Pareto front",
     )
-    for row, one in enumerate(one for one in trades if one.candidate.preset):
+    presets = sorted((one for one in trades if one.candidate.preset), key=lambda one: one.update_us)
+    for row, one in enumerate(presets):
         place = (one.update_us, one.error.mean * MM)
         plot.plot(*place, "o", ms=11, mfc="none", mec="black")
         plot.annotate(
             one.candidate.preset,
             place,
-            xytext=(0, 24 + 13 * row),
+            xytext=(48 * (row - (len(presets) - 1) / 2), -34),
             textcoords="offset points",
             fontsize=9,
             ha="center",
             arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.7, "shrinkB": 6},
         )
     plot.axhline(TENTH_INCH * MM, color="0.6", ls="--", lw=0.8)
+    plot.set_axisbelow(True)
+    plot.margins(x=0.1)
     plot.set_xscale("log")
     plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plot.xaxis.set_major_formatter("{x:g}")
     plot.xaxis.set_minor_formatter("")
     plot.set_yscale("log")
+    plot.set_ylim(bottom=0.85 * front[-1].error.mean * MM)
     plot.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
     plot.yaxis.set_major_formatter("{x:g}")
     plot.yaxis.set_minor_formatter("")

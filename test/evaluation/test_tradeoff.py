@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 from support.browser import look_at
 from support.evaluations import QUICK, TUNED, condition
 
@@ -112,6 +114,19 @@ def test_the_report_shows_the_picture_and_the_tables(tmp_path: Path) -> None:
     assert [image["name"] for image in found["images"]] == ["tradeoff"]
     assert found["images"][0]["width"] > 300
     assert found["width"] <= found["view"]
+
+
+def test_presets_that_cost_the_same_have_labels_that_do_not_touch() -> None:
+    figure = tradeoff_figure([made(500, 2.0, preset=preset) for preset in PRESETS])
+    figure.set_dpi(100)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    axes = figure.axes[0]
+    # The extent of an annotation has its line in it: wanted is that of its text.
+    boxes = [Text.get_window_extent(text, renderer) for text in axes.texts]
+    assert len(boxes) == 3
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert all(axes.bbox.contains(*corner) for box in boxes for corner in box.corners())
 
 
 def test_error_is_compared_over_the_sweep_where_contact_is_not_known(tmp_path: Path) -> None:
