@@ -54,6 +54,27 @@ def test_every_command_is_understood(page: Path) -> None:
 
 
 @by_page
+def test_every_command_of_ros_names_what_the_package_has(page: Path) -> None:
+    nodes = "".join(path.read_text() for path in (ROOT / "tactile_localizer/nodes").glob("*.py"))
+    parameters = (ROOT / "docs/parameters.md").read_text()
+    for _, verb, *words in commands(page, "ros2"):
+        line = " ".join(words)
+        if verb == "launch":
+            declared = nodes + (ROOT / "launch" / words[1]).read_text()
+            named = re.findall(r"(\w+?)(?:_params)?:=", line)
+            assert [name for name in named if f'"{name}"' not in declared] == [], line
+        elif verb == "run":
+            assert (ROOT / "scripts" / words[1]).exists(), line
+            declared = parameters.partition(f"## {words[1]}")[2].partition("\n## ")[0]
+            named = re.findall(r"-p (\w+):=", line)
+            assert [name for name in named if f"`{name}`" not in declared] == [], line
+        elif verb in ("service", "topic"):
+            (name,) = re.findall(r"(?<!\S)/(\S+)", line)
+            known = {f'"{name}"', f'"/{name}"', f'"~/{name.rpartition("/")[2]}"'}
+            assert any(one in nodes for one in known), line
+
+
+@by_page
 def test_every_target_of_make_exists(page: Path) -> None:
     targets = set(re.findall(r"^([a-z]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE))
     for command in commands(page, "make"):
