@@ -75,7 +75,7 @@ def test_what_cannot_be_meant_is_refused_with_its_place(name: str) -> None:
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (None, "could not read it: No such file"),
+        (None, "expected a scene file or one of bump.yaml, .*, found none"),
         (b"\xff\xfe\x00", "could not read it: not text"),
         (b"axes: [", "expected YAML"),
         (b"- x", "scene: expected a mapping"),

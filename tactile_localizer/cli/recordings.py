@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from tactile_localizer.cli.import_ import (
@@ -38,9 +39,13 @@ def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
-    """The scan, and the scene to model."""
+    """The scan, and the scene to model; a note where that is not the one that was scanned."""
     with ScanStore.open(args.scan) as store:
-        scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else store.scene
+        scanned = store.scene
+        scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else scanned
+        if scene.name != scanned.name:
+            note = f"note: {args.scan} was scanned as {scanned.name}, and is modelled as {scene.name}"
+            print(note, file=sys.stderr)
         return store.load(), scene
 
 
@@ -57,8 +62,18 @@ def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
-    """The configuration of ``--config`` with the other choices over it."""
-    return load_configuration(args.config, model=args.model, filter=args.filter, particles=args.particles)
+    """The configuration of ``--config`` with the other choices over it.
+
+    Raises
+    ------
+    ParameterError
+        A choice that cannot be used, or particles for a filter that has none.
+    """
+    given = {"model": args.model, "filter": args.filter, "particles": args.particles}
+    configuration = load_configuration(args.config, **given)
+    if args.particles is not None and configuration.filter != "particle":
+        raise ParameterError(f"--particles: expected --filter particle with it, got {configuration.filter}")
+    return configuration
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -> None:

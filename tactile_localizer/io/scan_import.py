@@ -60,7 +60,11 @@ def import_recording(
     if path.exists():
         raise ScanError(f"{path}: expected no file of this name yet, found one")
     unfinished = path.with_name(f"{path.name}.part")
-    unfinished.unlink(missing_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.unlink(missing_ok=True)
+    except OSError as error:
+        raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
     screenings = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
     notes = (*recording.notes, *_left_out(recording, scene, screenings))
     try:

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from tactile_localizer.errors import SceneError
+from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Region, Scene
 
 _KEYS = ("name", "axes", "phalanges", "feature", "measurement")
@@ -26,6 +27,11 @@ def load_scene(path: str | Path) -> Scene:
     path = Path(path)
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        shipped = sorted(file.name for file in resource_path("config/scenes").iterdir())
+        raise SceneError(
+            f"{path}: expected a scene file or one of {', '.join(shipped)}, found none"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not text"
         raise SceneError(f"{path}: expected a scene file, could not read it: {reason}") from None

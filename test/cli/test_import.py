@@ -61,6 +61,14 @@ def test_the_shipped_fabric_scenes_and_naming_are_found_by_name(folder, capsys):
         np.testing.assert_allclose(store.load().states[:3, 0], [0, 0.00028, 0.00056], atol=1e-12)
 
 
+def test_the_folder_of_the_scan_file_is_made(folder, capsys):
+    write_csv(folder / "a.csv", [[0.01 * n, 0, 0.0004 * n, 0.02, *range(16)] for n in range(50)])
+    assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "scans/new/a.db"]) == 0
+    assert (folder / "scans/new/a.db").exists()
+    assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "a.csv/b.db"]) == 2
+    assert "a.csv/b.db: expected a folder that can be written" in capsys.readouterr().err
+
+
 def test_a_bag_becomes_a_scan_file(folder, capsys):
     write_bag(folder / "bag", slide(0, 1000), "sqlite3")
     assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "scan.db"]) == 0

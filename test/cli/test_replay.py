@@ -127,6 +127,10 @@ def test_a_recording_without_truth_is_localised_and_says_so(folder: Path, capsys
         ("test.csv --scan scan.db --scene none.yaml", "none.yaml: expected a scene file"),
         ("test.csv --scan scan.db --config none.yaml", "none.yaml: expected a configuration file"),
         ("test.csv --scan scan.db --filter particle --particles 0", "particles: expected at least 1, got 0"),
+        (
+            "test.csv --scan scan.db --particles 10",
+            "--particles: expected --filter particle with it, got grid",
+        ),
         ("test.csv --scan scan.db --starts 0", "--starts: expected at least 1, got 0"),
         ("test.csv --scan scan.db --travel 0.1", "--travel: expected --starts with it"),
         (
@@ -144,6 +148,14 @@ def test_what_cannot_be_replayed_is_refused_in_one_line(
     printed = capsys.readouterr()
     assert message in printed.err
     assert printed.err.count("\n") == 1
+
+
+def test_a_scan_of_another_scene_is_noted(folder: Path, capsys) -> None:
+    save_scene(replace(load_scene("scene.yaml"), name="other"), "other.yaml")
+    assert (
+        run("replay test.csv --scan scan.db --scene other.yaml --config fast --starts 1 --travel 0.01") == 0
+    )
+    assert "note: scan.db was scanned as bump, and is modelled as other" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("material", "travel"), [("Linen", "0.08"), ("Canvas", "0.16")])
