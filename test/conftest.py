@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 from support.processes import Process, node_command
+from support.reruns import pytest_terminal_summary as pytest_terminal_summary  # why CI tried a test again
 
 from tactile_localizer.live.domain import own_domain
 
