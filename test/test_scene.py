@@ -95,6 +95,11 @@ def test_a_scene_survives_its_file(tmp_path: Path) -> None:
     assert load_scene(tmp_path / "scene.yaml") == scene
 
 
+def test_a_scene_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"none/scene.yaml: expected to write a scene, No such file"):
+        save_scene(scene_from_dict(GOOD), tmp_path / "none" / "scene.yaml")
+
+
 def test_phalanges_may_be_a_list_of_names_and_numbers_may_lack_their_dot() -> None:
     content = {**GOOD, "phalanges": ["index", "middle"], "axes": {"x": {"bounds": [0, "1e-1"]}}}
     scene = scene_from_dict(content)

@@ -117,11 +117,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def methods_of(names: Sequence[str] | None) -> list[Method]:
-    """Methods of a list of names: standard ones, those that compare parameters, or YAML files."""
+    """Methods of a list of names: standard ones, those that compare parameters, or YAML files.
+
+    Raises
+    ------
+    ParameterError
+        Another name, or a file that is no configuration.
+    """
     standard = standard_methods()
     if names is None:
         return list(standard.values())
     known = standard | tuning_methods()
+    for name in names:
+        if name not in known and not Path(name).exists():
+            raise ParameterError(f"--methods {name}: expected a YAML file or one of {', '.join(known)}")
     return [known.get(name) or Method(Path(name).stem, load_configuration(name)) for name in names]
 
 

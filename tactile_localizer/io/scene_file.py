@@ -44,9 +44,18 @@ def load_scene(path: str | Path) -> Scene:
 
 
 def save_scene(scene: Scene, path: str | Path) -> None:
-    """Write a scene to a YAML file that :func:`load_scene` reads back as an equal scene."""
+    """Write a scene to a YAML file that :func:`load_scene` reads back as an equal scene.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be written.
+    """
     text = yaml.safe_dump(scene_to_dict(scene), sort_keys=False, default_flow_style=None, width=100)
-    Path(path).write_text(text, encoding="utf-8")
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SceneError(f"{path}: expected to write a scene, {error.strerror}") from None
 
 
 def scene_from_dict(content: Any) -> Scene:

@@ -101,7 +101,7 @@ def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) ->
         ("--seeds 0", "--seeds: expected at least 1, got 0"),
         ("--blanks -1", "--blanks: expected at least 0, got -1"),
         ("--jobs 0", "jobs: expected at least 1"),
-        ("--methods none.yaml", "none.yaml: expected a configuration file"),
+        ("--methods defualt", "--methods defualt: expected a YAML file or one of default, "),
         ("test.csv", "recordings: expected --scan with them"),
         ("--features linen --data nowhere", "Linen_F250_V10mmps_0.csv"),
         ("test.csv --scan scan.db --travel 0.1", "--travel: expected --starts with it"),
