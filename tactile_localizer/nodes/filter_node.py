@@ -139,6 +139,7 @@ class FilterNode(ManagedNode):
     def _begin(self) -> None:
         self._tracker.interrupt()
         self._tracker.reset()
+        self._clock_of_stamps = stamps.SendersClock()
         self._inputs = Inputs({"strain": 0, "palm_pose": 0, "initial_pose": 0})
         now_ns = self.get_clock().now().nanoseconds
         self._heard_ns = {"strain": now_ns, "palm_pose": now_ns}
@@ -149,7 +150,7 @@ class FilterNode(ManagedNode):
         stamp_ns = stamps.to_ns(message.header.stamp)
         if not stamp_ns:
             return  # of a clock that does not run yet
-        self._arrived.add("strain")
+        self._hear("strain", stamp_ns)
         try:
             estimates = self._tracker.add_strain(stamp_ns, *self._reader.read(message))
         except TactileLocalizerError as error:
@@ -161,13 +162,23 @@ class FilterNode(ManagedNode):
         stamp_ns = stamps.to_ns(message.header.stamp)
         if not stamp_ns:
             return
-        self._arrived.add("palm_pose")
+        self._hear("palm_pose", stamp_ns)
         try:
             estimates = self._tracker.add_pose(stamp_ns, palm_pose.position(self._frame, message))
         except MeasurementError as error:
             self._refuse("palm_pose", error)
         else:
             self._publish(estimates)
+
+    def _hear(self, topic: str, stamp_ns: int) -> None:
+        self._arrived.add(topic)
+        now_ns = self.get_clock().now().nanoseconds
+        self._clock_of_stamps.hear(stamp_ns, now_ns, self._tracker.pairing.resets)
+
+    @property
+    def _now_ns(self) -> int:
+        """Stamp of what is felt now, ns: what was felt before may come after a request, on a busy machine."""
+        return self._clock_of_stamps.now_ns(self.get_clock().now().nanoseconds)
 
     def _publish(self, estimates: list[Estimate]) -> None:
         if estimates:
@@ -187,11 +198,11 @@ class FilterNode(ManagedNode):
         except MeasurementError as error:
             self._refuse("initial_pose", error)
             return
-        self._tracker.seed(mean, std)
+        self._tracker.seed(mean, std, self._now_ns)
         self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
 
     def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
-        self._tracker.reset()
+        self._tracker.reset(self._now_ns)
         self.get_logger().info("belief spread over the whole scene")
         return response
 

@@ -92,6 +92,7 @@ class MappingNode(ManagedNode):
         """Listen to strain and poses, offer the services, and publish the status."""
         of = self.parameters
         self._pairing = Pairing(self._scene.axes, max_gap_s=of["max_gap_s"], patience_s=of["patience_s"])
+        self._clock_of_stamps = stamps.SendersClock()
         self._rate = 0.0
         self._last_sweep: int | None = None
         self._refusals: dict[str, str] = {}
@@ -152,6 +153,7 @@ class MappingNode(ManagedNode):
         stamp_ns = stamps.to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
+        self._hear(stamp_ns, self._pairing)
         try:
             felt = self._reader.read(message)
         except TactileLocalizerError as error:
@@ -164,6 +166,7 @@ class MappingNode(ManagedNode):
         stamp_ns = stamps.to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
+        self._hear(stamp_ns, self._pairing)
         try:
             pairs = self._pairing.add_pose(stamp_ns, palm_pose.position(self._frame, message))
         except MeasurementError as error:
@@ -171,6 +174,9 @@ class MappingNode(ManagedNode):
             return
         self._refusals.pop("palm_pose", None)
         self._record(pairs)
+
+    def _hear(self, stamp_ns: int, pairing: Pairing[Felt]) -> None:
+        self._clock_of_stamps.hear(stamp_ns, self.get_clock().now().nanoseconds, pairing.resets)
 
     def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
         """A message cannot be used: no sweep begins until the next of its topic can."""
@@ -243,14 +249,8 @@ class MappingNode(ManagedNode):
 
     @property
     def _now_ns(self) -> int:
-        """Stamp of what is felt now, ns, where the samples' stamps are those of the node's clock.
-
-        On a busy machine a service is answered before the samples that came earlier: the newest sample that
-        was taken in would let a sweep begin too early.
-        """
-        now_ns, newest_ns = int(self.get_clock().now().nanoseconds), self._newest_ns
-        lag_s = (now_ns - newest_ns) * 1e-9
-        return now_ns if 0.0 < lag_s <= self.parameters["patience_s"] else newest_ns
+        """Stamp of what is felt now, ns: what was felt before may come after a request, on a busy machine."""
+        return self._clock_of_stamps.now_ns(self.get_clock().now().nanoseconds)
 
     def _publish_status(self, stamp_ns: int) -> None:
         """Tell how the scan is going; stamps are samples', so that a bag shows what belongs to a sweep."""

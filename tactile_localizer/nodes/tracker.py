@@ -16,6 +16,7 @@ from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
 
 _TIMES_KEPT = 4096
+_BEFORE_ALL_NS = -1
 
 Felt = tuple[np.ndarray, np.ndarray]
 """Strain voltages (8F,), V, and status bits (F,)."""
@@ -25,14 +26,16 @@ Felt = tuple[np.ndarray, np.ndarray]
 class Counts:
     """Strain vectors since the start, by what became of them.
 
-    ``weighed`` and ``moved`` were taken in: the belief was updated, or only moved along. ``gaps`` had no
-    pose near enough in time, ``unusable`` no phalanx that was well, ``refused`` were not finite. ``absent``
-    says, a phalanx, how many it was missing, saturated or faulty in.
+    ``weighed`` and ``moved`` were taken in: the belief was updated, or only moved along. ``earlier`` were
+    felt before the belief began anew, ``gaps`` had no pose near enough in time, ``unusable`` no phalanx that
+    was well, ``refused`` were not finite. ``absent`` says, a phalanx, how many it was missing, saturated or
+    faulty in.
     """
 
     absent: dict[str, int]
     weighed: int = 0
     moved: int = 0
+    earlier: int = 0
     gaps: int = 0
     unusable: int = 0
     refused: int = 0
@@ -74,16 +77,20 @@ class Tracker:
         )
         self._newest_ns: dict[str, int] = {}
         self._resets = 0
+        self._since_ns = _BEFORE_ALL_NS
 
-    def reset(self) -> None:
-        """Believe in every state alike."""
+    def reset(self, since_ns: int = _BEFORE_ALL_NS) -> None:
+        """Believe in every state alike; leave out what was felt up to ``since_ns``, though it comes later."""
         self.localizer.reset()
-        self.latest = None
+        self.latest, self._since_ns = None, since_ns
 
-    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
-        """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
+    def seed(self, mean: np.ndarray, std: np.ndarray, since_ns: int = _BEFORE_ALL_NS) -> None:
+        """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad).
+
+        As :meth:`reset` for what was felt up to ``since_ns``.
+        """
         self.localizer.seed(mean, std)
-        self.latest = None
+        self.latest, self._since_ns = None, since_ns
 
     @property
     def age_s(self) -> float:
@@ -117,11 +124,15 @@ class Tracker:
         if self.pairing.resets != self._resets:
             self._resets = self.pairing.resets
             self._newest_ns.clear()
+            self._since_ns = _BEFORE_ALL_NS
         self._newest_ns[topic] = max(self._newest_ns.get(topic, stamp_ns), stamp_ns)
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
     def _localize(self, pair: Pair[Felt]) -> Estimate | None:
         counts = self.counts
+        if pair.stamp_ns <= self._since_ns:
+            counts.earlier += 1
+            return None
         strain, status = pair.felt
         present = usable(status)
         for phalanx, well in zip(counts.absent, present, strict=True):

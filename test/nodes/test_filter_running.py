@@ -194,6 +194,21 @@ def test_the_belief_can_be_spread_again(node, probe):
     assert again.covariance_trace > 1e-4
 
 
+def test_strain_from_before_the_belief_was_spread_that_comes_later_is_left_out(node, probe):
+    from std_srvs.srv import Empty
+
+    node.slide(20)
+    node.hand.slide(20, strain=False)  # the arm is ahead
+    probe.until(lambda: node.posteriors[-1].stale, "stale: the poses have come")
+    probe.call(Empty, "filter/reinitialize_global_localization")
+    heard = len(node.fresh())
+    for k in range(20, 40):
+        node.hand.feel(k)
+    node.slide(2)
+    assert [node.hand.sample_of(message) for message in node.fresh()[heard:]] == [40, 41]
+    probe.until(lambda: node.told("inputs")[2].get("earlier") == "20", "the count")
+
+
 def test_the_belief_can_be_seeded_with_a_pose(node, probe):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 

@@ -151,6 +151,23 @@ def test_after_a_reset_there_is_no_estimate_until_something_is_felt(tracker, swe
     assert first.travel == 0.0
 
 
+@pytest.mark.parametrize("begin", ["reset", "seed"])
+def test_what_was_felt_before_the_belief_began_anew_is_left_out_though_it_comes_later(tracker, sweep, begin):
+    slide(tracker, sweep, 0, 60)
+    for k in range(61, 101):
+        move(tracker, sweep, k)
+    since_ns = int(sweep.stamp_ns[100])
+    if begin == "reset":
+        tracker.reset(since_ns)
+    else:
+        tracker.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]), since_ns)
+    assert [e for k in range(60, 100) for e in feel(tracker, sweep, k)] == []
+    assert tracker.counts.earlier == 40
+    (first, *_) = slide(tracker, sweep, 100, 103)
+    assert first.travel == 0.0
+    assert slide(tracker, sweep, 0, 5), "time was set back: what comes then is no longer earlier"
+
+
 def test_a_seed_is_believed_in(tracker, sweep):
     tracker.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]))
     (first, *_) = slide(tracker, sweep, 0, 2)
