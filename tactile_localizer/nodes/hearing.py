@@ -61,7 +61,9 @@ def hear(node: Node, topics: Sequence[Topic]) -> list[Subscription]:
 def _take(subscription: Subscription, topic: Topic) -> bool:
     """Whether a message waited; it is handed over."""
     with subscription.handle:
-        taken = subscription.handle.take_message(topic.kind, False)
+        # As rclpy's executor does. Where another rclpy has no such method, all are left to the executor.
+        take = getattr(subscription.handle, "take_message", None)
+        taken = take(topic.kind, False) if take else None
     if taken is not None:
         topic.work(taken[0])
     return taken is not None

@@ -1,5 +1,8 @@
 """A node that is behind takes what waits at once, of each topic in turn and in its order."""
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -31,3 +34,10 @@ def test_what_waits_behind_a_message_is_taken_along_but_timers_get_their_turn(pr
         assert [number for told, number in heard if told == name] == list(range(sent))
     ahead = np.cumsum([1 if name == "a" else -1 for name, _ in heard])
     assert np.abs(ahead).max() <= 2
+
+
+def test_where_rclpy_offers_no_message_by_hand_all_are_left_to_the_executor():
+    from tactile_localizer.nodes import hearing
+
+    another_rclpy = SimpleNamespace(handle=nullcontext())
+    assert hearing._take(another_rclpy, hearing.Topic(None, "strain", pytest.fail, None)) is False
