@@ -31,11 +31,13 @@ build: venv ## Build the messages and link the package into the workspace
 env: build ## Say how to enter the environment
 	@echo 'source scripts/env.sh'
 
+untyped := import numpy; raise SystemExit(numpy.lib.NumpyVersion(numpy.__version__) >= "2.3.0")
+
 .PHONY: lint
 lint: venv ## Check style and types
 	$(run) ruff check
 	$(run) ruff format --check
-	$(run) mypy
+	@$(run) python -c '$(untyped)' && echo "mypy is left out: it needs numpy 2.3, and thus Python 3.11" || $(run) mypy
 
 # CI's machine is shared: a test of processes in real time that starves is tried again, and reported as such.
 pytest := $(run) python -m pytest $(if $(CI),--reruns 2) --durations=10

@@ -76,7 +76,8 @@ class GridFilter:
         for axis, centres in enumerate(self._centres):
             deviation = wrap_angle(centres - mean[axis]) if self._wraps[axis] else centres - mean[axis]
             scaled = deviation / max(std[axis], 0.5 * self._cell[axis])
-            log_density += np.expand_dims(-0.5 * scaled**2, [a for a in range(len(self._shape)) if a != axis])
+            others = tuple(a for a in range(len(self._shape)) if a != axis)
+            log_density += np.expand_dims(-0.5 * scaled**2, others)
         self._place(np.exp(log_density - log_density.max()))
 
     def predict(self, displacement: np.ndarray, travel: float) -> None:
