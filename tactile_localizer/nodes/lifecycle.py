@@ -84,6 +84,8 @@ class ManagedNode(LifecycleNode):
         """Transition to inactive, or refuse."""
         self._is_configured = True
         answer = self._attempt(self.configure, undo=self.cleanup)
+        for parameter in self.parameters.strange():
+            self.get_logger().warning(f"parameter {parameter}: expected one of this node's, it is ignored")
         self._is_configured = answer == TransitionCallbackReturn.SUCCESS
         return answer
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 import rclpy
@@ -110,6 +111,18 @@ class Parameters:
         """What is declared, in its order."""
         return iter(self._declared.values())
 
+    def strange(self) -> list[str]:
+        """What was given from outside and is no parameter of this node, each with the one that may be meant.
+
+        Groups, which have a dot, are left out: they are declared when it is known what they are for.
+        """
+        given = getattr(self._node, "_parameter_overrides", {})  # rclpy has no other way to ask
+        return [
+            f"{name}{_meant(name, self._declared)}"
+            for name in given
+            if "." not in name and not self._node.has_parameter(name)
+        ]
+
     def __getitem__(self, name: str) -> Any:
         value = self._node.get_parameter_or(name).value
         return list(value or ()) if isinstance(self._declared[name].default, list) else value
@@ -130,6 +143,11 @@ class Parameters:
                 )
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    near = get_close_matches(name, known, n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _reason(error: Exception, name: str) -> str:
