@@ -5,12 +5,14 @@ Only the launch files import this; it needs ``launch`` and ``launch_ros``, which
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import Any
 
 import yaml
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -165,7 +167,21 @@ def nodes(*launched: Launched) -> LaunchDescription:
         for argument in declared.values()
     ]
     actions += [OpaqueFunction(function=_start, args=[node]) for node in launched]
-    return LaunchDescription(actions)
+    description = LaunchDescription(actions)
+    description.add_action(OpaqueFunction(function=_warn_of_mistyped, args=[description]))
+    return description
+
+
+def mistyped(given: Iterable[str], known: Sequence[str]) -> dict[str, str]:
+    """By unknown argument, the known one that it nearly is; a file that includes ours may have others."""
+    near = {name: get_close_matches(name, known, n=1, cutoff=0.8) for name in given if name not in known}
+    return {name: found[0] for name, found in near.items() if found}
+
+
+def _warn_of_mistyped(context: LaunchContext, description: LaunchDescription) -> None:
+    known = [argument.name for argument in description.get_launch_arguments()]
+    for name, meant in mistyped(context.launch_configurations, known).items():
+        get_logger("launch").warning(f"launch argument {name}: not known, did you mean {meant}?")
 
 
 def _start(context: LaunchContext, node: Launched) -> list[Node]:

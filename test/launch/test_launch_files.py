@@ -23,6 +23,14 @@ def description_of(path: Path) -> Any:
     return module.generate_launch_description()
 
 
+def test_a_mistyped_argument_is_told_from_somebody_elses() -> None:
+    from tactile_localizer.nodes.launching import mistyped
+
+    known = [argument.name for argument in description_of(LAUNCH_FILES[0]).get_launch_arguments()]
+    given = ["channel", "chanel", "scanfile", "somebody_elses", "robot"]
+    assert mistyped(given, known) == {"chanel": "channel", "scanfile": "scan_file"}
+
+
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_every_argument_is_described(path: Path) -> None:
     arguments = description_of(path).get_launch_arguments()
