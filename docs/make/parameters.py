@@ -17,7 +17,7 @@ HEAD = """\
 `make docs` writes this page from the nodes' own descriptors; `ros2 param describe NODE NAME` shows the same
 of a running node. Parameters marked *live* may be set at any time. The others are read when a node
 configures and refused, with the reason, while it is configured. A value of the wrong type or out of its
-range is refused too.
+range is refused too, and a name that the node does not have is ignored with a warning.
 
 The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them. What a
 scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
