@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import signal
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.evaluation.live_figures import error_along_the_sweep, sweep_in_detail
@@ -47,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from tactile_localizer.live.demo_view import demo_view
 
     begun_s = time.monotonic()
-    signal.signal(signal.SIGTERM, _interrupt)
+    end_as_by_interrupt()
     console = Console()
     scene = load_scene(resource_path(f"config/scenes/{args.feature}.yaml"))
     settings = DemoSettings(args.feature, args.out, args.seed, args.speed, args.sweeps)
@@ -79,11 +78,6 @@ def _check(args: argparse.Namespace) -> None:
         raise ParameterError(f"--speed: expected 0.1 to 100, got {args.speed:g}")
     if args.sweeps < 1:
         raise ParameterError(f"--sweeps: expected at least 1, got {args.sweeps}")
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """End as after Ctrl-C: with all processes ended."""
-    raise KeyboardInterrupt
 
 
 def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:

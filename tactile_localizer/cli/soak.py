@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import os
-import signal
 import time
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +16,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.evaluation.plain_json import write_json
 
@@ -52,18 +51,13 @@ def run(args: argparse.Namespace) -> int:
     for name in args.only or ():
         if name not in known:
             raise ParameterError(f"--only: expected some of {', '.join(known)}, got {name!r}")
-    signal.signal(signal.SIGTERM, _interrupt)
+    end_as_by_interrupt()
     console = Console()
     faults = [known[name] for name in args.only or known]
     settings = SoakSettings(args.out, 60.0 * args.minutes, args.seed, faults)
     result = run_soak(settings, _PlainView(console))
     _report(result, args, console)
     return 1 if result.failures else 0
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """End as after Ctrl-C: with all processes ended."""
-    raise KeyboardInterrupt
 
 
 class _PlainView:

@@ -21,12 +21,13 @@ def is_alive(pid):
     return True
 
 
-def test_an_interrupt_ends_the_demo_and_all_its_processes(process, tmp_path):
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "the terminal closed"])
+def test_an_interrupt_ends_the_demo_and_all_its_processes(process, tmp_path, how):
     demo = process(["tactile-localizer", "demo", "--out", tmp_path / "demo", "--speed", "12"])
     demo.wait_for_line("scanning", timeout_s=60.0)
     nodes = children(demo.pid)
     assert len(nodes) == 3
-    assert demo.stop(signal.SIGINT, timeout_s=30.0) == 130
+    assert demo.stop(how, timeout_s=30.0) == 130
     assert not any(map(is_alive, nodes))
     assert "Traceback" not in demo.output
 

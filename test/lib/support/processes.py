@@ -91,8 +91,9 @@ class Process:
 
     def kill(self) -> None:
         """End it and everything that it started, at once; harmless when it has ended."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.pid, signal.SIGKILL)
+        for group in (self.pid, *children(self.pid)):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(group, signal.SIGKILL)
         self._popen.wait(10)
         self._reader.join(5)
         if self._popen.stdout is not None:
