@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,6 +26,8 @@ _CLAIM = ExitStack()
 _DOMAIN = _CLAIM.enter_context(own_domain())
 os.environ.update(_DOMAIN.environment)
 os.environ.setdefault("MPLBACKEND", "Agg")
+# A script's `make test &` lets what it starts ignore Ctrl-C; what the tests start must not inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 # Matrices are small here: threads of BLAS would only wait for each other. Before any test imports numpy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")

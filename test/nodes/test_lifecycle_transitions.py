@@ -86,18 +86,26 @@ def trigger(node, transition):
     return getattr(node, f"trigger_{transition}")()
 
 
+def is_refused(node, transition):
+    """Whether there is no such transition from the node's state: rclpy raises, or from Kilted on returns."""
+    from rclpy._rclpy_pybind11 import RCLError
+    from rclpy.lifecycle import TransitionCallbackReturn
+
+    try:
+        return trigger(node, transition) == TransitionCallbackReturn.ERROR
+    except RCLError:
+        return True
+
+
 @pytest.mark.parametrize("state", STATES)
 def test_each_transition_from_each_state_does_what_it_should_twice(make, state):
-    from rclpy._rclpy_pybind11 import RCLError
-
     node = make()
     for transition in WAYS[state]:
         trigger(node, transition)
     for transition, _ in itertools.product(TRANSITIONS, range(2)):
         assert state_of(node) == state
         if (state, transition) not in VALID:
-            with pytest.raises(RCLError):
-                trigger(node, transition)
+            assert is_refused(node, transition)
             continue
         trigger(node, transition)
         assert state_of(node) == VALID[state, transition]
