@@ -8,6 +8,7 @@ recording goes on as a new sweep.
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 import time
 from dataclasses import dataclass
@@ -367,15 +368,19 @@ class ScanStore:
         rows = self._fetch("SELECT at, what, detail FROM history ORDER BY id")
         return [(at, what, json.loads(detail)) for at, what, detail in rows]
 
-    def load(self) -> Scan:
-        """All pairs of the sweeps that are not dropped, in the order in which they were recorded.
+    def load(self, at_most: int | None = None) -> Scan:
+        """The pairs of the sweeps that are not dropped, in the order in which they were recorded.
+
+        Parameters
+        ----------
+        at_most : of a longer scan, load each second, third, ... pair, so that it is no more pairs than this
 
         Raises
         ------
         ScanError
             The file is damaged or holds no pairs.
         """
-        _, states, strain, sweep = self._arrays()
+        _, states, strain, sweep = self._arrays(at_most)
         if not len(states):
             raise ScanError(f"{self.path}: expected at least one state-measurement pair, found none")
         return Scan(states, strain, sweep, self.scene.axis_names, self.scene.phalanx_names)
@@ -405,25 +410,28 @@ class ScanStore:
             )
         return Recording(str(self.path), self.scene.axis_names, self.scene.phalanx_names, tuple(sweeps))
 
-    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _arrays(self, at_most: int | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         kept = "FROM batch WHERE sweep IN (SELECT number FROM sweep WHERE NOT dropped)"
         n = int(self._fetch(f"SELECT coalesce(sum(pairs), 0) {kept}")[0][0])
-        stamp_ns = np.empty(n, dtype=np.int64)
-        states = np.empty((n, self.scene.dimension))
-        strain = np.empty((n, GAUGES * len(self.scene.phalanges)))
-        sweep = np.empty(n, dtype=np.int64)
-        start = 0
+        step = 1 if at_most is None else max(1, math.ceil(n / at_most))
+        loaded = math.ceil(n / step)
+        stamp_ns = np.empty(loaded, dtype=np.int64)
+        states = np.empty((loaded, self.scene.dimension))
+        strain = np.empty((loaded, GAUGES * len(self.scene.phalanges)))
+        sweep = np.empty(loaded, dtype=np.int64)
+        read = 0
         try:
             query = f"SELECT sweep, pairs, stamp_ns, states, strain {kept} ORDER BY id"
             for number, pairs, *blobs in self._db.execute(query):
-                stop = start + pairs
-                sweep[start:stop] = number
-                stamp_ns[start:stop] = np.frombuffer(blobs[0], "<i8")
-                states[start:stop] = np.frombuffer(blobs[1], "<f8").reshape(pairs, -1)
-                strain[start:stop] = np.frombuffer(blobs[2], "<f8").reshape(pairs, -1)
-                start = stop
+                mine = slice(-read % step, None, step)
+                rows = slice(math.ceil(read / step), math.ceil((read + pairs) / step))
+                sweep[rows] = number
+                stamp_ns[rows] = np.frombuffer(blobs[0], "<i8")[mine]
+                states[rows] = np.frombuffer(blobs[1], "<f8").reshape(pairs, -1)[mine]
+                strain[rows] = np.frombuffer(blobs[2], "<f8").reshape(pairs, -1)[mine]
+                read += pairs
         except (sqlite3.Error, ValueError) as error:
-            raise ScanError(f"{self.path}: expected {n} pairs, could read {start}: {error}") from None
+            raise ScanError(f"{self.path}: expected {n} pairs, could read {read}: {error}") from None
         return stamp_ns, states, strain, sweep
 
     def _fetch(self, query: str) -> list[tuple[Any, ...]]:

@@ -21,6 +21,9 @@ _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
+_SHOWN_PAIRS = 20_000
+"""Most pairs that the map of a recording is made from, so that it takes no more memory the longer that is."""
+
 
 class MapPublisher:
     """Publishes ``~/map`` and ``~/feature_region``, kept for late subscribers.
@@ -80,6 +83,6 @@ class RecordedMap:
         try:
             with ScanStore.open(self._path) as store:
                 if any(sweep.pairs and not sweep.dropped for sweep in store.sweeps()):
-                    self._publisher.publish(store.load(), store.scene)
+                    self._publisher.publish(store.load(_SHOWN_PAIRS), store.scene)
         except TactileLocalizerError as error:
             self._node.get_logger().warning(f"map: {error}")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import time
+import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -55,6 +56,32 @@ def test_what_was_appended_is_loaded_bit_for_bit(tmp_path):
     np.testing.assert_array_equal(scan.strain, np.concatenate([strain for _, _, strain in recorded]))
     np.testing.assert_array_equal(scan.sweep, np.repeat([1, 2], 10))
     assert (scan.axes, scan.phalanges) == (("x", "y"), ("index", "middle"))
+
+
+@pytest.mark.parametrize(("at_most", "step"), [(1000, 1), (56, 1), (55, 2), (20, 3), (10, 6), (1, 56)])
+def test_of_a_long_scan_each_second_or_third_pair_is_loaded_wherever_batches_end(tmp_path, at_most, step):
+    stamps, states, strain = pairs(56)
+    with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
+        for first, last in ((0, 7), (7, 8), (8, 30), (30, 33), (33, 56)):
+            store.begin_sweep()
+            store.append(stamps[first:last], states[first:last], strain[first:last])
+            store.end_sweep()
+        thinned, whole = store.load(at_most), store.load()
+    assert len(thinned) <= at_most
+    for name in ("states", "strain", "sweep"):
+        np.testing.assert_array_equal(getattr(thinned, name), getattr(whole, name)[::step])
+
+
+def test_a_thinned_scan_takes_memory_for_what_is_loaded_only(tmp_path):
+    record(tmp_path / "scan.db", sweeps=20, n=5000)
+    with ScanStore.open(tmp_path / "scan.db") as store:
+        tracemalloc.start()
+        try:
+            store.load(1000)
+            most = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+    assert most < 2_000_000, "all 100,000 pairs take 15 MB"
 
 
 def test_reading_leaves_no_log_behind_and_changes_nothing(tmp_path):
