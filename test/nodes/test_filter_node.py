@@ -307,7 +307,7 @@ def test_a_refused_configuration_can_be_tried_again_when_its_cause_is_mended(
         return probe.call(ChangeState, "filter/change_state", request, timeout_s=60.0).success
 
     assert not change(Transition.TRANSITION_CONFIGURE)
-    assert f"{path}: expected a scan file, found none" in process.output
+    process.wait_for_line(f"{path}: expected a scan file, found none")
     assert probe.call(GetState, "filter/get_state").current_state.label == "unconfigured"
     shutil.copy(scan_file, path)
     assert change(Transition.TRANSITION_CONFIGURE)

@@ -232,7 +232,7 @@ def test_a_full_disk_is_told_and_the_node_lives_to_record_when_there_is_room(nod
     limit = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1000, limit[1]))
     probe.until(lambda: hand.slide(50) or not hand.statuses[-1].sweep_active, "the end of the sweep")
-    assert "could not write" in process.output
+    process.wait_for_line("could not write")
     assert "Traceback" not in process.output
     assert not hand.service("start_sweep").success
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limit)
