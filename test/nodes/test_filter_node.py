@@ -90,6 +90,9 @@ def test_late_poses_are_waited_for_and_make_the_same_belief(start, probe):
 
 
 def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan_file, tmp_path):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import PointCloud2
+
     from tactile_localizer.srv import LoadScan
 
     directory = tmp_path / "scans"
@@ -99,6 +102,8 @@ def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan
     (directory / "foreign.db").write_text("not a scan " * 100)
     (directory / "link.db").symlink_to(scan_file)
     node = start(scan_directory=directory)
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    maps = probe.listen(PointCloud2, "filter/map", kept)
     node.slide(50)
     for path, reason in (
         (str(scan_file), "expected a path in"),
@@ -112,8 +117,10 @@ def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan
         assert reason in answer.message
     node.slide(5)
     assert node.fresh()[-1].travel > 0.01, "the belief went on"
+    assert len(maps) == 1
     answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap.db"), timeout_s=60.0)
     assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap.db"))
+    probe.until(lambda: len(maps) == 2, "the new map to look at")
     node.slide(5)
     assert node.fresh()[-1].travel < 0.005, "the belief began anew"
     probe.until(lambda: node.told("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map")

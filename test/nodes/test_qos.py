@@ -1,4 +1,4 @@
-"""Strain is best effort, unless whoever starts the nodes wants it otherwise."""
+"""Strain is best effort and 100 deep unless that is overridden; what is believed is reliable."""
 
 import pytest
 from support.sweeps import scene_of, write_scan
@@ -7,6 +7,8 @@ from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
+ENDS = {"driver": "publisher", "mapping": "subscription", "filter": "subscription"}
+
 
 @pytest.fixture
 def parameters(simulated_can, tmp_path):
@@ -14,18 +16,23 @@ def parameters(simulated_can, tmp_path):
     save_scene(scene_of(), tmp_path / "scene.yaml")
     bus = {"interface": "udp_multicast", "bus_options": [f"port={simulated_can['port']}"]}
     return {
-        "driver_node": {**bus, "channel": simulated_can["channel"], "tare_file": tmp_path / "tare.yaml"},
-        "mapping_node": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"},
-        "filter_node": {"scan_file": tmp_path / "bump.db", "cell": 2.0},
+        "driver": {**bus, "channel": simulated_can["channel"], "tare_file": tmp_path / "tare.yaml"},
+        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"},
+        "filter": {"scan_file": tmp_path / "bump.db", "cell": 2.0},
     }
 
 
-@pytest.mark.parametrize("wanted", [None, "reliable"])
-def test_strain_is_best_effort_unless_that_is_overridden(node_process, probe, parameters, wanted):
-    ends = {"driver_node": "publisher", "mapping_node": "subscription", "filter_node": "subscription"}
-    for name, end in ends.items():
-        override = {f"qos_overrides./strain.{end}.reliability": wanted} if wanted else {}
-        node_process(name, parameters[name] | override)
+@pytest.mark.parametrize(
+    "wanted", [{}, {"reliability": "reliable", "depth": 7}], ids=["default", "overridden"]
+)
+def test_strain_is_best_effort_and_100_deep_unless_that_is_overridden(
+    node_process, probe, parameters, wanted
+):
+    from rcl_interfaces.srv import GetParameters
+
+    for node, end in ENDS.items():
+        override = {f"qos_overrides./strain.{end}.{policy}": value for policy, value in wanted.items()}
+        node_process(f"{node}_node", parameters[node] | override)
 
     def reliabilities():
         infos = [
@@ -35,4 +42,21 @@ def test_strain_is_best_effort_unless_that_is_overridden(node_process, probe, pa
         return {info.node_name: info.qos_profile.reliability.name.lower() for info in infos}
 
     probe.until(lambda: len(reliabilities()) == 3, "all three", 60.0)
-    assert set(reliabilities().values()) == {wanted or "best_effort"}
+    assert set(reliabilities().values()) == {wanted.get("reliability", "best_effort")}
+    for node, end in ENDS.items():  # DDS tells others no depth
+        request = GetParameters.Request(names=[f"qos_overrides./strain.{end}.depth"])
+        (depth,) = probe.call(GetParameters, f"{node}/get_parameters", request).values
+        assert depth.integer_value == wanted.get("depth", 100)
+
+
+def test_what_is_believed_is_reliable_and_the_map_is_kept(node_process, probe, parameters):
+    node_process("filter_node", parameters["filter"])
+
+    def quality(topic):
+        infos = probe.until(lambda: probe.node.get_publishers_info_by_topic(f"/filter/{topic}"), topic, 60.0)
+        return infos[0].qos_profile.reliability.name, infos[0].qos_profile.durability.name
+
+    for topic in ("posterior", "feature", "converged"):
+        assert quality(topic) == ("RELIABLE", "VOLATILE")
+    for topic in ("map", "feature_region"):
+        assert quality(topic) == ("RELIABLE", "TRANSIENT_LOCAL")
