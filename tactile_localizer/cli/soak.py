@@ -103,6 +103,7 @@ def _summary(result: SoakResult) -> dict[str, Any]:
         "longest_wait_for_a_pose_s": result.waiting_s,
         "most_in_receive_queue_bytes": result.queue_bytes,
         "load": os.getloadavg(),
+        "late_for_want_of_a_processor": result.late,
         "memory_judged": result.is_warm,
         "memory": {
             name: {"after_warm_up": one.first_bytes, "end": one.last_bytes, "most": max(one.samples)}
@@ -147,7 +148,8 @@ def _sentences(result: SoakResult) -> list[str]:
     errors = ", ".join(f"{share}: {error:.1f} mm" for share, error in _quantiles_mm(result.errors_m).items())
     excused = sum(count for why, count in result.wrong.items() if why)
     lines = [
-        f"load of the machine {os.getloadavg()[2]:.1f} on {os.cpu_count()} cores",
+        f"load of the machine {os.getloadavg()[2]:.1f} on {os.cpu_count()} cores; "
+        f"{result.late} times it took a fault beyond its time limit",
         f"{result.sweeps} sweeps, {result.judged} posteriors, {result.believed} of them believed ({errors})",
         f"believed and wrong: {result.wrong.get('', 0)} without a reason, {excused} while misled",
         f"longest lag when well {result.lag_s:.2f} s, longest wait for a pose {result.waiting_s:.2f} s, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import time
@@ -20,6 +21,7 @@ from tactile_localizer.live.belief_watch import BeliefWatch
 from tactile_localizer.live.domain import Domain, own_domain
 from tactile_localizer.live.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
 from tactile_localizer.live.memory import Memory, resident_bytes
+from tactile_localizer.live.patience import Patience
 from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.live.relay import SENT, Relay
 from tactile_localizer.live.simulated_scan import write_simulated_scan
@@ -183,7 +185,8 @@ class _Soak:
                 one.told_s = time.monotonic() - begun_s
             else:
                 trouble.append(f"not told of within {fault.within_s:g} s")
-            self._until(lambda: False, self._rng.uniform(*_HOLD_S))
+            held_until_s = time.monotonic() + self._rng.uniform(*_HOLD_S)
+            self._until(lambda: time.monotonic() > held_until_s, math.inf)
             # A position of a later time than the fault's beginning can only have been made up.
             since_s = time.monotonic() - done_s
             if fault.starves and system.told.lag_s(system.relay.clock_ns) < since_s - _IN_FLIGHT_S:
@@ -217,13 +220,15 @@ class _Soak:
         return trouble()
 
     def _until(self, condition: Callable[[], Any], timeout_s: float) -> bool:
-        """Watch until a condition is true; whether it became so in time."""
-        deadline = time.monotonic() + timeout_s
+        """Watch until a condition is true; whether it became so in the time that the machine left for it."""
+        pids = [os.getpid(), *(node.pid for node in self._system.nodes.values())]
+        patience = Patience(timeout_s, pids)
         while not condition():
-            if time.monotonic() > deadline:
+            if patience.is_over:
                 return False
             self._watch()
             time.sleep(_POLL_S)
+        self.result.late += patience.is_late
         return True
 
     def _watch(self) -> None:

@@ -42,6 +42,7 @@ class SoakResult:
     injections : in their order
     memory : of each process
     is_warm : whether the soak was long enough to judge the memory
+    late : times that a fault took longer than its limit to show or to be over, for want of a processor
     sweeps : that the hand finished
     judged, believed : posteriors compared with the truth, and those of them that might be believed
     wrong : believed and wrong, by why the belief might be wrong then; empty: for no reason
@@ -56,6 +57,7 @@ class SoakResult:
     injections: list[Injection] = field(default_factory=list)
     memory: dict[str, Memory] = field(default_factory=dict)
     is_warm: bool = False
+    late: int = 0
     sweeps: int = 0
     judged: int = 0
     believed: int = 0
