@@ -65,7 +65,7 @@ def _frames(path: Path) -> Iterator[can.Message]:
     is_candump = ".log" in path.suffixes[-2:]
     try:
         # python-can asks for a TextIO, and uses what any file of lines has.
-        lines: Any = _Candump(path) if is_candump else None
+        lines: Any = _Candump(path, _text(path)) if is_candump else None
         with can.CanutilsLogReader(lines) if is_candump else can.LogReader(path) as reader:
             yield from reader
     except CanError:
@@ -76,14 +76,18 @@ def _frames(path: Path) -> Iterator[can.Message]:
         raise CanError(f"{path}: expected a CAN log, {' '.join(str(error).split())}") from error
 
 
+def _text(path: Path) -> Any:
+    """A file of lines, opened before there is a reader that would have to be closed where that fails."""
+    return (gzip.open if path.suffix == ".gz" else open)(path, "rt", encoding="utf-8", errors="replace")
+
+
 class _Candump(io.TextIOBase):
     """A candump log whose lines are checked, and whose error frames are of every class."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, lines: Any) -> None:
         self._path = path
         self._number = 0
-        opened = gzip.open if path.suffix == ".gz" else open
-        self._lines: Any = opened(path, "rt", encoding="utf-8", errors="replace")  # closed by close()
+        self._lines = lines
 
     def readline(self, size: int | None = -1) -> str:  # type: ignore[override]
         line = self._lines.readline()
