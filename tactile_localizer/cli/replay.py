@@ -23,7 +23,7 @@ from tactile_localizer.cli.recordings import (
     read_recordings,
     scan_from_arguments,
 )
-from tactile_localizer.core.assembly import build_localizer, complete_parameters, with_parameters
+from tactile_localizer.core.assembly import build_localizer, completed
 from tactile_localizer.evaluation.metrics import INCH
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.evaluation.plain_json import write_json
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     if odometry != RECORDED:
         recording = with_odometry(recording, scene, noise, odometry)
     with progress_bars() as progress:
-        scene = with_parameters(scene, complete_parameters(scan, scene, progress))
+        scene = completed(scan, scene, progress)
         localizer = build_localizer(scan, scene, configuration, np.random.default_rng(args.seed), progress)
         tracks = replay(localizer, recording, progress)
     document = replay_document(scene, configuration, recording, tracks, odometry=odometry, seed=args.seed)

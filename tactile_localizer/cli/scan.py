@@ -13,11 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.core.assembly import BELIEVED_REGION, region_confidence
-from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.region import Proposal, propose_region
+from tactile_localizer.core.region_confidence import BELIEVED_REGION, region_confidence
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.selection import base_widths
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.display import INCH_MM, MM
@@ -186,7 +184,7 @@ def _region(args: argparse.Namespace) -> int:
         scan, scene = store.load(), store.scene
     proposal, confidence = _proposed_region(scan, scene)
     if scene.feature is not None:
-        of_given = region_confidence(scan, scene, _parameters(scan, scene))
+        of_given = region_confidence(scan, scene)
         print(f"{args.scan}: region given by the scene, confidence {of_given:.0%}\n{_box(scene)}")
     if proposal.region is None:
         print(f"{args.scan}: no region found: the material is alike everywhere, or differs everywhere")
@@ -215,13 +213,7 @@ def _proposed_region(scan: Scan, scene: Scene) -> tuple[Proposal, float]:
     if proposal.region is None:
         return proposal, 0.0
     proposed = replace(scene, feature=proposal.region)
-    return proposal, region_confidence(scan, proposed, _parameters(scan, scene))
-
-
-def _parameters(scan: Scan, scene: Scene) -> ModelParameters:
-    """The scene's measurement parameters, or quick ones: choosing them well takes longer than a look."""
-    given = ModelParameters.from_mapping(scene.measurement)
-    return given if given.complete else ModelParameters(*base_widths(scan, scene))
+    return proposal, region_confidence(scan, proposed)
 
 
 def _box(scene: Scene) -> str:

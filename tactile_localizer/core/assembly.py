@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.background import Background
 from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.between_sweeps import with_interpolated_sweeps
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.featureless import Featureless
-from tactile_localizer.core.fit import HeldOutFit, held_out_fit, held_out_log_densities
+from tactile_localizer.core.fit import held_out_fit
 from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.identification import FeatureIdentifier
@@ -28,18 +26,14 @@ from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery
-from tactile_localizer.core.region import propose_region
+from tactile_localizer.core.region_confidence import with_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.sweep_offset import SweepOffset
 from tactile_localizer.scene import GAUGES, Scene
 
 Progress = Callable[[str, float], None]
-
-BELIEVED_REGION = 0.5
-"""Confidence above which a proposed region of the feature is believed."""
-_KERNEL_MODELS = ("sum_of_gaussians", "featureless")
 
 
 def build_localizer(
@@ -66,14 +60,16 @@ def build_localizer(
     ParameterError
         A parameter out of its range.
     """
-    parameters = complete_parameters(scan, scene, progress)
-    scene = with_region(scan, scene, parameters)
+    scene = completed(scan, scene, progress)
+    parameters = ModelParameters.from_mapping(scene.measurement)
     offset = None
     if parameters.sweep_offset:
         offset = SweepOffset(scan, scene)
         scan = offset.removed_from(scan, scene)
     model = build_model(scan, scene, configuration, parameters)
-    null = build_null(scan, scene, configuration, parameters)
+    unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
+    widths = _widths(scene, parameters)
+    null = NullModel.of_scan(scan, scene, widths, unknown, model.blur)
     return Localizer(
         scene,
         _build_filter(scene, model, configuration, parameters, rng),
@@ -82,7 +78,7 @@ def build_localizer(
         Recovery() if configuration.recovery == "evidence" else None,
         PhalanxHealth(scene, model, null),
         configuration.update_distance,
-        _correlation(scene, parameters),
+        Correlation(float(parameters.correlation_length or 0.0), parameters.correlation_change, widths),
         offset,
     )
 
@@ -98,7 +94,8 @@ def build_identifier(
     A narrower kernel promises a higher density whether or not it is right, so all candidates share the widest
     of their kernel widths and the longest of their correlation lengths.
     """
-    chosen = [complete_parameters(scan, scene, progress) for scan, scene in candidates.values()]
+    scenes = {name: completed(scan, scene, progress) for name, (scan, scene) in candidates.items()}
+    chosen = [ModelParameters.from_mapping(scene.measurement) for scene in scenes.values()]
     common = ModelParameters(
         position_std=np.max([parameters.position_std for parameters in chosen], axis=0),
         strain_std=np.max([parameters.strain_std for parameters in chosen], axis=0),
@@ -110,8 +107,8 @@ def build_identifier(
     )
     return FeatureIdentifier(
         {
-            name: build_localizer(scan, with_parameters(scene, common), configuration, rng)
-            for name, (scan, scene) in candidates.items()
+            name: build_localizer(scan, with_parameters(scenes[name], common), configuration, rng)
+            for name, (scan, _) in candidates.items()
         }
     )
 
@@ -126,12 +123,16 @@ def convergence_criteria(scene: Scene, configuration: Configuration) -> Converge
     )
 
 
-def complete_parameters(scan: Scan, scene: Scene, progress: Progress | None = None) -> ModelParameters:
-    """The scene's measurement parameters, those that it leaves out chosen from the scan."""
+def completed(scan: Scan, scene: Scene, progress: Progress | None = None) -> Scene:
+    """The scene with what it leaves open chosen from the scan: the feature's region and the parameters.
+
+    A region is taken where the scan confirms one, and parameters are chosen for it.
+    """
+    scene = with_region(scan, scene)
     given = ModelParameters.from_mapping(scene.measurement)
     if given.complete:
-        return given
-    return given.filled_from(choose_parameters(scan, scene, progress))
+        return scene
+    return with_parameters(scene, given.filled_from(choose_parameters(scan, scene, progress)))
 
 
 def build_model(
@@ -153,68 +154,15 @@ def build_model(
     )
 
 
-def build_null(
-    scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
-) -> NullModel:
-    """The position-blind explanation: featureless where the scene's region says so, or never scanned."""
-    unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
-    return _null(scan, scene, parameters, unknown, blurred=configuration.model in _KERNEL_MODELS)
-
-
-def with_region(scan: Scan, scene: Scene, parameters: ModelParameters) -> Scene:
-    """The scene, with a region proposed from the scan where it gave none.
-
-    The proposal is taken where what lies outside proves featureless: held-out sweeps are explained no better
-    there by knowing the position than by the featureless null.
-    """
-    if scene.feature is not None:
-        return scene
-    candidate = dataclasses.replace(scene, feature=propose_region(scan, scene).region)
-    if candidate.feature is None or not region_confidence(scan, candidate, parameters) > BELIEVED_REGION:
-        return scene
-    return candidate
-
-
-def region_confidence(scan: Scan, scene: Scene, parameters: ModelParameters) -> float:
-    """Share of held-out strains outside the scene's region that prove featureless; NaN where there are none.
-
-    Those are explained no better by knowing the position than by the featureless null.
-    """
-    off = np.flatnonzero(~scene.on_feature(training_pairs(scan, scene)[0]))
-    tried, of_map, _ = held_out_log_densities(
-        scan, scene, off, lambda rest: build_model(rest, scene, Configuration(), parameters)
-    )
-    if len(tried) == 0:
-        return math.nan
-    null = _null(scan, scene, parameters)
-    present = np.ones(len(scene.phalanges), dtype=bool)
-    of_null = [null.featureless(strain, present) for strain in training_pairs(scan, scene)[1][tried]]
-    return float(np.mean(of_map <= of_null))
-
-
-def _correlation(scene: Scene, parameters: ModelParameters) -> Correlation:
-    strain_std = np.broadcast_to(parameters.strain_std, GAUGES * len(scene.phalanges))
-    return Correlation(float(parameters.correlation_length or 0.0), parameters.correlation_change, strain_std)
+def _widths(scene: Scene, parameters: ModelParameters) -> np.ndarray:
+    """Kernel widths in strain, one a channel: (8F,), V."""
+    return np.broadcast_to(parameters.strain_std, GAUGES * len(scene.phalanges))
 
 
 def _largest(changes: list[float | None]) -> float | None:
     """The change that says least; none does where it says nothing for one."""
     known = [change for change in changes if change is not None]
     return max(known) if len(known) == len(changes) else None
-
-
-def _null(
-    scan: Scan,
-    scene: Scene,
-    parameters: ModelParameters,
-    unknown: HeldOutFit | None = None,
-    blurred: bool = False,
-) -> NullModel:
-    positions, strain = training_pairs(scan, scene)
-    widths = np.broadcast_to(parameters.strain_std, strain.shape[1:])
-    off = ~scene.on_feature(positions)
-    background = Background(strain, widths)
-    return NullModel(strain, scan.sweep, off, background, unknown, widths if blurred else None)
 
 
 def _build_filter(

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sweep_spacing import nearest_of_other_sweeps, scaled_states
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.scene import Scene
 
@@ -24,32 +25,11 @@ _PER_SPACING = 2
 """Pairs that are put into each spacing."""
 
 
-def divided(sweep: np.ndarray) -> np.ndarray:
-    """Sweep numbers; a lone sweep is dealt into two interleaved ones, so that something can be held out."""
-    return sweep if len(np.unique(sweep)) > 1 else np.arange(len(sweep)) % 2
-
-
-def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """For pairs spread over the scan, indices (M,), the nearest of another sweep each (M,), and its distance.
-
-    Distances (M,) are in shares of the scene's extents.
-    """
-    states, sweep = _scaled(scan, scene), divided(scan.sweep)
-    found = []
-    for number in np.unique(sweep):
-        own = np.flatnonzero(sweep == number)[:: max(1, len(sweep) // 4000)]
-        others = np.flatnonzero(sweep != number)
-        distance, nearest = cKDTree(states[others]).query(states[own])
-        found.append((own, others[nearest], distance))
-    own, nearest, distance = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return own, nearest, distance
-
-
 def leaves_gaps(scan: Scan, scene: Scene) -> bool:
     """Whether the sweeps lie farther apart than the pairs along them."""
     if len(scan.sweep_numbers) < 2:
         return False
-    steps = np.linalg.norm(np.diff(_scaled(scan, scene), axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(scaled_states(scan, scene), axis=0), axis=1)
     return _STEP * _spacing(scan, scene) > float(np.median(steps))
 
 
@@ -62,8 +42,8 @@ def with_interpolated_sweeps(scan: Scan, scene: Scene) -> Scan:
     if not leaves_gaps(scan, scene):
         return scan
     spacing = _spacing(scan, scene)
-    thin = scan.select(_thinned(_scaled(scan, scene), scan.sweep, _STEP * spacing))
-    scaled = _scaled(thin, scene)
+    thin = scan.select(_thinned(scaled_states(scan, scene), scan.sweep, _STEP * spacing))
+    scaled = scaled_states(thin, scene)
     wraps = np.zeros(len(scan.axes), dtype=bool)
     wraps[scene.columns(scan.axes)] = scene.wraps
     rows = [np.flatnonzero(thin.sweep == number) for number in thin.sweep_numbers]
@@ -92,11 +72,6 @@ def with_interpolated_sweeps(scan: Scan, scene: Scene) -> Scan:
 def _spacing(scan: Scan, scene: Scene) -> float:
     """Median distance from a pair to the nearest one of another sweep, in shares of the scene's extents."""
     return float(np.median(nearest_of_other_sweeps(scan, scene)[2]))
-
-
-def _scaled(scan: Scan, scene: Scene) -> np.ndarray:
-    """States (N, d) on the scene's axes, in shares of its extents."""
-    return scan.states[:, scene.columns(scan.axes)] / (scene.upper - scene.lower)
 
 
 def _thinned(scaled: np.ndarray, sweep: np.ndarray, step: float) -> np.ndarray:

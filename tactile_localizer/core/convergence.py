@@ -7,6 +7,7 @@ believed place explains the strain with the best position-blind explanation (:cl
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,11 @@ class Convergence:
     position), and falls where the believed place is contradicted. It is kept between zero and three times the
     threshold, so that old evidence cannot outvote a contradiction for long.
 
+    Until a position is believed, an allowance is taken off every log-ratio, as in the cumulative sum test of
+    Page (1954). The belief may explain a strain by the map or as featureless, whichever is better; the larger
+    of two densities integrates to at most two, so that without an allowance of log 2 chance alone could
+    gather evidence on material where there is nothing to feel.
+
     Attributes
     ----------
     criteria : may be changed at any time; what was gathered stays
@@ -46,6 +52,7 @@ class Convergence:
 
     _MEASURE = 0.004
     """m of travel over which a log-ratio of one nat makes evidence of one nat."""
+    _ALLOWANCE = math.log(2.0)
     _MOST = 3.0
     _LARGEST_STEP = 20.0
     _RELEASE = 4.0
@@ -73,6 +80,8 @@ class Convergence:
         """
         criteria = self.criteria
         step = min(max(log_ratio, -self._LARGEST_STEP), self._LARGEST_STEP)
+        if not self.converged:
+            step -= self._ALLOWANCE
         most = self._MOST * criteria.evidence
         self.evidence = min(max(self.evidence + travel / self._MEASURE * step, 0.0), most)
         spread = float((belief.covariance.diagonal() / criteria.std**2).mean())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.interpolation import interpolated
-from tactile_localizer.core.measurement import checked, positive
+from tactile_localizer.core.measurement import MeasurementModel, checked, positive
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import FLOOR, PhalanxKernels, dtype_of, training_pairs
@@ -17,7 +17,7 @@ from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import GAUGES, Phalanx, Scene
 
 
-class Featureless:
+class Featureless(MeasurementModel):
     """A product over phalanges: a sum of Gaussians on the feature, one Gaussian off it.
 
     The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is,
@@ -52,7 +52,7 @@ class Featureless:
             )
         positions, strain = training_pairs(scan, scene)
         position_std = positive("position_std", position_std, scene.dimension)
-        strain_std = positive("strain_std", strain_std, strain.shape[1])
+        self.blur = strain_std = positive("strain_std", strain_std, strain.shape[1])
         self._position_std = position_std
         self._evaluation = evaluation
         self._phalanges = []

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.kernel_sum import unroll
-from tactile_localizer.core.measurement import checked, flatten_axes
+from tactile_localizer.core.measurement import MeasurementModel, checked
 from tactile_localizer.core.normal import ridge
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import FLOOR, training_pairs
@@ -46,7 +46,7 @@ class Shrinkage:
     after: float
 
 
-class Gaussian:
+class Gaussian(MeasurementModel):
     """N(z; mean, covariance) over the k training pairs nearest to the state.
 
     Distances between states are Euclidean in the scene's axes divided by their extents. With k at or below
@@ -98,13 +98,6 @@ class Gaussian:
             total -= 0.5 * size * math.log(2.0 * math.pi * self.shrinkage.scale)
         log_floor = math.log(FLOOR) + self._background.log_density(strain, present)
         return np.logaddexp(total, log_floor) - math.log1p(FLOOR)
-
-    def log_likelihood_on(
-        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See :meth:`MeasurementModel.log_likelihood_on`."""
-        shape = tuple(len(coordinates) for coordinates in axes)
-        return self.log_likelihood(flatten_axes(axes), strain, present).reshape(shape)
 
     def _factors(self, present: np.ndarray) -> list[np.ndarray]:
         """Channels of each factor of the density: one a phalanx, or all that are present together."""

@@ -19,7 +19,13 @@ class MeasurementModel(Protocol):
 
     A phalanx that is not ``present`` drops out of the product over phalanges; the others go on. A class that
     derives from this one needs only :meth:`log_likelihood`.
+
+    Attributes
+    ----------
+    blur : (8F,) widths to which the model blurs the strains that were scanned, V; ``None``: it does not
     """
+
+    blur: np.ndarray | None = None
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None

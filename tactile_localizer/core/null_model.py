@@ -10,8 +10,10 @@ from tactile_localizer.core.background import Background
 from tactile_localizer.core.credit import Credit
 from tactile_localizer.core.fit import HeldOutFit
 from tactile_localizer.core.normal import Normal
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import training_pairs
 from tactile_localizer.core.weights import normalize
-from tactile_localizer.scene import GAUGES
+from tactile_localizer.scene import GAUGES, Scene
 
 _LOG_2 = math.log(2.0)
 _FEWEST = 20
@@ -36,7 +38,7 @@ class NullModel:
     featureless : (N,) bool, pairs that are known not to touch the feature (the paper's Lambda)
     background : the broad background of the measurement model, a lower limit for the unknown
     unknown : log-density of a strain on unknown material; ``None``: the background alone
-    blur : (8F,) kernel widths of the measurement model in strain, V; ``None``: it has none
+    blur : (8F,) widths to which the measurement model blurs strains, V; ``None``: it does not
     """
 
     def __init__(
@@ -76,16 +78,39 @@ class NullModel:
                 means, known + np.diag(blur**2), self._centre, new + np.diag(blur**2)
             )
 
+    @classmethod
+    def of_scan(
+        cls,
+        scan: Scan,
+        scene: Scene,
+        strain_std: np.ndarray,
+        unknown: HeldOutFit | None = None,
+        blur: np.ndarray | None = None,
+    ) -> NullModel:
+        """That of a scan, with the scene's region to tell what is featureless.
+
+        ``strain_std`` (8F,): a lower limit for the spread of the background, V; the others as for the class.
+        """
+        positions, strain = training_pairs(scan, scene)
+        off = ~scene.on_feature(positions)
+        return cls(strain, scan.sweep, off, Background(strain, strain_std), unknown, blur)
+
     def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material."""
-        return self._featureless.log_density(strain, present)
+        """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material.
+
+        The better of the sharp one and the blurred one: a map whose kernels blur explains the tails of
+        featureless strains better than a sharp density does, and that says nothing of the place.
+        """
+        return self.credit(strain, present).featureless
 
     def credit(self, strain: np.ndarray, present: np.ndarray) -> Credit:
         """What a believed place may claim of a strain, where it is featureless; see :class:`.Credit`."""
-        featureless = self.featureless(strain, present)
+        sharp = self._featureless.log_density(strain, present)
         if self._blurred is None:
-            return Credit(featureless, 0.0)
-        return Credit(featureless, max(0.0, featureless - self._blurred.log_density(strain, present)))
+            return Credit(sharp, 0.0)
+        blurred = self._blurred.log_density(strain, present)
+        featureless = max(sharp, blurred)
+        return Credit(featureless, featureless - blurred)
 
     def unknown(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain on material that was never scanned."""

@@ -1,9 +1,10 @@
 """The feature's region (the paper's Gamma) proposed from the data, where a scene does not give it.
 
-Featureless material is what most of a phalanx's strains have in common: a tight cluster, found robustly. The
-region is the box around the places where the strain leaves that cluster. Material that is featured
-everywhere, such as woven cloth, has a cluster too; whether what lies outside a proposed box is featureless is
-for held-out sweeps to say (:func:`~.assembly.region_confidence`).
+Featureless material is what most of a phalanx's strains have in common: a tight cluster, found robustly. Each
+sweep has its own offset (grip, temperature, tare), so a sweep is taken relative to its own tightest cluster.
+The region is the box around the places where the strain leaves that of all sweeps together. Material that is
+featured everywhere, such as woven cloth, has a cluster too; whether what lies outside a proposed box is
+featureless is for held-out sweeps to say (:mod:`~.region_confidence`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ _SUBSAMPLE = 1500
 _INSIDE = 1.0 - 1e-6
 """Probability of a normal cluster within which strains count as featureless; beyond it they touch
 something."""
+_FAR = 6.0
+"""Median deviations from most sweeps beyond which a sweep is not known to leave the feature."""
 _CELLS = 24
 
 
@@ -51,7 +54,7 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
     positions, strain = training_pairs(scan, scene)
     cells, axes = [], []
     for index, phalanx in enumerate(scene.phalanges):
-        own = strain[:, GAUGES * index : GAUGES * (index + 1)]
+        own = without_offsets(strain[:, GAUGES * index : GAUGES * (index + 1)], scan.sweep)
         cluster = featureless_cluster(own)
         squared = squared_distance(cluster, own)
         touched, centres = _touched_cells(positions + np.asarray(phalanx.offset), squared)
@@ -66,6 +69,20 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
         tuple(map(float, np.minimum(np.max([high for _, high in boxes], axis=0), turn))),
     )
     return Proposal(region, cells, axes)
+
+
+def without_offsets(strain: np.ndarray, sweep: np.ndarray) -> np.ndarray:
+    """Strains (N, 8), V, of sweeps (N,) relative to the most common strain of their own sweep.
+
+    A sweep whose most common strain is far from that of most sweeps may lie on the feature all along: it is
+    taken relative to theirs.
+    """
+    numbers, index = np.unique(sweep, return_inverse=True)
+    common = np.stack([featureless_cluster(strain[sweep == number]).mean for number in numbers])
+    middle = np.median(common, axis=0)
+    spread = np.median(np.abs(common - middle), axis=0)
+    far = np.square(common - middle).mean(axis=1) > _FAR**2 * np.square(spread).mean()
+    return strain - np.where(far[:, None], middle, common)[index]
 
 
 def featureless_cluster(strain: np.ndarray) -> Normal:

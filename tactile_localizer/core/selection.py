@@ -24,20 +24,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from tactile_localizer.core.between_sweeps import (
-    divided,
-    leaves_gaps,
-    nearest_of_other_sweeps,
-    with_interpolated_sweeps,
-)
+from tactile_localizer.core.between_sweeps import leaves_gaps, with_interpolated_sweeps
 from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.credit import NO_CREDIT
 from tactile_localizer.core.grid_filter import GridFilter
+from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.sweep_offset import SweepOffset, knows_offsets
+from tactile_localizer.core.sweep_spacing import base_widths, divided
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import GAUGES, Scene
 
@@ -172,22 +169,6 @@ def search(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[T
     return list(itertools.chain.from_iterable(trials.values()))
 
 
-def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Scales that the factors multiply: the sweeps' spacing (d,) and their disagreement (8F,).
-
-    The spacing is the median distance from a pair to the nearest one of another sweep, in shares of the
-    scene's extents; the disagreement the median difference of their strains, a channel.
-    """
-    own, nearest, distance = nearest_of_other_sweeps(scan, scene)
-    strain = scan.strain[:, scene.channels(scan.phalanges)]
-    spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
-    # A channel on which most sweeps agree to the last digit still has some width.
-    spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
-    spacing = max(float(np.median(distance)), 0.002) * (scene.upper - scene.lower)
-    # Sweeps that run over each other leave no spacing to go by: then the step of the motion does.
-    return np.maximum(spacing, 2 * _STEP), spread
-
-
 def held_out_segments(scan: Scan, scene: Scene, offset: bool = False) -> list[Segment]:
     """Stretches of up to 60 mm of sweeps, each with the scan without its sweep, spread over the scan.
 
@@ -246,8 +227,8 @@ def _corrected(strain: np.ndarray, travels: np.ndarray, offset: SweepOffset) -> 
     return np.stack([offset.corrected(each, present, travel) for each, travel in steps])
 
 
-class _Recorded:
-    """A measurement model that repeats what another one said, update for update."""
+class _Recorded(MeasurementModel):
+    """Repeats what another model said, update for update."""
 
     def __init__(self, maps: list[np.ndarray]) -> None:
         self._maps = iter(maps)

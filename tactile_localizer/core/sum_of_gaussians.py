@@ -11,7 +11,7 @@ from tactile_localizer.core.background import Background
 from tactile_localizer.core.interpolation import interpolated
 from tactile_localizer.core.kernel_grid import box
 from tactile_localizer.core.kernel_sum import KernelSum
-from tactile_localizer.core.measurement import checked, positive
+from tactile_localizer.core.measurement import MeasurementModel, checked, positive
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import ParameterError
@@ -79,7 +79,7 @@ class PhalanxKernels:
             return np.logaddexp(np.log(sums) + log_scale, log_floor) - np.log(scanned)
 
 
-class SumOfGaussians:
+class SumOfGaussians(MeasurementModel):
     """Every training pair is a Gaussian bump in state and strain (paper, Eq. 4).
 
     Parameters
@@ -112,11 +112,12 @@ class SumOfGaussians:
     ) -> None:
         positions, strain = training_pairs(scan, scene)
         self._phalanges = len(scene.phalanges)
+        self.blur = positive("strain_std", strain_std, GAUGES * self._phalanges)
         self._kernels = PhalanxKernels(
             positions,
             strain,
             positive("position_std", position_std, scene.dimension),
-            positive("strain_std", strain_std, GAUGES * self._phalanges),
+            self.blur,
             scene.wraps,
             conditional,
             evaluation,

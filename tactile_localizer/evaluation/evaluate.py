@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.assembly import build_localizer, complete_parameters
+from tactile_localizer.core.assembly import build_localizer, completed
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.neighbours import choose_neighbours
+from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition
@@ -146,7 +147,8 @@ def chosen_parameters(
 def choose(condition: Condition) -> dict[str, Any]:
     """Parameters of a condition's scene; what it leaves open is chosen from the scan."""
     material = condition.load()
-    return complete_parameters(material.scan, material.scene).to_mapping()
+    scene = completed(material.scan, material.scene)
+    return ModelParameters.from_mapping(scene.measurement).to_mapping()
 
 
 def choose_anew(condition: Condition) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tactile_localizer.core.assembly import BELIEVED_REGION
 from tactile_localizer.core.region import Proposal
+from tactile_localizer.core.region_confidence import BELIEVED_REGION
 from tactile_localizer.core.tactile_map import TactileMap
 from tactile_localizer.evaluation.display import label_axis, legend_below, shown
 from tactile_localizer.scene import Region, Scene
@@ -35,7 +35,7 @@ def region_sheet(
     tactile_map : of the scan
     scene : may give a region
     proposal : of :func:`~tactile_localizer.core.region.propose_region`
-    confidence : of the proposed region (:func:`~tactile_localizer.core.assembly.region_confidence`)
+    confidence : of the proposed region (:func:`~tactile_localizer.core.region_confidence.region_confidence`)
     unit : of the strain
     """
     felt = [np.linalg.norm(tactile_map.phalanx(name), axis=-1) for name in scene.phalanx_names]

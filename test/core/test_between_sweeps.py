@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.between_sweeps import (
-    divided,
     leaves_gaps,
-    nearest_of_other_sweeps,
     with_interpolated_sweeps,
 )
 from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sweep_spacing import divided, nearest_of_other_sweeps
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SIDE = 0.02

@@ -98,3 +98,17 @@ def test_the_blur_of_kernels_is_what_a_featureless_strain_is_lifted_by() -> None
 def test_a_strain_unlike_featureless_material_is_not_lifted() -> None:
     blurred = NullModel(STRAIN, SWEEP, FEATURELESS, BACKGROUND, blur=np.full(16, 0.03))
     assert blurred.credit(STRAIN.max(axis=0) + 1.0, BOTH).lift == 0.0
+
+
+@given(away=st.floats(0.0, 6.0), seed=st.integers(0, 2**32 - 1))
+def test_a_featureless_strain_in_the_tails_is_explained_as_well_as_a_blurred_map_does(away, seed) -> None:
+    widths = np.full(16, 0.03)
+    blurred = NullModel(STRAIN, SWEEP, FEATURELESS, BACKGROUND, blur=widths)
+    felt, sweep = STRAIN[FEATURELESS], SWEEP[FEATURELESS]
+    means = np.array([felt[sweep == number].mean(axis=0) for number in range(10)])
+    within = np.cov((felt - means[sweep]).T, bias=True)
+    strain = means[0] + away * np.sqrt(np.diag(within)) * np.random.default_rng(seed).standard_normal(16)
+    by_map = stats.multivariate_normal(means[0], 1.05 * within + np.diag(widths**2)).logpdf(strain)
+    shares = np.log(2.0 * 10.0)  # the sweep is one of ten, and known sweeps are half of the mixture
+    assert blurred.featureless(strain, BOTH) >= by_map - shares - 1.0
+    assert blurred.featureless(strain, BOTH) >= null().featureless(strain, BOTH)

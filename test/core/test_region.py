@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_localizer.core.assembly import with_region
-from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.region import featureless_cluster, propose_region, squared_distance
+from tactile_localizer.core.region_confidence import with_region
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.selection import base_widths
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import simulate_scan
 
 
@@ -53,14 +52,36 @@ def test_the_cluster_is_not_moved_by_a_minority_that_is_far_away() -> None:
 def test_a_region_that_the_scene_gives_is_kept() -> None:
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     scan = simulate_scan("bump", seed=3).to_scan()
-    assert with_region(scan, scene, ModelParameters.from_mapping(scene.measurement)) is scene
+    assert with_region(scan, scene) is scene
 
 
 def test_what_proves_featureless_outside_a_proposal_makes_it_the_region() -> None:
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     scan = simulate_scan("bump", seed=3).to_scan()
-    parameters = ModelParameters.from_mapping(scene.measurement)
-    assert with_region(scan, dataclasses.replace(scene, feature=None), parameters).feature is not None
+    assert with_region(scan, dataclasses.replace(scene, feature=None)).feature is not None
+
+
+def test_sweeps_that_each_have_an_offset_of_their_own_do_not_hide_the_region() -> None:
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    scan = simulate_scan("bump", seed=3).to_scan()
+    offsets = 0.3 * scan.strain.std(axis=0) * np.random.default_rng(2).standard_normal((500, 16))
+    shifted = dataclasses.replace(scan, strain=scan.strain + offsets[scan.sweep])
+    plain, found = (propose_region(each, scene).region for each in (scan, shifted))
+    np.testing.assert_allclose(found.lower, plain.lower, atol=0.008)
+    np.testing.assert_allclose(found.upper, plain.upper, atol=0.008)
+
+
+def test_a_sweep_that_lies_on_the_feature_all_along_counts_as_touched() -> None:
+    rng = np.random.default_rng(3)
+    line = np.stack([np.linspace(0.0, 0.05, 200), np.zeros(200)], axis=1)
+    states = np.concatenate([line + np.array([0.0, 0.005 * number]) for number in range(9)])
+    sweep = np.repeat(np.arange(9), 200)
+    strain = 0.02 * rng.standard_normal((1800, 8)) + 0.05 * rng.standard_normal((9, 8))[sweep]
+    strain[np.isin(sweep, (4, 5))] += 2.0
+    axes = (Axis("x", 0.0, 0.05, 0.002), Axis("y", 0.0, 0.04, 0.002))
+    scene = Scene("ridge", axes, (Phalanx("index", (0.0, 0.0)),))
+    region = propose_region(Scan(states, strain, sweep, ("x", "y"), ("index",)), scene).region
+    assert region.lower[1] < 0.020 < 0.025 < region.upper[1]
 
 
 def test_material_that_is_featured_everywhere_gets_no_region() -> None:
@@ -72,6 +93,4 @@ def test_material_that_is_featured_everywhere_gets_no_region() -> None:
     weave[(x > 0.2) & (x < 0.25)] *= 12.0
     strain = weave + 0.02 * rng.standard_normal(weave.shape)
     scan = Scan(x[:, None], strain, np.repeat(np.arange(3), 1500), ("x",), scene.phalanx_names)
-    position, width = base_widths(scan, scene)
-    parameters = ModelParameters(position, 2.0 * width, 0.002)
-    assert with_region(scan, scene, parameters).feature is None
+    assert with_region(scan, scene).feature is None

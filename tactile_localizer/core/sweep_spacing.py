@@ -1,0 +1,54 @@
+"""How far apart the sweeps of a scan are, and how much they disagree where they pass each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.scene import Scene
+
+_LEAST_WIDTH = 0.002
+"""m, or rad; sweeps that run over each other leave no spacing to go by."""
+
+
+def divided(sweep: np.ndarray) -> np.ndarray:
+    """Sweep numbers; a lone sweep is dealt into two interleaved ones, so that something can be held out."""
+    return sweep if len(np.unique(sweep)) > 1 else np.arange(len(sweep)) % 2
+
+
+def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For pairs spread over the scan, indices (M,), the nearest of another sweep each (M,), and its distance.
+
+    Distances (M,) are in shares of the scene's extents.
+    """
+    states, sweep = scaled_states(scan, scene), divided(scan.sweep)
+    found = []
+    for number in np.unique(sweep):
+        own = np.flatnonzero(sweep == number)[:: max(1, len(sweep) // 4000)]
+        others = np.flatnonzero(sweep != number)
+        distance, nearest = cKDTree(states[others]).query(states[own])
+        found.append((own, others[nearest], distance))
+    own, nearest, distance = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return own, nearest, distance
+
+
+def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Kernel widths of the right order: the sweeps' spacing (d,) and their disagreement (8F,).
+
+    In m (yaw: rad) and V. The spacing is the median distance from a pair to the nearest one of another
+    sweep, in shares of the scene's extents; the disagreement the median difference of their strains, a
+    channel.
+    """
+    own, nearest, distance = nearest_of_other_sweeps(scan, scene)
+    strain = scan.strain[:, scene.channels(scan.phalanges)]
+    spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
+    # A channel on which most sweeps agree to the last digit still has some width.
+    spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
+    spacing = max(float(np.median(distance)), 0.002) * (scene.upper - scene.lower)
+    return np.maximum(spacing, _LEAST_WIDTH), spread
+
+
+def scaled_states(scan: Scan, scene: Scene) -> np.ndarray:
+    """States (N, d) on the scene's axes, in shares of its extents."""
+    return scan.states[:, scene.columns(scan.axes)] / (scene.upper - scene.lower)
