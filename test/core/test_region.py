@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.region import featureless_cluster, propose_region, squared_distance
-from tactile_localizer.core.region_confidence import with_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
@@ -49,18 +48,6 @@ def test_the_cluster_is_not_moved_by_a_minority_that_is_far_away() -> None:
     assert squared_distance(cluster, samples[:400]).min() > 100.0
 
 
-def test_a_region_that_the_scene_gives_is_kept() -> None:
-    scene = load_scene(resource_path("config/scenes/bump.yaml"))
-    scan = simulate_scan("bump", seed=3).to_scan()
-    assert with_region(scan, scene) is scene
-
-
-def test_what_proves_featureless_outside_a_proposal_makes_it_the_region() -> None:
-    scene = load_scene(resource_path("config/scenes/bump.yaml"))
-    scan = simulate_scan("bump", seed=3).to_scan()
-    assert with_region(scan, dataclasses.replace(scene, feature=None)).feature is not None
-
-
 def test_sweeps_that_each_have_an_offset_of_their_own_do_not_hide_the_region() -> None:
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     scan = simulate_scan("bump", seed=3).to_scan()
@@ -82,15 +69,3 @@ def test_a_sweep_that_lies_on_the_feature_all_along_counts_as_touched() -> None:
     scene = Scene("ridge", axes, (Phalanx("index", (0.0, 0.0)),))
     region = propose_region(Scan(states, strain, sweep, ("x", "y"), ("index",)), scene).region
     assert region.lower[1] < 0.020 < 0.025 < region.upper[1]
-
-
-def test_material_that_is_featured_everywhere_gets_no_region() -> None:
-    """Position predicts the strain outside any box that could be drawn: a weave with one coarser patch."""
-    rng = np.random.default_rng(1)
-    scene = load_scene(resource_path("config/scenes/linen.yaml"))
-    x = np.tile(np.linspace(0.0, 0.6, 1500), 3)
-    weave = np.sin(x[:, None] * rng.uniform(60, 200, 16) + rng.uniform(0, 6, 16))
-    weave[(x > 0.2) & (x < 0.25)] *= 12.0
-    strain = weave + 0.02 * rng.standard_normal(weave.shape)
-    scan = Scan(x[:, None], strain, np.repeat(np.arange(3), 1500), ("x",), scene.phalanx_names)
-    assert with_region(scan, scene).feature is None
