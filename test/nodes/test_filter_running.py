@@ -173,13 +173,18 @@ def test_a_bag_that_loops_begins_anew(node):
 
 
 def test_stamps_of_zero_are_not_yet(node, probe):
+    def time_jumps():
+        node.diagnostics.clear()
+        return probe.until(lambda: node.told("inputs")[2].get("time_jumps"), "the diagnostics")
+
     node.slide(5)
-    seen = len(node.posteriors)
+    seen, jumps = len(node.posteriors), time_jumps()
     offset_ns, node.hand.offset_ns = node.hand.offset_ns, -int(node.hand.strain_ns[5])
     node.hand.feel(5)
     node.hand.offset_ns = offset_ns
     node.slide(5)
     assert len(node.fresh()) == seen + 5
+    assert time_jumps() == jumps, "the clock does not run yet: time was not set back"
 
 
 def test_the_belief_can_be_spread_again(node, probe):

@@ -104,6 +104,19 @@ def test_a_bag_that_loops_begins_anew_with_its_clock(filter_in_simulated_time, p
     assert "Traceback" not in process.output
 
 
+def test_after_a_clock_that_was_set_back_silence_is_told_as_before(filter_in_simulated_time, probe):
+    _, posteriors, hand = filter_in_simulated_time
+    clock = Clock(probe)
+    clock.now_ns = START_NS + 60_000_000_000
+    clock.run(0.2)
+    slide(probe, hand, posteriors, 20)
+    clock.run(0.2)
+    clock.now_ns = START_NS
+    clock.run(1.0)
+    probe.until(lambda: posteriors[-1].stale, "a stale position")
+    assert posteriors[-1].reason.startswith("stale: no strain and no palm_pose")
+
+
 def test_who_listens_late_is_told_what_is_old(filter_in_simulated_time, probe):
     from tactile_localizer.msg import Posterior
 
