@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+_PATIENCE_S = 900.0
 COPIED = ("tactile_localizer", "test", "config", "msg", "pyproject.toml")
 
 
@@ -97,10 +98,21 @@ def seed(copy: Path, fault: Fault) -> str:
 
 
 def failing(copy: Path, tests: Path) -> str:
-    """The first of the tests that fails."""
+    """The first of the tests that fails; none where they do not end."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", str(tests)]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            command,
+            cwd=copy,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=_PATIENCE_S,
+        )
+    except subprocess.TimeoutExpired:
+        return ""
     found = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
     return found.group(1).removeprefix("test/core/") if found else ""
 
