@@ -26,7 +26,7 @@ from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.sim.sweep import SPEED_MPS
 
 _FEWEST_SWEEPS = 3
-_STARTUP_S = 30.0
+_STARTUP_S = 60.0
 _LOADING_S = 120.0
 _POLL_S = 0.02
 

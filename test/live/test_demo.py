@@ -26,7 +26,7 @@ def test_an_interrupt_ends_the_demo_and_all_its_processes(process, tmp_path, how
     if signal.getsignal(how) is signal.SIG_IGN:
         pytest.skip("the tests were started by nohup, which the demo heeds too")
     demo = process(["tactile-localizer", "demo", "--out", tmp_path / "demo", "--speed", "12"])
-    demo.wait_for_line("scanning", timeout_s=60.0)
+    demo.wait_for_line("scanning", timeout_s=90.0)
     nodes = children(demo.pid)
     assert len(nodes) == 3
     assert demo.stop(how, timeout_s=30.0) == 130

@@ -15,6 +15,9 @@ from rclpy.qos import QoSProfile
 
 T = TypeVar("T")
 
+_STARTUP_S = 60.0
+"""How long a process may take to start on a busy machine."""
+
 
 class Probe:
     """A node in a context of its own that spins only while the test waits.
@@ -54,7 +57,7 @@ class Probe:
         """A service's answer, once the service is there."""
         client = self.node.create_client(kind, service)
         try:
-            self.until(client.service_is_ready, f"service {service}", timeout_s)
+            self.until(client.service_is_ready, f"service {service}", max(timeout_s, _STARTUP_S))
             future = client.call_async(request if request is not None else kind.Request())
             self.until(future.done, f"an answer of {service}", timeout_s)
             return future.result()
