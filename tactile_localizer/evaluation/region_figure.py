@@ -71,6 +71,7 @@ def _draw_plane(
         label_axis(plot, "y", tactile_map.axes[1], label=number == 0, inches=number == count - 1)
         if "yaw" not in tactile_map.axes:
             plot.set_aspect("equal")
+    plots[0].plot([], [], "s", color=_NO_DATA, label="no sweep came here")
     bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="max")
     bar.set_label(f"distance of the strain from featureless material, {unit}")
     plots[0].set(xlim=_span(tactile_map, scene, 0), ylim=_span(tactile_map, scene, 1))

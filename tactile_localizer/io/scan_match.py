@@ -9,7 +9,7 @@ from tactile_localizer.scene import Scene
 
 
 def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
-    """Check that pairs of both scenes can lie in one file: the same axes, bounds and phalanges.
+    """Check that pairs of both scenes can lie in one file: the same axes, bounds, phalanges and name.
 
     Raises
     ------
@@ -22,6 +22,7 @@ def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
         ("upper bounds", tuple(found.upper), tuple(expected.upper)),
         ("phalanges", found.phalanx_names, expected.phalanx_names),
         ("phalanx offsets", _offsets(found), _offsets(expected)),
+        ("name", (found.name,), (expected.name,)),
     ):
         if mine != theirs:
             raise ScanError(f"{where}: expected {what} {_text(theirs)}, found {_text(mine)}")

@@ -122,6 +122,10 @@ def other_bounds(path):
     record(path, scene=Scene("sheet", (Axis("x", 0.0, 0.06), SCENE.axes[1]), SCENE.phalanges))
 
 
+def other_name(path):
+    record(path, scene=Scene("snap", SCENE.axes, SCENE.phalanges))
+
+
 def other_unit(path):
     record(path, unit="counts")
 
@@ -131,6 +135,7 @@ def other_unit(path):
     [
         (other_scene, "other.db: expected axes x, y, found x"),
         (other_bounds, "other.db: expected upper bounds 0.05, 0.01, found 0.06, 0.01"),
+        (other_name, f"other.db: expected name {SCENE.name}, found snap"),
         (other_unit, "other.db: expected strain in V, found counts"),
         (lambda path: None, "other.db: expected a scan file, found none"),
     ],
