@@ -20,6 +20,7 @@ from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.naming import Namer, disagreement
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.own_model import SEPARATOR, build_own_model
 from tactile_localizer.core.parameters import ModelParameters
@@ -105,12 +106,21 @@ def build_identifier(
         sweep_offset=all(parameters.sweep_offset for parameters in chosen),
         neighbours=max(parameters.neighbours for parameters in chosen),
     )
-    return FeatureIdentifier(
-        {
-            name: build_localizer(scan, with_parameters(scenes[name], common), configuration, rng)
-            for name, (scan, _) in candidates.items()
+    scans = {name: scan for name, (scan, _) in candidates.items()}
+    localizers = {
+        name: build_localizer(scan, with_parameters(scenes[name], common), configuration, rng)
+        for name, scan in scans.items()
+    }
+    if common.sweep_offset:
+        scans = {
+            name: SweepOffset(scan, scenes[name]).removed_from(scan, scenes[name])
+            for name, scan in scans.items()
         }
-    )
+    covariance = disagreement((scan, scenes[name]) for name, scan in scans.items())
+    namers = {
+        name: Namer(scan, scenes[name], common.position_std, covariance) for name, scan in scans.items()
+    }
+    return FeatureIdentifier(localizers, namers)
 
 
 def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:

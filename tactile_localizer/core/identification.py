@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import expit
 
 from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.naming import Namer
 from tactile_localizer.core.weights import normalize
 
 NONE = "none of them"
@@ -30,24 +31,29 @@ class Identification:
 class FeatureIdentifier:
     """Runs a localizer for each candidate feature and weighs them against each other and against none.
 
-    A candidate's evidence is that of the whole sequence, log P(z_1:t | candidate), tempered as in its filter:
-    the sum of :class:`.Estimate`'s ``log_evidence``. *Which of them* compares these with each other. *One of
-    them at all* compares their mean, by the probabilities so far, with material that was never scanned; a
-    strain that is more like featureless material says nothing on this, for all materials have such places.
-    Before anything was felt, none is as probable as all candidates together. What is remembered is bounded,
-    so that a change of material is noticed. A phalanx that a candidate's localizer leaves out because it
-    contradicts its belief is no excuse: it speaks against that candidate.
+    *Which of them* compares how well their namers explain the strain where each candidate's belief is.
+    *One of them at all* compares their mean, by the probabilities so far, with material that was never
+    scanned. A candidate's evidence for this is that of the whole sequence, log P(z_1:t | candidate), tempered
+    as in its filter: the sum of :class:`.Estimate`'s ``log_evidence``. A strain that is more like featureless
+    material says nothing on either, for all materials have such places. Before anything was felt, none is as
+    probable as all candidates together. What is remembered is bounded, so that a change of material is
+    noticed. A phalanx that a candidate's localizer leaves out because it contradicts its belief is no excuse:
+    it speaks against that candidate.
 
     Parameters
     ----------
     localizers : a localizer for each candidate, over the same axes and phalanges
+    namers : by the same names
     """
 
     _MOST = 4.0
     """nats that the most probable candidate can be ahead of any other, and one of them ahead of none."""
+    _SHARE = 0.25
+    """Of an independent measurement, for which strains are named once: it costs as much as a filter does."""
 
-    def __init__(self, localizers: Mapping[str, Localizer]) -> None:
+    def __init__(self, localizers: Mapping[str, Localizer], namers: Mapping[str, Namer]) -> None:
         self.localizers = dict(localizers)
+        self._namers = dict(namers)
         self.reset()
 
     def reset(self) -> None:
@@ -56,6 +62,7 @@ class FeatureIdentifier:
             localizer.reset()
         self._log_shares, _ = normalize(np.zeros(len(self.localizers)))
         self._log_odds = 0.0
+        self._pending = 0.0
 
     def update(
         self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -66,17 +73,32 @@ class FeatureIdentifier:
             for name, localizer in self.localizers.items()
         }
         if all(estimate.updated for estimate in estimates.values()):
-            self._weigh(list(estimates.values()))
+            self._weigh(estimates, present)
         one_of_them = float(expit(self._log_odds))
         shares = one_of_them * np.exp(self._log_shares)
         probabilities = dict(zip(estimates, shares.tolist(), strict=True)) | {NONE: 1.0 - one_of_them}
         return Identification(probabilities, estimates)
 
-    def _weigh(self, estimates: list[Estimate]) -> None:
-        featureless = float(np.mean([estimate.log_featureless for estimate in estimates]))
-        unknown = float(np.mean([estimate.log_unknown for estimate in estimates]))
-        evidence = [estimate.log_evidence - estimate.weight * unknown for estimate in estimates]
-        shares, gain = normalize(self._log_shares + evidence)
+    def _weigh(self, estimates: Mapping[str, Estimate], present: np.ndarray | None) -> None:
+        each = list(estimates.values())
+        unknown = float(np.mean([estimate.log_unknown for estimate in each]))
+        if unknown <= float(np.mean([estimate.log_featureless for estimate in each])):
+            return
+        evidence = [estimate.log_evidence - estimate.weight * unknown for estimate in each]
+        gain = normalize(self._log_shares + evidence)[1]
+        self._log_odds = float(np.clip(self._log_odds + gain, -self._MOST, self._MOST))
+        self._pending += max(estimate.weight for estimate in each)
+        if self._pending >= self._SHARE:
+            self._name(estimates, present)
+
+    def _name(self, estimates: Mapping[str, Estimate], present: np.ndarray | None) -> None:
+        """Compare the candidates by the phalanges that at least one of them trusts."""
+        felt = np.logical_or.reduce([estimate.trusted for estimate in estimates.values()])
+        felt = felt if present is None else felt & present
+        explained = [
+            self._namers[name].log_density(*localizer.hypotheses(), estimates[name].strain, felt)
+            for name, localizer in self.localizers.items()
+        ]
+        shares, _ = normalize(self._log_shares + self._pending * np.array(explained))
         self._log_shares, _ = normalize(np.maximum(shares, shares.max() - self._MOST))
-        if unknown > featureless:
-            self._log_odds = float(np.clip(self._log_odds + gain, -self._MOST, self._MOST))
+        self._pending = 0.0

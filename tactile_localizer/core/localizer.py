@@ -42,6 +42,7 @@ class Estimate(NamedTuple):
     log_marginal : log P(z_t | z_1:t-1) at the last update, nats
     log_featureless, log_unknown : how well that strain is explained as one of featureless material, and of
         material that was never scanned, nats
+    strain : (8F,) V, that strain without the sweep's offset
     log_evidence : what that strain, tempered, adds to the evidence for the material that was scanned, nats
     weight : share of an independent measurement that this strain counted for; zero where it was not weighed
     trusted : (F,) bool, phalanges that are not stuck and do not contradict the others
@@ -60,6 +61,7 @@ class Estimate(NamedTuple):
     log_marginal: float
     log_featureless: float
     log_unknown: float
+    strain: np.ndarray
     log_evidence: float
     weight: float
     trusted: np.ndarray
@@ -117,6 +119,7 @@ class Localizer:
         self._weighed_ns = 0
         self._last_position: np.ndarray | None = None
         self._belief: Belief | None = None
+        self._strain: np.ndarray
         self._pending: np.ndarray = np.zeros(scene.dimension)
         self._pending_travel = 0.0
         self._restart()
@@ -208,6 +211,7 @@ class Localizer:
         self._weight = self._correlation.share(strain, used, counted)
         if self._offset is not None:
             strain = self._offset.corrected(strain, used, counted)
+        self._strain = strain
         credit = self._null.credit(strain, used)
         featureless, unknown = credit.featureless, self._null.unknown(strain, used)
         self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, credit)
@@ -249,6 +253,7 @@ class Localizer:
             log_marginal=self._log_marginal,
             log_featureless=self._log_featureless,
             log_unknown=self._log_unknown,
+            strain=self._strain,
             log_evidence=self._log_evidence,
             weight=self._weight,
             trusted=self._health.trusted,
