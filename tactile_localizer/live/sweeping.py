@@ -86,11 +86,15 @@ class Sweeping:
                 return
 
     def _end_recording(self) -> None:
-        """Also of a sweep that came to no end: what comes next is not to be recorded."""
-        while not self._stop.is_set():
+        """Also of a sweep that came to no end: what comes next is not to be recorded.
+
+        Asked for twice: a node that was stopped when it was to begin may answer the first before it begins.
+        """
+        answers = 0
+        while answers < 2 and not self._stop.is_set():
             with contextlib.suppress(LiveError):
                 self._watcher.call(Trigger, "mapping/end_sweep", timeout_s=_ANSWER_S)
-                return
+                answers += 1
 
     def _set_mode(self, mode: str) -> None:
         request = SetParameters.Request(parameters=[Parameter("mode", value=mode).to_parameter_msg()])
