@@ -179,7 +179,9 @@ def test_the_diagnostics_tell_of_belief_and_work(start, probe):
     _, _, values = node.told("belief")
     posterior = node.fresh()[-1]
     assert values["reason"] == posterior.reason
+    assert values["converged"] == str(posterior.converged)
     assert values["evidence_nat"] == f"{posterior.evidence:.2f}"
+    assert 1.0 <= float(values["effective_sample_size"]) <= int(values["hypotheses"])
     assert 0 < float(values["update_median_us"]) <= float(values["update_p99_us"])
     assert float(values["update_p99_us"]) <= float(values["update_worst_us"])
     _, _, inputs = node.told("inputs")
