@@ -32,13 +32,13 @@ class FeatureIdentifier:
     """Runs a localizer for each candidate feature and weighs them against each other and against none.
 
     *Which of them* compares how well their namers explain the strain where each candidate's belief is.
-    *One of them at all* compares their mean, by the probabilities so far, with material that was never
-    scanned. A candidate's evidence for this is that of the whole sequence, log P(z_1:t | candidate), tempered
-    as in its filter: the sum of :class:`.Estimate`'s ``log_evidence``. A strain that is more like featureless
-    material says nothing on either, for all materials have such places. Before anything was felt, none is as
-    probable as all candidates together. What is remembered is bounded, so that a change of material is
-    noticed. A phalanx that a candidate's localizer leaves out because it contradicts its belief is no excuse:
-    it speaks against that candidate.
+    *One of them at all* compares the mixture of the candidates with material that was never scanned. A
+    candidate's evidence for this is that of the whole sequence, log P(z_1:t | candidate), tempered as in its
+    filter: the sum of :class:`.Estimate`'s ``log_evidence``. A strain that is more like featureless material
+    says nothing on either, for all materials have such places. Before anything was felt, none is as probable
+    as all candidates together. What is remembered is bounded, so that a change of material is noticed. A
+    phalanx that a candidate's localizer leaves out because it contradicts its belief is no excuse: it speaks
+    against that candidate.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class FeatureIdentifier:
 
     _MOST = 4.0
     """nats that the most probable candidate can be ahead of any other, and one of them ahead of none."""
-    _SHARE = 0.25
+    _SHARE = 0.5
     """Of an independent measurement, for which strains are named once: it costs as much as a filter does."""
 
     def __init__(self, localizers: Mapping[str, Localizer], namers: Mapping[str, Namer]) -> None:
@@ -60,7 +60,7 @@ class FeatureIdentifier:
         """Start anew: the candidates alike, and none of them as probable as all together."""
         for localizer in self.localizers.values():
             localizer.reset()
-        self._log_shares, _ = normalize(np.zeros(len(self.localizers)))
+        self._log_shares = self._log_mixture = self._bounded(np.zeros(len(self.localizers)))
         self._log_odds = 0.0
         self._pending = 0.0
 
@@ -82,23 +82,28 @@ class FeatureIdentifier:
     def _weigh(self, estimates: Mapping[str, Estimate], present: np.ndarray | None) -> None:
         each = list(estimates.values())
         unknown = float(np.mean([estimate.log_unknown for estimate in each]))
+        mixture = self._log_mixture + [estimate.log_evidence - estimate.weight * unknown for estimate in each]
+        gain = normalize(mixture)[1]
+        self._log_mixture = self._bounded(mixture)
         if unknown <= float(np.mean([estimate.log_featureless for estimate in each])):
             return
-        evidence = [estimate.log_evidence - estimate.weight * unknown for estimate in each]
-        gain = normalize(self._log_shares + evidence)[1]
         self._log_odds = float(np.clip(self._log_odds + gain, -self._MOST, self._MOST))
         self._pending += max(estimate.weight for estimate in each)
         if self._pending >= self._SHARE:
             self._name(estimates, present)
 
     def _name(self, estimates: Mapping[str, Estimate], present: np.ndarray | None) -> None:
-        """Compare the candidates by the phalanges that at least one of them trusts."""
-        felt = np.logical_or.reduce([estimate.trusted for estimate in estimates.values()])
-        felt = felt if present is None else felt & present
+        """Compare the candidates by the phalanges that at least one of them trusts, if there is one."""
+        trusted = np.logical_or.reduce([estimate.trusted for estimate in estimates.values()])
+        here = np.ones_like(trusted) if present is None else present
+        felt = here & trusted if (here & trusted).any() else here
         explained = [
             self._namers[name].log_density(*localizer.hypotheses(), estimates[name].strain, felt)
             for name, localizer in self.localizers.items()
         ]
-        shares, _ = normalize(self._log_shares + self._pending * np.array(explained))
-        self._log_shares, _ = normalize(np.maximum(shares, shares.max() - self._MOST))
+        self._log_shares = self._bounded(self._log_shares + self._pending * np.array(explained))
         self._pending = 0.0
+
+    def _bounded(self, log_weights: np.ndarray) -> np.ndarray:
+        """Normalised, the largest no more than ``_MOST`` ahead."""
+        return normalize(np.maximum(log_weights, log_weights.max() - self._MOST))[0]

@@ -39,8 +39,12 @@ class Normal:
 
     def log_density(self, value: np.ndarray) -> np.ndarray:
         """Log-density of values (..., D): (...)."""
+        return self._log_constant - 0.5 * self.squared_distance(value)
+
+    def squared_distance(self, value: np.ndarray) -> np.ndarray:
+        """Squared Mahalanobis distance of values (..., D) from the mean: (...)."""
         white = (value - self.mean) @ self._whiten
-        return self._log_constant - 0.5 * np.einsum("...d,...d->...", white, white)
+        return np.asarray(np.einsum("...d,...d->...", white, white))
 
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:

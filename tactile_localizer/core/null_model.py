@@ -8,6 +8,7 @@ import numpy as np
 
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.credit import Credit
+from tactile_localizer.core.featureless_pairs import featureless_pairs
 from tactile_localizer.core.fit import HeldOutFit
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
@@ -91,9 +92,9 @@ class NullModel:
 
         ``strain_std`` (8F,): a lower limit for the spread of the background, V; the others as for the class.
         """
-        positions, strain = training_pairs(scan, scene)
-        off = ~scene.on_feature(positions)
-        return cls(strain, scan.sweep, off, Background(strain, strain_std), unknown, blur)
+        strain = training_pairs(scan, scene)[1]
+        background = Background(strain, strain_std)
+        return cls(strain, scan.sweep, featureless_pairs(scan, scene), background, unknown, blur)
 
     def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material.

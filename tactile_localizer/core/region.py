@@ -56,7 +56,7 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
     for index, phalanx in enumerate(scene.phalanges):
         own = without_offsets(strain[:, GAUGES * index : GAUGES * (index + 1)], scan.sweep)
         cluster = featureless_cluster(own)
-        squared = squared_distance(cluster, own)
+        squared = cluster.squared_distance(own)
         touched, centres = _touched_cells(positions + np.asarray(phalanx.offset), squared)
         cells.append(touched)
         axes.append(centres)
@@ -104,21 +104,15 @@ def featureless_cluster(strain: np.ndarray) -> Normal:
         rows = tree.query(scaled[start], k=size)[1]
         for _ in range(5):
             cluster = Normal.fitted(sample[rows])
-            rows = np.argpartition(squared_distance(cluster, sample), size - 1)[:size]
+            rows = np.argpartition(cluster.squared_distance(sample), size - 1)[:size]
         determinant = float(np.linalg.slogdet(np.cov(scaled[rows].T) + 1e-12 * np.eye(GAUGES))[1])
         if determinant < least:
             best, least = rows, determinant
     assert best is not None
     core = Normal.fitted(sample[best])
     # The innermost quarter is tighter than the whole cluster, by the ratio of its radius to a normal one's.
-    inner = float(np.quantile(squared_distance(core, sample), _CORE)) / float(chi2.ppf(_CORE, GAUGES))
+    inner = float(np.quantile(core.squared_distance(sample), _CORE)) / float(chi2.ppf(_CORE, GAUGES))
     return Normal(core.mean, core.covariance * (inner or 1.0))
-
-
-def squared_distance(cluster: Normal, strain: np.ndarray) -> np.ndarray:
-    """Squared Mahalanobis distances of strains (N, D) from a normal distribution: (N,)."""
-    deviation = np.linalg.solve(np.linalg.cholesky(cluster.covariance), (strain - cluster.mean).T)
-    return np.einsum("dn,dn->n", deviation, deviation)
 
 
 def _touched_cells(positions: np.ndarray, squared: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:

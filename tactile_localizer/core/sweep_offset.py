@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 from scipy.linalg import block_diag, eigh
 
+from tactile_localizer.core.featureless_pairs import featureless_pairs
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
 from tactile_localizer.errors import SceneError
@@ -111,7 +112,7 @@ def knows_offsets(scan: Scan, scene: Scene) -> bool:
 
 def _counted(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """The sweeps that have enough featureless pairs, and the indices of those pairs."""
-    off = np.flatnonzero(~scene.on_feature(training_pairs(scan, scene)[0]))
+    off = np.flatnonzero(featureless_pairs(scan, scene))
     numbers, counts = np.unique(scan.sweep[off], return_counts=True)
     long = numbers[counts >= _FEWEST_PAIRS]
     return long, off[np.isin(scan.sweep[off], long)]

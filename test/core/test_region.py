@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_localizer.core.region import featureless_cluster, propose_region, squared_distance
+from tactile_localizer.core.region import featureless_cluster, propose_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
@@ -45,7 +45,7 @@ def test_the_cluster_is_not_moved_by_a_minority_that_is_far_away() -> None:
     samples[:400] += 50.0
     cluster = featureless_cluster(samples)
     np.testing.assert_allclose(cluster.mean, 0.0, atol=0.5)
-    assert squared_distance(cluster, samples[:400]).min() > 100.0
+    assert cluster.squared_distance(samples[:400]).min() > 100.0
 
 
 def test_sweeps_that_each_have_an_offset_of_their_own_do_not_hide_the_region() -> None:
