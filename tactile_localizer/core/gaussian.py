@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
@@ -79,7 +79,7 @@ class Gaussian(MeasurementModel):
         residual, rows, held_out = self._held_out(positions, strain, scan.sweep)
         target = residual.T @ residual / len(residual)
         target += ridge(target, strain)
-        self._target = _blocks(target) if independent else target
+        self._target = target
         self._background = Background(strain, np.sqrt(np.diag(target)))
         self.shrinkage = self._choose_shrinkage(rows, held_out)
 
@@ -176,10 +176,3 @@ class Gaussian(MeasurementModel):
         parts = [self._distance(rows, held_out, columns, best)[0] for columns in factors]
         after = float(np.median(np.sum(parts, axis=0))) / scale / expected
         return Shrinkage(best, scale, raw, after)
-
-
-def _blocks(covariance: np.ndarray) -> np.ndarray:
-    """Only the blocks of 8 x 8 on the diagonal: no covariance between phalanges."""
-    return block_diag(
-        *(covariance[i : i + GAUGES, i : i + GAUGES] for i in range(0, len(covariance), GAUGES))
-    )
