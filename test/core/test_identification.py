@@ -24,14 +24,16 @@ def identifier() -> FeatureIdentifier:
     return build_identifier(candidates, Configuration(), np.random.default_rng(0))
 
 
-def verdicts(identifier: FeatureIdentifier, material: str, sweeps: int = 4) -> Iterator[str]:
+def verdicts(
+    identifier: FeatureIdentifier, material: str, sweeps: int = 4, present: np.ndarray | None = None
+) -> Iterator[str]:
     """The most probable candidate at the end of the feature, or of the sweep where there is none."""
     test = simulate_scan(material, SEED, "test", sweeps=sweeps)
     for number, part in enumerate(test.slices()):
         identifier.reset()
         last = test.feature_end[number] if test.feature_end[number] >= 0 else part.stop - 1
         for row in range(part.start, last + 1):
-            result = identifier.update(int(test.stamp_ns[row]), test.odometry[row], test.strain[row])
+            result = identifier.update(int(test.stamp_ns[row]), test.odometry[row], test.strain[row], present)
             assert sum(result.probabilities.values()) == pytest.approx(1.0)
         yield result.most_probable
 
@@ -39,6 +41,11 @@ def verdicts(identifier: FeatureIdentifier, material: str, sweeps: int = 4) -> I
 def test_a_scanned_feature_is_recognised_in_most_sweeps(identifier: FeatureIdentifier) -> None:
     assert list(verdicts(identifier, "bump")).count("bump") >= 3
     assert list(verdicts(identifier, "grommet")).count("grommet") >= 3
+
+
+def test_the_phalanx_that_is_left_names_the_feature_that_it_touches(identifier: FeatureIdentifier) -> None:
+    heard = list(verdicts(identifier, "grommet", present=np.array([False, True])))
+    assert heard.count("grommet") >= 3
 
 
 def test_a_feature_that_no_scan_has_shown_is_none_of_them(identifier: FeatureIdentifier) -> None:
