@@ -221,11 +221,11 @@ class Localizer:
         self._log_featureless, self._log_unknown = featureless + rest, unknown + rest
         self._log_evidence = log_evidence + self._weight * (rest + self._health.contradiction(left_out))
         self._belief = self.filter.belief()
-        log_ratio = self._log_marginal - max(featureless, unknown)
-        self._convergence.update(self._belief, log_ratio, min(travel, STRIDES * self._update_distance))
+        speaks = self._log_marginal - max(credit.best, unknown)
+        self._convergence.update(self._belief, speaks, min(travel, STRIDES * self._update_distance))
         self._health.update(*self.filter.hypotheses(), strain, present, travel)
         if self._recovery is not None:
-            fraction = self._recovery.fraction(log_ratio, counted)
+            fraction = self._recovery.fraction(self._log_marginal - max(featureless, unknown), counted)
             if fraction > 0.0:
                 self.filter.recover(fraction)
         self._travel += travel

@@ -97,21 +97,15 @@ class NullModel:
         return cls(strain, scan.sweep, featureless_pairs(scan, scene), background, unknown, blur)
 
     def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material.
-
-        The better of the sharp one and the blurred one: a map whose kernels blur explains the tails of
-        featureless strains better than a sharp density does, and that says nothing of the place.
-        """
-        return self.credit(strain, present).featureless
+        """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material."""
+        return self._featureless.log_density(strain, present)
 
     def credit(self, strain: np.ndarray, present: np.ndarray) -> Credit:
         """What a believed place may claim of a strain, where it is featureless; see :class:`.Credit`."""
-        sharp = self._featureless.log_density(strain, present)
+        featureless = self.featureless(strain, present)
         if self._blurred is None:
-            return Credit(sharp, 0.0)
-        blurred = self._blurred.log_density(strain, present)
-        featureless = max(sharp, blurred)
-        return Credit(featureless, featureless - blurred)
+            return Credit(featureless, featureless)
+        return Credit(featureless, self._blurred.log_density(strain, present))
 
     def unknown(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain on material that was never scanned."""

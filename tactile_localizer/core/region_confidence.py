@@ -47,4 +47,4 @@ def region_confidence(scan: Scan, scene: Scene) -> float:
         return math.nan
     null = NullModel.of_scan(scan, scene, widths[1], blur=widths[1])
     present = np.ones(len(scene.phalanges), dtype=bool)
-    return float(np.mean(of_map <= [null.featureless(each, present) for each in strain[tried]]))
+    return float(np.mean(of_map <= [null.credit(each, present).best for each in strain[tried]]))

@@ -114,7 +114,7 @@ def test_when_no_state_explains_the_strain_nothing_is_learned():
 def test_off_the_feature_the_evidence_is_at_least_that_of_featureless_material():
     where = Region((0.04, -math.inf), (0.05, math.inf))
     grid = GridFilter(scene(phalanges=1, feature=where), FlatModel(-100.0), np.array([0.001, 0.001]))
-    log_marginal, _ = grid.update(np.zeros(8), PRESENT[:1], 1.0, Credit(-10.0, 0.0))
+    log_marginal, _ = grid.update(np.zeros(8), PRESENT[:1], 1.0, Credit(-10.0, -10.0))
     assert log_marginal == pytest.approx(-10.0 + math.log(0.8), abs=1e-9)
 
 

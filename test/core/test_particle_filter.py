@@ -158,7 +158,7 @@ def test_off_the_feature_the_evidence_is_at_least_that_of_featureless_material()
     particles = ParticleFilter(
         scene(phalanges=1, feature=where), FlatModel(-100.0), np.random.default_rng(0), 1000
     )
-    log_marginal, _ = particles.update(np.zeros(8), PRESENT[:1], 1.0, Credit(-10.0, 0.0))
+    log_marginal, _ = particles.update(np.zeros(8), PRESENT[:1], 1.0, Credit(-10.0, -10.0))
     assert log_marginal == pytest.approx(-10.0 + math.log(0.8), abs=0.01)
 
 
