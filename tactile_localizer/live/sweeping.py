@@ -17,6 +17,7 @@ from tactile_localizer.live.belief_watch import BeliefWatch
 from tactile_localizer.live.heard import TOPICS
 from tactile_localizer.live.relay import Relay
 from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.msg import ScanStatus
 
 _ANSWER_S = 4.0
 _LONGEST_SWEEP_S = 15.0
@@ -40,10 +41,12 @@ class Sweeping:
         self._watcher, self._relay, self._belief = watcher, relay, belief
         self._stop = threading.Event()
         self._active: list[bool] = []
+        self._is_recording = False
         kept = TOPICS["simulator/sweep_active"].quality
         watcher.listen(
             Bool, "simulator/sweep_active", kept, lambda message: self._active.append(message.data)
         )
+        watcher.listen(ScanStatus, "mapping/status", TOPICS["mapping/status"].quality, self._on_status)
         self._thread = threading.Thread(target=self._sweep_on, name="sweeping", daemon=True)
 
     def __enter__(self) -> Sweeping:
@@ -53,6 +56,9 @@ class Sweeping:
     def __exit__(self, *_: Any) -> None:
         self._stop.set()
         self._thread.join()
+
+    def _on_status(self, message: ScanStatus) -> None:
+        self._is_recording = message.sweep_active
 
     def _sweep_on(self) -> None:
         number = 0
@@ -65,7 +71,7 @@ class Sweeping:
             except LiveError:
                 self._stop.wait(0.2)
             self._belief.end_sweep()
-            if recorded:
+            if recorded or self._is_recording:  # what a stopped node was asked, it may do seconds later
                 self._end_recording()
 
     def _sweep(self, recorded: bool) -> None:
@@ -86,15 +92,11 @@ class Sweeping:
                 return
 
     def _end_recording(self) -> None:
-        """Also of a sweep that came to no end: what comes next is not to be recorded.
-
-        Asked for twice: a node that was stopped when it was to begin may answer the first before it begins.
-        """
-        answers = 0
-        while answers < 2 and not self._stop.is_set():
+        """Also of a sweep that came to no end: what comes next is not to be recorded."""
+        while not self._stop.is_set():
             with contextlib.suppress(LiveError):
                 self._watcher.call(Trigger, "mapping/end_sweep", timeout_s=_ANSWER_S)
-                answers += 1
+                return
 
     def _set_mode(self, mode: str) -> None:
         request = SetParameters.Request(parameters=[Parameter("mode", value=mode).to_parameter_msg()])

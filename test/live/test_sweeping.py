@@ -9,33 +9,36 @@ pytestmark = pytest.mark.ros
 
 
 class Mapping:
-    """In place of a watcher: a mapping that begins a sweep only after it was asked to end it."""
+    """In place of a watcher: a mapping that was stopped, and begins a sweep after it was asked to end it."""
 
     def __init__(self):
-        self.is_recording, self._begins = False, False
-        self.recording_at_prepare = []
+        self.is_recording, self.begun, self.after_it = False, 0, []
 
-    def listen(self, *args):
-        """Nothing is heard."""
+    def listen(self, kind, topic, quality, work):
+        if topic == "mapping/status":
+            self._tell = work
 
     def call(self, kind, service, request=None, timeout_s=0.0):
         from tactile_localizer.errors import LiveError
 
-        if service == "simulator/prepare":
-            self.recording_at_prepare.append(self.is_recording)
         if service == "mapping/start_sweep":
-            self._begins = True
             raise LiveError("no answer: it is stopped")
         if service == "mapping/end_sweep":
-            self.is_recording, self._begins = self._begins, False
+            self.is_recording = False
+        if service == "simulator/prepare" and self.begun:
+            self.after_it.append(self.is_recording)
+        if service == "simulator/prepare" and not self.begun:
+            self.begun, self.is_recording = True, True
+            self._tell(SimpleNamespace(sweep_active=True))
+            raise LiveError("no answer")
         return SimpleNamespace(success=True)
 
 
-def test_a_recording_that_begins_late_is_ended_before_the_next_sweep(monkeypatch):
+def test_a_recording_that_begins_late_is_ended_before_the_next_sweep():
     from tactile_localizer.live import sweeping
 
-    monkeypatch.setattr(sweeping, "RECORDED_EVERY", 1)
-    mapping, belief = Mapping(), SimpleNamespace(end_sweep=lambda: None)
-    with sweeping.Sweeping(mapping, None, belief):
-        wait_until(lambda: len(mapping.recording_at_prepare) > 2, "the third sweep")
-    assert not any(mapping.recording_at_prepare)
+    mapping, belief = Mapping(), SimpleNamespace(end_sweep=lambda: None, begin_sweep=lambda now_ns: None)
+    with sweeping.Sweeping(mapping, SimpleNamespace(clock_ns=0), belief) as hand:
+        hand._active.extend([True, False])
+        wait_until(lambda: mapping.after_it, "the next sweep")
+    assert mapping.after_it[0] is False
