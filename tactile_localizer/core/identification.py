@@ -48,7 +48,7 @@ class FeatureIdentifier:
 
     _MOST = 4.0
     """nats that the most probable candidate can be ahead of any other, and one of them ahead of none."""
-    _SHARE = 0.5
+    _SHARE = 0.25
     """Of an independent measurement, for which strains are named once: it costs as much as a filter does."""
 
     def __init__(self, localizers: Mapping[str, Localizer], namers: Mapping[str, Namer]) -> None:

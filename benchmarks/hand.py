@@ -1,0 +1,157 @@
+"""Which feature is it, what that costs, and what a hand knows that has lost one of two phalanges.
+
+A feature counts as named from 5 mm after contact to its end; each strain that is weighed counts once. A
+phalanx that is left knows something only of sweeps on which it comes by the feature: the fingertips lie
+25.4 mm apart, and the features are 10 to 12 mm wide. So those sweeps are told apart from the others.
+
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/hand.py [--seeds 51 52 53]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from record import record, row
+
+from tactile_localizer.core.assembly import build_identifier, build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.identification import NONE, FeatureIdentifier
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import SimulatedScan, simulate_scan
+from tactile_localizer.sim.hand import OFFSETS_M
+from tactile_localizer.sim.sweep import FEATURE_CENTER_M
+
+FEATURES = ("bump", "snap", "grommet")
+FOREIGN = ("seam", "none")
+SURE_M = 0.005
+"""Travel after contact from which a feature is to be named."""
+COMES_BY_M = 0.014
+"""Distance in y from a fingertip's centre to the feature's, up to which it touches it."""
+
+Shares = dict[str, list[bool]]
+Errors = dict[str, list[float]]
+
+
+def candidates(seed: int) -> dict[str, tuple[Any, Any]]:
+    """A scan of each feature and its shipped scene."""
+    scenes = {name: load_scene(resource_path(f"config/scenes/{name}.yaml")) for name in FEATURES}
+    return {name: (simulate_scan(name, seed=seed).to_scan(), scene) for name, scene in scenes.items()}
+
+
+def name_features(identifier: FeatureIdentifier, seed: int, shares: Shares) -> None:
+    """Sweep over each feature, over a foreign one and over none."""
+    for material in FEATURES + FOREIGN:
+        test = simulate_scan(material, seed, "test")
+        for number, part in enumerate(test.slices()):
+            identifier.reset()
+            right = []
+            for k in range(part.start, part.stop):
+                heard = identifier.update(int(test.stamp_ns[k]), test.odometry[k], test.strain[k])
+                estimate = next(iter(heard.estimates.values()))
+                if estimate.updated and _counts(test, number, k):
+                    right.append(heard.most_probable == (material if material in FEATURES else NONE))
+            shares[material] += right
+            if material in FEATURES:
+                shares["at the end"] += right[-1:]
+
+
+def _counts(test: SimulatedScan, number: int, k: int) -> bool:
+    contact = test.contact[number]
+    since = test.truth[k, 0] - test.truth[contact, 0]
+    return contact < 0 or (since > SURE_M and k <= test.feature_end[number])
+
+
+def cost(identifier: FeatureIdentifier, localizers: Sequence[Localizer], seed: int) -> float:
+    """Processor time of identifying, over that of the same localizers each by itself."""
+    taken = np.zeros(2)
+    for feature in FEATURES:
+        test = simulate_scan(feature, seed, "test", sweeps=4)
+        for part in test.slices():
+            for one in (identifier, *localizers):
+                one.reset()
+            for k in range(part.start, part.stop):
+                heard = int(test.stamp_ns[k]), test.odometry[k], test.strain[k]
+                begun = time.process_time()
+                identifier.update(*heard)
+                between = time.process_time()
+                for localizer in localizers:
+                    localizer.update(*heard)
+                taken += between - begun, time.process_time() - between
+    return float(taken[0] / taken[1])
+
+
+def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, errors: Errors) -> None:
+    """With one phalanx left, on all sweeps, on those that it comes by the feature on, and while believed."""
+    test = simulate_scan(feature, seed, "test")
+    both, both_believed, _ = _track(localizer, test, np.ones(2, dtype=bool))
+    for left in range(2):
+        one, believed, y = _track(localizer, test, np.arange(2) == left)
+        comes_by = np.abs(y + OFFSETS_M[left, 1] - FEATURE_CENTER_M[1]) < COMES_BY_M
+        for kind, of_one, of_both in (
+            ("", one, both),
+            (" that comes by the feature", one[comes_by], both[comes_by]),
+            (" that does not", one[~comes_by], both[~comes_by]),
+            (", while believed", one[believed], both[both_believed]),
+        ):
+            errors["one left" + kind] += of_one.tolist()
+            errors["both, for one left" + kind] += of_both.tolist()
+
+
+def _track(
+    localizer: Localizer, test: SimulatedScan, present: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the strains that are weighed on contact: errors, m, whether believed, and the palm's y, m."""
+    track = []
+    for number, part in enumerate(test.slices()):
+        localizer.reset()
+        for k in range(part.start, test.feature_end[number] + 1):
+            estimate = localizer.update(int(test.stamp_ns[k]), test.odometry[k], test.strain[k], present)
+            if estimate.updated and k >= test.contact[number]:
+                error = np.linalg.norm(estimate.mean - test.truth[k])
+                track.append((error, estimate.converged, test.truth[part, 1].mean()))
+    error, believed, y = np.array(track).T
+    return error, believed > 0, y
+
+
+def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """All of it, one seed after the other."""
+    shares: Shares = defaultdict(list)
+    errors: Errors = defaultdict(list)
+    for seed in seeds:
+        scans = candidates(seed)
+        identifier, apart = (
+            build_identifier(scans, Configuration(), np.random.default_rng(1)) for _ in range(2)
+        )
+        name_features(identifier, seed, shares)
+        for feature, (scan, scene) in scans.items():
+            localizer = build_localizer(scan, scene, Configuration(), np.random.default_rng(1))
+            lose_a_phalanx(localizer, feature, seed, errors)
+    ratio = cost(identifier, list(apart.localizers.values()), seeds[0])
+    named = [
+        row(f"feature named right: {name}", 100 * np.mean(each), "%", ">= 95")
+        for name, each in shares.items()
+    ]
+    lost = [
+        row(
+            f"error, {kind}, to both",
+            np.mean(errors[kind]) / np.mean(errors[f"both, for {kind}"]),
+            "x",
+            "<= 2",
+        )
+        for kind in errors
+        if not kind.startswith("both")
+    ]
+    return [*named, row("cost of identifying, to the localizers'", ratio, "x", "<= 1"), *lost]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[51])
+    record(measure(parser.parse_args().seeds))
