@@ -1,0 +1,82 @@
+"""Several scans are one localizer: it believes what the most probable candidate says, and nothing on none."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.assembly import build_identifier
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.convergence import ConvergenceCriteria
+from tactile_localizer.core.feature_localizer import FeatureLocalizer
+from tactile_localizer.core.identification import NONE
+from tactile_localizer.core.localizer import Estimate
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+
+SEED = 31
+CONFIGURATION = Configuration(cell=0.8)
+STD = np.array([CONFIGURATION.convergence_std] * 2)
+
+
+@pytest.fixture(scope="module")
+def candidates() -> FeatureLocalizer:
+    scans = {
+        feature: (
+            simulate_scan(feature, seed=SEED).to_scan(),
+            load_scene(resource_path(f"config/scenes/{feature}.yaml")),
+        )
+        for feature in ("grommet", "bump")
+    }
+    return FeatureLocalizer(build_identifier(scans, CONFIGURATION, np.random.default_rng(0)))
+
+
+@pytest.fixture
+def localizer(candidates: FeatureLocalizer) -> FeatureLocalizer:
+    candidates.adjust(ConvergenceCriteria(STD), CONFIGURATION.update_distance)
+    candidates.reset()
+    return candidates
+
+
+def slide(localizer: FeatureLocalizer, material: str) -> list[Estimate]:
+    """Estimates along a sweep."""
+    test = simulate_scan(material, SEED, "test", sweeps=1)
+    return [
+        localizer.update(int(test.stamp_ns[row]), test.odometry[row], test.strain[row])
+        for row in range(len(test.strain))
+    ]
+
+
+def test_it_says_what_the_candidate_says_that_is_felt(localizer: FeatureLocalizer) -> None:
+    last = slide(localizer, "bump")[-1]
+    assert localizer.identification is not None
+    assert localizer.identification.most_probable == localizer.scene.name == "bump"
+    assert last is localizer.identification.estimates["bump"]
+    assert last.converged
+    states, weights = localizer.hypotheses()
+    np.testing.assert_allclose(weights @ states, last.mean, atol=1e-3)
+
+
+def test_on_none_of_the_features_no_position_is_believed(localizer: FeatureLocalizer) -> None:
+    estimates = slide(localizer, "none")
+    assert localizer.identification is not None
+    assert localizer.identification.most_probable == NONE
+    assert estimates[-1].reason == "not converged: none of the features"
+    assert not any(estimate.converged for estimate in estimates)
+
+
+def test_a_seed_is_believed_on_every_candidate_and_nothing_is_known_of_which(
+    localizer: FeatureLocalizer,
+) -> None:
+    slide(localizer, "none")
+    place = np.array([0.02, 0.03])
+    localizer.seed(place, np.array([0.002, 0.002]))
+    assert localizer.identification is None
+    states, weights = localizer.hypotheses()
+    np.testing.assert_allclose(weights @ states, place, atol=1e-3)
+
+
+def test_what_converged_means_can_be_adjusted_for_all(localizer: FeatureLocalizer) -> None:
+    localizer.adjust(ConvergenceCriteria(STD, evidence=math.inf), CONFIGURATION.update_distance)
+    assert not any(estimate.converged for estimate in slide(localizer, "bump"))
