@@ -21,15 +21,17 @@ class Credit(NamedTuple):
     ----------
     featureless : log-density of the strain on featureless material, nats
     blurred : the same, as the map blurs it, nats
+    new_sweep : the same, with the offset of the sweep as uncertain as it still is, nats
     """
 
     featureless: float
     blurred: float
+    new_sweep: float = -math.inf
 
     @property
     def best(self) -> float:
-        """The better of both, nats: what a place has to surpass for the strain to speak for it."""
-        return max(self.featureless, self.blurred)
+        """The best of them, nats: what a place has to surpass for the strain to speak for it."""
+        return max(self)
 
     def earned(self, log_likelihood: np.ndarray, off: np.ndarray) -> np.ndarray:
         """Log-likelihoods of states, with their credit; ``off`` (same shape, bool): off the feature."""

@@ -5,6 +5,7 @@ Live nodes, replay and benchmarks share it.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -209,10 +210,12 @@ class Localizer:
         self._health.hear(strain, present, travel)
         used = self._used(present)
         self._weight = self._correlation.share(strain, used, counted)
+        new_sweep = -math.inf
         if self._offset is not None:
+            new_sweep = self._offset.log_density(strain, used)
             strain = self._offset.corrected(strain, used, counted)
         self._strain = strain
-        credit = self._null.credit(strain, used)
+        credit = self._null.credit(strain, used)._replace(new_sweep=new_sweep)
         featureless, unknown = credit.featureless, self._null.unknown(strain, used)
         self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, credit)
         # Left out, a phalanx that contradicts the belief still speaks against it, as it has of late.

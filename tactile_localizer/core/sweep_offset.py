@@ -7,6 +7,7 @@ the feature. On featureless material the difference shows by itself: there every
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from scipy.linalg import block_diag, eigh
@@ -67,6 +68,8 @@ class SweepOffset:
         self._shape = block_diag(*shapes)
         self._whiten = np.linalg.inv(self._shape)
         self._prior = np.concatenate(variances)
+        volumes = [np.linalg.slogdet(shape)[1] for shape in shapes]
+        self._log_constants = -np.repeat(volumes, GAUGES) / GAUGES - 0.5 * math.log(2.0 * math.pi)
         self.reset()
 
     def reset(self) -> None:
@@ -84,6 +87,16 @@ class SweepOffset:
             strain[np.ix_(rows, channels)] -= offset
         return dataclasses.replace(scan, strain=strain)
 
+    def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
+        """Of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material, nats.
+
+        With what is known of the present sweep's offset so far: at first, that of any sweep.
+        """
+        innovation = self._innovation(strain)
+        variance = 1.0 + self._variance
+        terms = self._log_constants - 0.5 * (innovation * innovation / variance + np.log(variance))
+        return float(terms.reshape(-1, GAUGES)[present].sum())
+
     def corrected(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
         """Learn from a strain, where it is featureless, and return it without the offset.
 
@@ -93,7 +106,7 @@ class SweepOffset:
         present : (F,) bool, the phalanges that were felt
         travel : m since the last strain
         """
-        innovation = self._whiten @ (strain - self._centre) - self._offset
+        innovation = self._innovation(strain)
         squares = (innovation * innovation / (1.0 + self._variance)).reshape(-1, GAUGES).mean(axis=1)
         featureless = present & (squares < _GATE)
         if featureless.any():
@@ -103,6 +116,10 @@ class SweepOffset:
             self._variance = (1.0 - gain) * self._variance
             self._volts = self._shape @ self._offset
         return strain - self._volts
+
+    def _innovation(self, strain: np.ndarray) -> np.ndarray:
+        """What differs from featureless material, in deviations of its noise, the offset known: (8F,)."""
+        return np.asarray(self._whiten @ (strain - self._centre) - self._offset)
 
 
 def knows_offsets(scan: Scan, scene: Scene) -> bool:
@@ -124,6 +141,9 @@ def _diagonalised(deviations: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarr
     between = offsets.T @ offsets / len(offsets)
     tiny = 1e-12 * max(float(within.trace()), float(between.trace())) + 1e-30
     within += np.diag(_RIDGE * (np.diag(within) + np.diag(between)) + tiny)
-    between += np.diag(_RIDGE * np.diag(between))
+    # As many sweeps as there are channels say little of how channels go together: as if so many more had been
+    # seen in which they do not (the mean of an inverse Wishart posterior).
+    doubt = GAUGES / (GAUGES + len(offsets))
+    between = (1.0 - doubt) * between + doubt * np.diag(np.diag(between))
     variances, vectors = eigh(between, within)
     return np.linalg.inv(vectors.T), np.maximum(variances, 0.0)

@@ -12,6 +12,7 @@ from tactile_localizer.scene import Scene
 
 BOTH = np.ones(2, dtype=bool)
 STEP = 0.003
+NOISE = 0.005
 
 
 def test_the_sweeps_of_a_scan_feel_alike_after_their_offsets_are_removed() -> None:
@@ -31,6 +32,36 @@ def test_the_offset_of_a_new_sweep_is_learned_before_the_feature_and_held_over_i
     expected = felt(x, OFFSETS.mean(axis=0), rng)
     late = x > 0.02
     assert np.sqrt(np.mean((corrected - expected)[late] ** 2)) < 0.01
+
+
+def test_however_a_new_sweep_differs_its_offset_is_learned() -> None:
+    """Few sweeps say little of how channels go together; a new one may differ in another way than they do."""
+    rng = np.random.default_rng(7)
+    offset = SweepOffset(SCAN, SCENE)
+    missed = []
+    for own in rng.normal(0.0, 0.03, (60, 16)):
+        offset.reset()
+        strains = felt(np.arange(0.0, 0.03, STEP), own, rng)
+        corrected = [offset.corrected(strain, BOTH, STEP) for strain in strains]
+        missed.append(np.sqrt(np.mean((strains[-1] - corrected[-1] - (own - OFFSETS.mean(axis=0))) ** 2)))
+    assert np.max(missed) < 0.015
+
+
+def test_featureless_strains_of_a_new_sweep_are_as_likely_as_its_offset_is_known() -> None:
+    rng = np.random.default_rng(8)
+    offset = SweepOffset(SCAN, SCENE)
+    first, last, alone = [], [], []
+    for own in rng.normal(0.0, 0.03, (40, 16)):
+        offset.reset()
+        strains = felt(np.arange(0.0, 0.03, STEP), own, rng)
+        first.append(offset.log_density(strains[0], BOTH))
+        alone.append(sum(offset.log_density(strains[0], phalanx) for phalanx in np.eye(2, dtype=bool)))
+        for strain in strains[:-1]:
+            offset.corrected(strain, BOTH, STEP)
+        last.append(offset.log_density(strains[-1], BOTH))
+    normal = [-8.0 * np.log(2.0 * np.pi * np.e * variance) for variance in (0.03**2 + NOISE**2, NOISE**2)]
+    assert [np.mean(first), np.mean(last)] == pytest.approx(normal, abs=5.0)
+    assert alone == pytest.approx(first), "phalanges are independent"
 
 
 def test_a_phalanx_that_is_not_felt_learns_nothing() -> None:
