@@ -41,3 +41,9 @@ def test_credit_never_takes_and_never_gives_more_than_the_featureless_explanatio
     assert (after <= np.maximum(before, credit.best)).all()
     assert np.array_equal(NO_CREDIT.earned(before, OFF), before)
     assert NO_CREDIT.featureless == -math.inf
+
+
+def test_the_best_of_the_three_explanations_is_what_a_place_has_to_surpass() -> None:
+    assert Credit(60.0, 45.0, 50.0).best == 60.0
+    assert Credit(40.0, 45.0, 30.0).best == 45.0
+    assert Credit(40.0, 45.0, 50.0).best == 50.0
