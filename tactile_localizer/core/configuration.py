@@ -73,7 +73,7 @@ class Configuration:
     update_distance: float = 0.0005
     convergence_std: float = 0.005
     convergence_yaw_std: float = 0.1
-    convergence_evidence: float = 4.0
+    convergence_evidence: float = 3.0
     convergence_travel: float = 0.0005
 
     def __post_init__(self) -> None:

@@ -22,6 +22,9 @@ _FEWEST_PAIRS = 20
 _FEWEST_SWEEPS = 3
 _LENGTH = 0.003
 """m of travel that make one independent look at featureless material."""
+_ANOTHER_DAY = 4.0
+"""Variance of a new sweep's offset, to that of the scan's: it may differ from them twice as much as they do
+from each other, which were scanned one after the other."""
 _GATE = 4.0
 """Mean square over a phalanx's channels, in standard deviations, above which a strain is not featureless."""
 _RIDGE = 0.05
@@ -32,9 +35,10 @@ class SweepOffset:
     """The offset of the present sweep, learned while the material is featureless, and removed.
 
     A phalanx's strain on featureless material is modelled as c + b + noise: c common to all sweeps, b the
-    sweep's own, N(0, B), noise N(0, W) along the sweep. In coordinates in which W is the identity and B
-    diagonal, the Kalman filter of b is a scalar one a channel. A strain that this does not explain is not
-    featureless and teaches nothing; so the offset is held over a feature.
+    sweep's own, noise N(0, W) along the sweep. Over the sweeps of the scan, b is N(0, B); for a new one the
+    prior is N(0, 4 B). In coordinates in which W is the identity and B diagonal, the Kalman filter of b is a
+    scalar one a channel. A strain that this does not explain is not featureless and teaches nothing; so the
+    offset is held over a feature.
 
     Parameters
     ----------
@@ -67,7 +71,7 @@ class SweepOffset:
         )
         self._shape = block_diag(*shapes)
         self._whiten = np.linalg.inv(self._shape)
-        self._prior = np.concatenate(variances)
+        self._prior = _ANOTHER_DAY * np.concatenate(variances)
         volumes = [np.linalg.slogdet(shape)[1] for shape in shapes]
         self._log_constants = -np.repeat(volumes, GAUGES) / GAUGES - 0.5 * math.log(2.0 * math.pi)
         self.reset()

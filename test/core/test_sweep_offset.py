@@ -59,7 +59,11 @@ def test_featureless_strains_of_a_new_sweep_are_as_likely_as_its_offset_is_known
         for strain in strains[:-1]:
             offset.corrected(strain, BOTH, STEP)
         last.append(offset.log_density(strains[-1], BOTH))
-    normal = [-8.0 * np.log(2.0 * np.pi * np.e * variance) for variance in (0.03**2 + NOISE**2, NOISE**2)]
+    at_first, known = (2.0 * 0.03) ** 2 + NOISE**2, NOISE**2
+    normal = [
+        -8.0 * (np.log(2.0 * np.pi * variance) + spread / variance)
+        for variance, spread in ((at_first, 0.03**2 + NOISE**2), (known, NOISE**2))
+    ]
     assert [np.mean(first), np.mean(last)] == pytest.approx(normal, abs=5.0)
     assert alone == pytest.approx(first), "phalanges are independent"
 
