@@ -34,17 +34,18 @@ def test_the_offset_of_a_new_sweep_is_learned_before_the_feature_and_held_over_i
     assert np.sqrt(np.mean((corrected - expected)[late] ** 2)) < 0.01
 
 
-def test_however_a_new_sweep_differs_its_offset_is_learned() -> None:
-    """Few sweeps say little of how channels go together; a new one may differ in another way than they do."""
+@pytest.mark.parametrize("spread", [0.03, 0.06])
+def test_however_a_new_sweep_differs_its_offset_is_learned(spread: float) -> None:
+    """Few sweeps say little of how channels go together; a new one may differ in another way, and more."""
     rng = np.random.default_rng(7)
     offset = SweepOffset(SCAN, SCENE)
     missed = []
-    for own in rng.normal(0.0, 0.03, (60, 16)):
+    for own in rng.normal(0.0, spread, (60, 16)):
         offset.reset()
         strains = felt(np.arange(0.0, 0.03, STEP), own, rng)
         corrected = [offset.corrected(strain, BOTH, STEP) for strain in strains]
         missed.append(np.sqrt(np.mean((strains[-1] - corrected[-1] - (own - OFFSETS.mean(axis=0))) ** 2)))
-    assert np.max(missed) < 0.015
+    assert np.quantile(missed, 0.9) < 0.005
 
 
 def test_featureless_strains_of_a_new_sweep_are_as_likely_as_its_offset_is_known() -> None:
