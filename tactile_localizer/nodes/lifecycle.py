@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import sys
 import traceback
@@ -171,7 +172,8 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         if node is not None:
             node.close()
             node.destroy_node()
-        rclpy.try_shutdown()
+        with contextlib.suppress(RuntimeError):  # rclpy's own, where a signal shuts down at the same moment
+            rclpy.try_shutdown()
     return 0
 
 

@@ -1,6 +1,8 @@
 """Every node, every transition from every state, twice; and destruction in every state."""
 
 import itertools
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -200,3 +202,26 @@ def test_a_node_that_cannot_be_made_leaves_nothing_in_the_graph(make, probe):
 def lifecycle_services(probe):
     found = probe.node.get_service_names_and_types()
     return [service for service, _ in found if service.endswith("/change_state")]
+
+
+def test_a_signal_that_shuts_rclpy_down_while_the_node_does_is_no_error():
+    """rclpy asks whether it is up and shuts down in two steps; its signal handler may come between them."""
+    script = """
+import sys
+import rclpy
+from tactile_localizer.nodes.lifecycle import run
+
+def both():
+    rclpy.shutdown()
+    rclpy.shutdown()
+
+def make():
+    raise KeyboardInterrupt
+
+rclpy.try_shutdown = both
+sys.exit(run(make))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import sys
 import time
@@ -47,7 +48,8 @@ def play(args: argparse.Namespace) -> None:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        rclpy.try_shutdown()
+        with contextlib.suppress(RuntimeError):  # a signal shuts down at the same moment
+            rclpy.try_shutdown()
 
 
 class _Player:
