@@ -13,9 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.core.region import Proposal, propose_region
-from tactile_localizer.core.region_confidence import BELIEVED_REGION, region_confidence
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.region_confidence import BELIEVED_REGION, judged_proposal, region_confidence
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.display import INCH_MM, MM
@@ -182,7 +180,7 @@ def _export(args: argparse.Namespace) -> int:
 def _region(args: argparse.Namespace) -> int:
     with ScanStore.open(args.scan) as store:
         scan, scene = store.load(), store.scene
-    proposal, confidence = _proposed_region(scan, scene)
+    proposal, confidence = judged_proposal(scan, scene)
     if scene.feature is not None:
         of_given = region_confidence(scan, scene)
         print(f"{args.scan}: region given by the scene, confidence {of_given:.0%}\n{_box(scene)}")
@@ -207,15 +205,6 @@ def _region(args: argparse.Namespace) -> int:
     return 0
 
 
-def _proposed_region(scan: Scan, scene: Scene) -> tuple[Proposal, float]:
-    """A region proposed from the data, and the confidence that held-out sweeps give it."""
-    proposal = propose_region(scan, scene)
-    if proposal.region is None:
-        return proposal, 0.0
-    proposed = replace(scene, feature=proposal.region)
-    return proposal, region_confidence(scan, proposed)
-
-
 def _box(scene: Scene) -> str:
     region = scene.feature
     assert region is not None
@@ -233,7 +222,7 @@ def _plot(args: argparse.Namespace) -> int:
     try:
         args.output.mkdir(parents=True, exist_ok=True)
         figures = scan_figures(scan, scene, unit=unit)
-        proposed = _proposed_region(scan, scene)
+        proposed = judged_proposal(scan, scene)
         figures["region"] = region_sheet(make_map(scan, scene), scene, *proposed, unit=unit)
         for name, figure in figures.items():
             path = args.output / f"{name}.png"

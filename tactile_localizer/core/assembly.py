@@ -63,25 +63,8 @@ def build_localizer(
     """
     scene = completed(scan, scene, progress)
     parameters = ModelParameters.from_mapping(scene.measurement)
-    offset = None
-    if parameters.sweep_offset:
-        offset = SweepOffset(scan, scene)
-        scan = offset.removed_from(scan, scene)
-    model = build_model(scan, scene, configuration, parameters)
-    unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
-    widths = _widths(scene, parameters)
-    null = NullModel.of_scan(scan, scene, widths, unknown, model.blur)
-    return Localizer(
-        scene,
-        _build_filter(scene, model, configuration, parameters, rng),
-        null,
-        Convergence(convergence_criteria(scene, configuration)),
-        Recovery() if configuration.recovery == "evidence" else None,
-        PhalanxHealth(scene, model, null),
-        configuration.update_distance,
-        Correlation(float(parameters.correlation_length or 0.0), parameters.correlation_change, widths),
-        offset,
-    )
+    scan, offset = _without_offsets(scan, scene, parameters)
+    return _assembled(scan, scene, configuration, parameters, offset, rng)
 
 
 def build_identifier(
@@ -106,16 +89,11 @@ def build_identifier(
         sweep_offset=all(parameters.sweep_offset for parameters in chosen),
         neighbours=max(parameters.neighbours for parameters in chosen),
     )
-    scans = {name: scan for name, (scan, _) in candidates.items()}
-    localizers = {
-        name: build_localizer(scan, with_parameters(scenes[name], common), configuration, rng)
-        for name, scan in scans.items()
-    }
-    if common.sweep_offset:
-        scans = {
-            name: SweepOffset(scan, scenes[name]).removed_from(scan, scenes[name])
-            for name, scan in scans.items()
-        }
+    localizers, scans = {}, {}
+    for name, scene in scenes.items():
+        scans[name], offset = _without_offsets(candidates[name][0], scene, common)
+        scene = with_parameters(scene, common)
+        localizers[name] = _assembled(scans[name], scene, configuration, common, offset, rng)
     covariance = disagreement((scan, scenes[name]) for name, scan in scans.items())
     namers = {
         name: Namer(scan, scenes[name], common.position_std, covariance) for name, scan in scans.items()
@@ -161,6 +139,42 @@ def build_model(
         return Featureless(scan, scene, *widths, **common)
     return Gaussian(
         scan, scene, parameters.neighbours, independent=configuration.model == "gaussian_independent"
+    )
+
+
+def _without_offsets(
+    scan: Scan, scene: Scene, parameters: ModelParameters
+) -> tuple[Scan, SweepOffset | None]:
+    """The scan as its map is to hold it, and what removes the offset of a new sweep likewise."""
+    if not parameters.sweep_offset:
+        return scan, None
+    offset = SweepOffset(scan, scene)
+    return offset.removed_from(scan, scene), offset
+
+
+def _assembled(
+    scan: Scan,
+    scene: Scene,
+    configuration: Configuration,
+    parameters: ModelParameters,
+    offset: SweepOffset | None,
+    rng: np.random.Generator,
+) -> Localizer:
+    """A localizer, nothing being left to choose."""
+    model = build_model(scan, scene, configuration, parameters)
+    unknown = held_out_fit(scan, scene, lambda rest: build_model(rest, scene, configuration, parameters))
+    widths = _widths(scene, parameters)
+    null = NullModel.of_scan(scan, scene, widths, unknown, model.blur)
+    return Localizer(
+        scene,
+        _build_filter(scene, model, configuration, parameters, rng),
+        null,
+        Convergence(convergence_criteria(scene, configuration)),
+        Recovery() if configuration.recovery == "evidence" else None,
+        PhalanxHealth(scene, model, null),
+        configuration.update_distance,
+        Correlation(float(parameters.correlation_length or 0.0), parameters.correlation_change, widths),
+        offset,
     )
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
 
 from tactile_localizer.core.between_sweeps import with_interpolated_sweeps
-from tactile_localizer.core.resampling import systematic
+from tactile_localizer.core.resampling import evenly
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
 from tactile_localizer.core.sweep_spacing import nearest_of_other_sweeps
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.weights import log_mean
 from tactile_localizer.scene import GAUGES, Scene
 
 _STATES = 48
@@ -41,7 +40,6 @@ class Namer:
         # Without all phalanges, those that are left are explained each by itself.
         self._whiten = [np.linalg.inv(np.linalg.cholesky(c)) for c in (covariance * alone, covariance)]
         self._models = [self._model(scan, scene, position_std, each) for each in self._whiten]
-        self._constant = np.random.default_rng(0)
 
     @staticmethod
     def _model(scan: Scan, scene: Scene, position_std: np.ndarray, whiten: np.ndarray) -> SumOfGaussians:
@@ -60,11 +58,10 @@ class Namer:
         states, weights : (P, d) and (P,), the belief
         strain, present : (8F,) V without the sweep's offset, and (F,) bool
         """
-        drawn = states[systematic(weights, _STATES, self._constant)]
+        drawn = states[evenly(weights, _STATES)]
         together = int(present.all())
         white = self._whiten[together] @ strain
-        log_likelihood = self._models[together].log_likelihood(drawn, white, present)
-        return normalize(log_likelihood)[1] - math.log(_STATES)
+        return log_mean(self._models[together].log_likelihood(drawn, white, present))
 
 
 def disagreement(candidates: Iterable[tuple[Scan, Scene]]) -> np.ndarray:

@@ -13,7 +13,7 @@ from tactile_localizer.core.fit import HeldOutFit
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.weights import log_mean
 from tactile_localizer.scene import GAUGES, Scene
 
 _LOG_2 = math.log(2.0)
@@ -133,5 +133,5 @@ class _SweepsAndOneMore:
         known, new, means, columns = self._marginals[key]
         strain = strain[columns]
         # The known sweeps share one covariance: their densities are that of the deviation from each mean.
-        of_known = normalize(known.log_density(strain - means))[1] - math.log(len(means))
+        of_known = log_mean(known.log_density(strain - means))
         return float(np.logaddexp(of_known, new.log_density(strain)) - _LOG_2)

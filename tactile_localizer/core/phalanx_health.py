@@ -16,8 +16,8 @@ import numpy as np
 
 from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
-from tactile_localizer.core.resampling import systematic
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.resampling import evenly
+from tactile_localizer.core.weights import log_mean
 from tactile_localizer.scene import GAUGES, Scene
 
 _STATES = 48
@@ -49,7 +49,6 @@ class PhalanxHealth:
 
     def __init__(self, scene: Scene, model: MeasurementModel, null: NullModel) -> None:
         self._scene, self._model, self._null = scene, model, null
-        self._constant = np.random.default_rng(0)
         self.reset()
 
     def reset(self) -> None:
@@ -89,7 +88,7 @@ class PhalanxHealth:
             return
         gain = -math.expm1(-self._pending / self._MEMORY)
         self._pending = 0.0
-        drawn = states[systematic(weights, _STATES, self._constant)]
+        drawn = states[evenly(weights, _STATES)]
         on_feature = self._scene.phalanges_on_feature(drawn)
         for index in np.flatnonzero(present):
             alone = np.arange(len(self.trusted)) == index
@@ -104,7 +103,7 @@ class PhalanxHealth:
         credit = self._null.credit(strain, alone)
         by_belief = credit.earned(self._model.log_likelihood(states, strain, alone), ~on_feature)
         by_null = max(credit.featureless, self._null.unknown(strain, alone))
-        return normalize(by_belief)[1] - math.log(len(states)) - by_null
+        return log_mean(by_belief) - by_null
 
     def _decide(self) -> None:
         """Leave out the worst phalanx that contradicts, if another does not; take back the well ones."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_localizer.core.fit import held_out_log_densities
 from tactile_localizer.core.null_model import NullModel
-from tactile_localizer.core.region import propose_region
+from tactile_localizer.core.region import Proposal, propose_region
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
 from tactile_localizer.core.sweep_spacing import base_widths
@@ -23,10 +23,16 @@ def with_region(scan: Scan, scene: Scene) -> Scene:
     """The scene, with a region proposed from the scan where it gave none and the scan confirms one."""
     if scene.feature is not None:
         return scene
-    candidate = dataclasses.replace(scene, feature=propose_region(scan, scene).region)
-    if candidate.feature is None or not region_confidence(scan, candidate) > BELIEVED_REGION:
-        return scene
-    return candidate
+    proposal, confidence = judged_proposal(scan, scene)
+    return dataclasses.replace(scene, feature=proposal.region) if confidence > BELIEVED_REGION else scene
+
+
+def judged_proposal(scan: Scan, scene: Scene) -> tuple[Proposal, float]:
+    """A region proposed from the scan, and its :func:`region_confidence`: zero where there is no region."""
+    proposal = propose_region(scan, scene)
+    if proposal.region is None:
+        return proposal, 0.0
+    return proposal, region_confidence(scan, dataclasses.replace(scene, feature=proposal.region))
 
 
 def region_confidence(scan: Scan, scene: Scene) -> float:

@@ -16,6 +16,11 @@ from tactile_localizer.errors import ParameterError
 Resampler = Callable[[np.ndarray, int, np.random.Generator], np.ndarray]
 
 
+def evenly(weights: np.ndarray, count: int) -> np.ndarray:
+    """Systematic with the offset in the middle: indices of what stands for the whole, the same each time."""
+    return _invert(weights, (np.arange(count) + 0.5) / count)
+
+
 def systematic(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """One random offset, then evenly spaced: the least variance for the least work."""
     return _invert(weights, (np.arange(count) + rng.random()) / count)

@@ -29,6 +29,11 @@ def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     return scaled - log_sum, peak + log_sum
 
 
+def log_mean(log_values: np.ndarray) -> float:
+    """Logarithm of the mean of values (P,) given by their logarithms."""
+    return normalize(log_values)[1] - math.log(len(log_values))
+
+
 def effective_sample_size(log_weights: np.ndarray) -> float:
     """Kish's 1 / sum of squared weights, for normalised ``log_weights`` (P,): between 1 and P."""
     return float(1.0 / np.sum(np.exp(2.0 * log_weights)))
