@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import sys
 import traceback
@@ -172,9 +171,16 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         if node is not None:
             node.close()
             node.destroy_node()
-        with contextlib.suppress(RuntimeError):  # rclpy's own, where a signal shuts down at the same moment
-            rclpy.try_shutdown()
+        _shut_down()
     return 0
+
+
+def _shut_down() -> None:
+    try:
+        rclpy.try_shutdown()
+    except RuntimeError:  # rclpy's own, where a signal shuts down at the same moment
+        if rclpy.ok():
+            raise
 
 
 def _executor(node: ManagedNode) -> Executor:

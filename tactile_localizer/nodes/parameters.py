@@ -116,7 +116,8 @@ class Parameters:
 
         Groups, which have a dot, are left out: they are declared when it is known what they are for.
         """
-        given = getattr(self._node, "_parameter_overrides", {})  # rclpy has no other way to ask
+        # rclpy has no public way to ask; should this one go, mistyped names pass without a word.
+        given = getattr(self._node, "_parameter_overrides", {})
         return [
             f"{name}{_meant(name, self._declared)}"
             for name in given

@@ -37,6 +37,9 @@ NODES = {
     "simulator_node": "SimulatorNode",
 }
 
+PATHS = {"driver": "dbc", "mapping": "scene_file", "filter": "scan_file", "simulator": "dbc"}
+"""A parameter of each node that names a file without which it cannot be configured."""
+
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
@@ -148,6 +151,23 @@ def test_round_and_round_leaves_nothing_behind(make):
         wait_until(lambda: threading.active_count() <= before, "its threads to end")
 
 
+def test_a_refused_configure_says_why_and_can_be_tried_again_when_the_cause_is_mended(make, tmp_path, capfd):
+    from rclpy.lifecycle import TransitionCallbackReturn
+    from rclpy.parameter import Parameter
+
+    node = make()
+    right = node.get_parameter(PATHS[node.get_name()])
+    wrong = Parameter(right.name, value=str(tmp_path / "missing"))
+    node.set_parameters([wrong])
+    for _ in range(2):
+        assert trigger(node, "configure") == TransitionCallbackReturn.FAILURE
+        assert state_of(node) == "unconfigured"
+        assert wrong.value in capfd.readouterr().err
+    node.set_parameters([right])
+    for transition in WAYS["active"]:
+        assert trigger(node, transition) == TransitionCallbackReturn.SUCCESS
+
+
 @pytest.mark.parametrize("state", STATES)
 def test_it_can_be_destroyed_in_each_state(make, state):
     before = threading.active_count()
@@ -204,24 +224,40 @@ def lifecycle_services(probe):
     return [service for service, _ in found if service.endswith("/change_state")]
 
 
-def test_a_signal_that_shuts_rclpy_down_while_the_node_does_is_no_error():
-    """rclpy asks whether it is up and shuts down in two steps; its signal handler may come between them."""
-    script = """
+ENDING = """
 import sys
 import rclpy
 from tactile_localizer.nodes.lifecycle import run
 
-def both():
+def twice():
     rclpy.shutdown()
     rclpy.shutdown()
+
+def fails():
+    raise RuntimeError("something else")
 
 def make():
     raise KeyboardInterrupt
 
-rclpy.try_shutdown = both
+rclpy.try_shutdown = {}
 sys.exit(run(make))
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+"""A node whose end goes as a function of the script has it."""
+
+
+def ended(how):
+    """Exit status and standard error of :data:`ENDING`."""
+    command = [sys.executable, "-c", ENDING.format(how)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return done.returncode, done.stderr
+
+
+def test_a_signal_that_shuts_rclpy_down_while_the_node_does_is_no_error():
+    """rclpy asks whether it is up and shuts down in two steps; its signal handler may come between them."""
+    assert ended("twice") == (0, "")
+
+
+def test_any_other_failure_of_the_end_is_not_hidden():
+    status, error = ended("fails")
+    assert status == 1
+    assert error.endswith("RuntimeError: something else\n")
