@@ -11,6 +11,7 @@ import json
 import math
 import sqlite3
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -34,6 +35,7 @@ COMMIT_PERIOD_S = 0.25
 
 _BATCH_PAIRS = 8192
 _BATCH = "pairs, first_ns, last_ns, stamp_ns, states, strain"
+_KEPT = "FROM batch WHERE sweep IN (SELECT number FROM sweep WHERE NOT dropped)"
 
 
 @dataclass(frozen=True)
@@ -385,6 +387,37 @@ class ScanStore:
             raise ScanError(f"{self.path}: expected at least one state-measurement pair, found none")
         return Scan(states, strain, sweep, self.scene.axis_names, self.scene.phalanx_names)
 
+    def batches(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+        """The same pairs in parts, so that a long scan takes no more memory than a short one.
+
+        Yields
+        ------
+        sweep : int
+            Its number.
+        stamp_ns : numpy.ndarray, (n,)
+        states : numpy.ndarray, (n, d)
+        strain : numpy.ndarray, (n, 8F)
+
+        Raises
+        ------
+        ScanError
+            The file is damaged.
+        """
+        read = 0
+        try:
+            query = f"SELECT sweep, pairs, stamp_ns, states, strain {_KEPT} ORDER BY id"
+            for sweep, pairs, stamp_ns, states, strain in self._db.execute(query):
+                yield (
+                    sweep,
+                    np.frombuffer(stamp_ns, "<i8").reshape(pairs),
+                    np.frombuffer(states, "<f8").reshape(pairs, self.scene.dimension),
+                    np.frombuffer(strain, "<f8").reshape(pairs, GAUGES * len(self.scene.phalanges)),
+                )
+                read += pairs
+        except (sqlite3.Error, ValueError) as error:
+            n = self._kept_pairs()
+            raise ScanError(f"{self.path}: expected {n} pairs, could read {read}: {error}") from None
+
     def recording(self) -> Recording:
         """The same pairs by sweep and with their stamps, as any other recording.
 
@@ -411,8 +444,7 @@ class ScanStore:
         return Recording(str(self.path), self.scene.axis_names, self.scene.phalanx_names, tuple(sweeps))
 
     def _arrays(self, at_most: int | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        kept = "FROM batch WHERE sweep IN (SELECT number FROM sweep WHERE NOT dropped)"
-        n = int(self._fetch(f"SELECT coalesce(sum(pairs), 0) {kept}")[0][0])
+        n = self._kept_pairs()
         step = 1 if at_most is None else max(1, math.ceil(n / at_most))
         loaded = math.ceil(n / step)
         stamp_ns = np.empty(loaded, dtype=np.int64)
@@ -420,19 +452,17 @@ class ScanStore:
         strain = np.empty((loaded, GAUGES * len(self.scene.phalanges)))
         sweep = np.empty(loaded, dtype=np.int64)
         read = 0
-        try:
-            query = f"SELECT sweep, pairs, stamp_ns, states, strain {kept} ORDER BY id"
-            for number, pairs, *blobs in self._db.execute(query):
-                mine = slice(-read % step, None, step)
-                rows = slice(math.ceil(read / step), math.ceil((read + pairs) / step))
-                sweep[rows] = number
-                stamp_ns[rows] = np.frombuffer(blobs[0], "<i8")[mine]
-                states[rows] = np.frombuffer(blobs[1], "<f8").reshape(pairs, -1)[mine]
-                strain[rows] = np.frombuffer(blobs[2], "<f8").reshape(pairs, -1)[mine]
-                read += pairs
-        except (sqlite3.Error, ValueError) as error:
-            raise ScanError(f"{self.path}: expected {n} pairs, could read {read}: {error}") from None
+        for number, *batch in self.batches():
+            pairs = len(batch[0])
+            mine = slice(-read % step, None, step)
+            rows = slice(math.ceil(read / step), math.ceil((read + pairs) / step))
+            sweep[rows] = number
+            stamp_ns[rows], states[rows], strain[rows] = (part[mine] for part in batch)
+            read += pairs
         return stamp_ns, states, strain, sweep
+
+    def _kept_pairs(self) -> int:
+        return int(self._fetch(f"SELECT coalesce(sum(pairs), 0) {_KEPT}")[0][0])
 
     def _fetch(self, query: str) -> list[tuple[Any, ...]]:
         try:

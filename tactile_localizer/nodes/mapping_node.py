@@ -76,8 +76,8 @@ class MappingNode(ManagedNode):
         self._coverage = Coverage(self._scene, of["sweep_distance_m"])
         store = ScanStore.open_or_create(of["scan_file"], self._scene)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
-        if any(sweep.pairs and not sweep.dropped for sweep in store.sweeps()):
-            self._coverage.add(store.load().states)
+        for _, _, states, _ in store.batches():
+            self._coverage.add(states)
         store.note("record", {"node": self.get_fully_qualified_name()})
         latched = QoSProfile(
             depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL

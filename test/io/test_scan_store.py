@@ -84,6 +84,27 @@ def test_a_thinned_scan_takes_memory_for_what_is_loaded_only(tmp_path):
     assert most < 2_000_000, "all 100,000 pairs take 15 MB"
 
 
+def test_batches_are_the_same_pairs_in_parts_and_take_the_memory_of_one(tmp_path):
+    record(tmp_path / "scan.db", sweeps=20, n=5000)
+    with ScanStore.open(tmp_path / "scan.db", writable=True) as store:
+        store.drop_sweep(3)
+        tracemalloc.start()
+        try:
+            shapes = [(sweep, len(stamps), *states.shape) for sweep, stamps, states, _ in store.batches()]
+            most = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        of_batches = zip(*store.batches(), strict=True)
+        _, _, states, strain = (
+            np.concatenate([np.atleast_1d(part) for part in parts]) for parts in of_batches
+        )
+        scan = store.load()
+    assert shapes == [(sweep, 5000, 5000, 2) for sweep in range(1, 21) if sweep != 3]
+    np.testing.assert_array_equal(states, scan.states)
+    np.testing.assert_array_equal(strain, scan.strain)
+    assert most < 4_000_000, "all pairs take 15 MB"
+
+
 def test_reading_leaves_no_log_behind_and_changes_nothing(tmp_path):
     record(tmp_path / "scan.db")
     before = (tmp_path / "scan.db").read_bytes()

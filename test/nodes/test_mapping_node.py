@@ -2,7 +2,9 @@
 
 import resource
 import signal
+import sqlite3
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -301,6 +303,15 @@ def folder_that_is_not_there(files, tmp_path):
     return {**files, "scan_file": tmp_path / "none" / "scan.db"}, "expected a folder that can be written"
 
 
+def damaged_scan(files, tmp_path):
+    with ScanStore.create(files["scan_file"], SCENE) as store:
+        store.begin_sweep()
+        store.append(np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
+    with closing(sqlite3.connect(files["scan_file"])) as database, database:
+        database.execute("UPDATE batch SET strain = x'00'")
+    return files, "expected 9 pairs, could read 0"
+
+
 def short_material_pose(files, tmp_path):
     return {**files, "material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"
 
@@ -313,6 +324,7 @@ def short_material_pose(files, tmp_path):
         foreign_scan,
         scan_of_another_scene,
         folder_that_is_not_there,
+        damaged_scan,
         short_material_pose,
     ],
     ids=lambda spoil: spoil.__name__,
