@@ -24,10 +24,11 @@ from array import array
 
 import numpy as np
 
-from tactile_localizer.io.can_cycle import FAULT, MISSING, SATURATED, Counts, Cycle, PhalanxCounts
+from tactile_localizer.io.can_cycle import Counts, Cycle, PhalanxCounts
 from tactile_localizer.io.can_frames import FrameBatch
 from tactile_localizer.io.can_phase import CyclePhase
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 from tactile_localizer.scene import GAUGES
 
 REACH = 8

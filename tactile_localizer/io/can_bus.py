@@ -67,7 +67,11 @@ def parse_options(texts: list[str]) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         if not (equals and name.isidentifier()):
             raise CanError(f"bus option {text!r}: expected name=value")
-        options[name] = yaml.safe_load(value)
+        try:
+            options[name] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            reason = " ".join(str(error).split())
+            raise CanError(f"bus option {text!r}: expected a value in YAML, {reason}") from None
     return options
 
 

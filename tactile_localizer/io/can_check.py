@@ -10,9 +10,10 @@ import can
 import numpy as np
 
 from tactile_localizer.io.can_assembler import CycleAssembler
-from tactile_localizer.io.can_cycle import SATURATED, Cycle, PhalanxCounts
+from tactile_localizer.io.can_cycle import Cycle, PhalanxCounts
 from tactile_localizer.io.can_frames import ERROR, EXTENDED, REMOTE
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.status import SATURATED
 from tactile_localizer.scene import GAUGES
 
 _FOR_EVER_NS = 10**18

@@ -7,15 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-OK = 0
-"""Status of a phalanx: all 8 voltages arrived."""
-MISSING = 1
-"""Status bit: at least one frame did not arrive; the voltages are NaN."""
-SATURATED = 2
-"""Status bit: at least one gauge pair stands at the end of its range."""
-FAULT = 4
-"""Status bit: the load cell reports a fault, or a voltage is not finite."""
-
 
 @dataclass(frozen=True)
 class Cycle:
@@ -25,7 +16,7 @@ class Cycle:
     ----------
     stamp_ns : receive time of the first frame, ns
     strain : (8F,) V, row-major; NaN where missing
-    status : (F,) uint8 of :data:`MISSING`, :data:`SATURATED`, :data:`FAULT`
+    status : (F,) uint8 bits of :mod:`~tactile_localizer.io.status`
     sequence : (F,) uint32, the load cell's counter, unwrapped; the cycle's number where it has none
     """
 

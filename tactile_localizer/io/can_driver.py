@@ -106,7 +106,7 @@ class LoadCellDriver:
         Raises
         ------
         MeasurementError
-            Too few samples came, or the hand moved: the offset stays as it was.
+            Too few good samples came, or the hand moved: the offset stays as it was.
         """
         average = TareAverage(self.protocol.phalanges, spread_limit)
         self._average = average
@@ -127,7 +127,7 @@ class LoadCellDriver:
         for cycle in cycles:
             self.latest = cycle
             if average is not None:
-                average.add(cycle.strain)
+                average.add(cycle.strain, np.array(cycle.status))
             self._on_cycle(replace(cycle, strain=cycle.strain - self.offset))
         remaining_ns = self._assembler.remaining_ns(time.time_ns())
         return LONGEST_WAIT_S if remaining_ns is None else remaining_ns * 1e-9

@@ -12,10 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import GAUGES, Scene
-
-OK, MISSING, SATURATED, FAULT = 0, 1, 2, 4
-"""Status bits of a phalanx in one sample, as in ``StrainVectors.msg``."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.status import OK
 from tactile_localizer.scene import GAUGES
 
 LEAST_SAMPLES = 10
@@ -31,9 +32,13 @@ class TareAverage:
         self._spread_limit = spread_limit
         self._vectors: list[np.ndarray] = []
 
-    def add(self, strain: np.ndarray) -> None:
-        """Take in a strain vector (8F,), V, as the load cells sent it; NaN where a phalanx is missing."""
-        self._vectors.append(strain)
+    def add(self, strain: np.ndarray, status: np.ndarray) -> None:
+        """Take in a strain vector (8F,), V, as the load cells sent it, and the (F,) status of the phalanges.
+
+        Of a phalanx that is missing, saturated or faulty nothing is taken.
+        """
+        well = np.repeat(np.asarray(status) == OK, GAUGES)
+        self._vectors.append(np.where(well & np.isfinite(strain), strain, np.nan))
 
     def offset(self) -> np.ndarray:
         """The average (8F,), V.
@@ -41,14 +46,14 @@ class TareAverage:
         Raises
         ------
         MeasurementError
-            A phalanx sent too few samples, or moved.
+            A phalanx sent too few samples that are good, or moved.
         """
-        vectors = np.array(self._vectors).reshape(len(self._vectors), GAUGES * len(self._phalanges))
+        vectors = np.array(self._vectors).reshape(-1, GAUGES * len(self._phalanges))
         samples = np.isfinite(vectors).sum(axis=0).reshape(-1, GAUGES).min(axis=1)
         for name, count in zip(self._phalanges, samples, strict=True):
             if count < LEAST_SAMPLES:
                 raise MeasurementError(
-                    f"tare: expected at least {LEAST_SAMPLES} samples of {name}, got {count}"
+                    f"tare: expected at least {LEAST_SAMPLES} samples of {name}, got {count} that are good"
                 )
         spread = np.nanstd(vectors, axis=0)
         worst = int(np.argmax(spread))

@@ -14,8 +14,9 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.evaluation.plain_json import plain, plain_columns, write_json
 from tactile_localizer.evaluation.replay import replay
-from tactile_localizer.io.recording import MISSING, RecordedSweep, Recording
+from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.io.status import MISSING
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 

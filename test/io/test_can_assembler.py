@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample, strain_of, warm_up
 
 from tactile_localizer.io.can_assembler import CycleAssembler
-from tactile_localizer.io.can_cycle import FAULT, MISSING, OK, SATURATED, Cycle
+from tactile_localizer.io.can_cycle import Cycle
 from tactile_localizer.io.can_frames import FrameBatch
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.resources import resource_path
 
 WAIT_S = 0.004

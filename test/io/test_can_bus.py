@@ -39,6 +39,9 @@ def test_options_are_read_as_yaml() -> None:
     }
     with pytest.raises(CanError, match="'port': expected name=value"):
         parse_options(["port"])
+    with pytest.raises(CanError, match=r"'serial=\[A7': expected a value in YAML") as refusal:
+        parse_options(["serial=[A7"])
+    assert "\n" not in str(refusal.value)
 
 
 class FilteringBus(VirtualBus):

@@ -16,10 +16,11 @@ from support.waiting import wait_until
 
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.can_bus import BusSettings, open_bus
-from tactile_localizer.io.can_cycle import MISSING, OK, Cycle
+from tactile_localizer.io.can_cycle import Cycle
 from tactile_localizer.io.can_driver import DriverSettings, LoadCellDriver
 from tactile_localizer.io.can_protocol import FrameKind
 from tactile_localizer.io.can_reader import OPEN
+from tactile_localizer.io.status import MISSING, OK
 
 HAND = protocol()
 

@@ -209,6 +209,23 @@ def test_a_mistake_in_the_receiver_is_told_and_the_thread_goes_on(line: Callable
     one.wait_for(2)
 
 
+def test_a_bus_that_cannot_be_closed_is_told_and_another_is_opened(line: Callable[..., Line]) -> None:
+    one = line(backoff_s=0.01)
+    bus, closed = one.opened[-1], one.opened[-1].shutdown
+
+    def shutdown() -> None:
+        closed()
+        raise AttributeError("no handle")  # interfaces raise what they like
+
+    bus.shutdown = shutdown  # type: ignore[method-assign]
+    one.reader.reconnect()
+    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
+    assert one.log[0] == "CAN bus: could not be closed: no handle"
+    bus.shutdown = closed  # type: ignore[method-assign]
+    one.send(3)
+    one.wait_for(3)
+
+
 @pytest.mark.parametrize("state", ["reading", "waiting to open again"])
 def test_it_ends_well_within_a_second_whatever_it_does(line: Callable[..., Line], state: str) -> None:
     one = line(backoff_s=30.0)

@@ -9,8 +9,8 @@ import pytest
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
 from tactile_localizer.io.csv_recording import read_csv
-from tactile_localizer.io.recording import MISSING
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 ROOT = Path(__file__).parents[2]

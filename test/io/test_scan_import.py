@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import MISSING, SATURATED, RecordedSweep, Recording
+from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scan_import import import_recording
 from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.status import MISSING, SATURATED
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene("line", (Axis("x", 0, 1),), (Phalanx("index", (0,)),))

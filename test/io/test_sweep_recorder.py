@@ -10,8 +10,8 @@ from tactile_localizer.core.coverage import Coverage
 from tactile_localizer.core.pairing import Pair
 from tactile_localizer.core.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import MISSING
 from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.status import MISSING
 from tactile_localizer.io.sweep_recorder import SweepRecorder
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 from tactile_localizer.io.tare import TareAverage, load_tare, store_tare
 
 HAND = ("index", "middle")
@@ -16,7 +17,7 @@ HAND = ("index", "middle")
 def average_of(vectors: np.ndarray, spread_limit: float = 0.02) -> np.ndarray:
     average = TareAverage(HAND, spread_limit)
     for vector in vectors:
-        average.add(vector)
+        average.add(vector, np.zeros(len(HAND)))
     return average.offset()
 
 
@@ -43,6 +44,21 @@ def test_a_phalanx_that_sends_too_little_is_refused_by_name(heard: int) -> None:
         average_of(vectors)
     with pytest.raises(MeasurementError, match="samples of index, got 0"):
         average_of(np.zeros((0, 16)))
+
+
+def test_what_is_not_finite_does_not_count() -> None:
+    vectors = np.ones((20, 16))
+    vectors[3, 5] = np.inf
+    np.testing.assert_array_equal(average_of(vectors), np.ones(16))
+
+
+@pytest.mark.parametrize("status", [MISSING, SATURATED, FAULT])
+def test_a_phalanx_that_is_not_well_is_refused_by_name(status: int) -> None:
+    average = TareAverage(HAND, 0.02)
+    for _ in range(20):
+        average.add(np.zeros(16), np.array([0, status]))
+    with pytest.raises(MeasurementError, match="samples of middle, got 0"):
+        average.offset()
 
 
 def test_it_is_kept_by_phalanx_and_leaves_others_alone(tmp_path: Path) -> None:
