@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ APPLICATION_ID = 0x54_4C_53_43
 
 SCHEMA_VERSION = 1
 """Version of the tables below (SQLite's ``user_version``)."""
+
+PATIENCE_S = 5.0
+"""How long another program's hold on the file is waited for, s."""
 
 _TABLES = """
 CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -63,18 +67,18 @@ def create(path: Path, scene: Scene, strain_unit: str) -> sqlite3.Connection:
         "units": json.dumps({"stamp": "ns", "state": "m, yaw: rad", "strain": strain_unit}),
     }
     try:
-        connection = _connect(f"{path.absolute().as_uri()}?mode=rwc")
-        connection.execute("BEGIN IMMEDIATE")
-        for statement in _TABLES.split(";\n"):
-            connection.execute(statement)
-        connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
-        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-        connection.execute("COMMIT")
-        _prepare_for_writing(connection)
+        with _connected(f"{path.absolute().as_uri()}?mode=rwc") as connection:
+            connection.execute("BEGIN IMMEDIATE")
+            for statement in _TABLES.split(";\n"):
+                connection.execute(statement)
+            connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
+            connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+            connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+            connection.execute("COMMIT")
+            _prepare_for_writing(connection)
+            return connection
     except sqlite3.Error as error:
         raise ScanError(f"{path}: expected a place for a new scan file, {error}") from None
-    return connection
 
 
 def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
@@ -87,21 +91,19 @@ def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
     """
     if not _has_content(path):
         raise ScanError(f"{path}: expected a scan file, found {'an empty file' if path.exists() else 'none'}")
+    uri = path.absolute().as_uri()
     try:
-        connection = _open(path, writable)
-        found_id = connection.execute("PRAGMA application_id").fetchone()[0]
-        version = connection.execute("PRAGMA user_version").fetchone()[0]
-    except sqlite3.DatabaseError as error:
+        # For reading too: a connection that may only read leaves its log behind when it is the last to close.
+        with _connected(f"{uri}?mode=rw") as connection:
+            _require_scan(connection, path)
+            connection.execute(f"PRAGMA query_only = {int(not writable)}")
+            if writable:
+                _prepare_for_writing(connection)
+            return connection
+    except sqlite3.Error as error:
+        if not writable and _is_alone(path, error):
+            return _open_alone(path, uri)
         raise ScanError(f"{path}: expected a scan file, {error}") from None
-    if found_id != APPLICATION_ID:
-        connection.close()
-        raise ScanError(f"{path}: expected a scan file, found a database of another program")
-    if version != SCHEMA_VERSION:
-        connection.close()
-        raise ScanError(f"{path}: expected a scan file of schema version {SCHEMA_VERSION}, found {version}")
-    if writable:
-        _prepare_for_writing(connection)
-    return connection
 
 
 def read_header(connection: sqlite3.Connection) -> dict[str, Any]:
@@ -115,27 +117,43 @@ def _has_content(path: Path) -> bool:
     return path.exists() and (path.is_dir() or path.stat().st_size > 0)
 
 
-def _connect(uri: str) -> sqlite3.Connection:
+@contextlib.contextmanager
+def _connected(uri: str) -> Iterator[sqlite3.Connection]:
+    """A connection that stays open when the block ends well, and is closed when it fails."""
     # Transactions are begun by hand; the executor's threads take turns with one connection.
-    return sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False, timeout=5.0)
-
-
-def _open(path: Path, writable: bool) -> sqlite3.Connection:
-    uri = path.absolute().as_uri()
-    # For reading too: a connection that may only read leaves its log behind when it is the last to close.
-    connection = _connect(f"{uri}?mode=rw")
-    if writable:
-        return connection
+    connection = sqlite3.connect(
+        uri, uri=True, isolation_level=None, check_same_thread=False, timeout=PATIENCE_S
+    )
     try:
-        connection.execute("PRAGMA query_only = ON")
-        connection.execute("SELECT count(*) FROM sqlite_master")
-    except sqlite3.OperationalError:
-        # Sharing a write-ahead log needs a folder that can be written; without a log nothing is shared.
-        log = Path(f"{path}-wal")
-        if log.exists() and log.stat().st_size:
-            raise
-        connection = _connect(f"{uri}?immutable=1")
-    return connection
+        yield connection
+    except BaseException:
+        connection.close()
+        raise
+
+
+def _require_scan(connection: sqlite3.Connection, path: Path) -> None:
+    (found_id,) = connection.execute("PRAGMA application_id").fetchone()
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    if found_id != APPLICATION_ID:
+        raise ScanError(f"{path}: expected a scan file, found a database of another program")
+    if version != SCHEMA_VERSION:
+        raise ScanError(f"{path}: expected a scan file of schema version {SCHEMA_VERSION}, found {version}")
+
+
+def _is_alone(path: Path, error: sqlite3.Error) -> bool:
+    """Whether only the sharing of a log failed, for which the folder must be writable, and there is no log."""
+    log = Path(f"{path}-wal")
+    is_refused = isinstance(error, sqlite3.OperationalError) and "locked" not in str(error)
+    return is_refused and not (log.exists() and log.stat().st_size)
+
+
+def _open_alone(path: Path, uri: str) -> sqlite3.Connection:
+    try:
+        with _connected(f"{uri}?immutable=1") as connection:
+            _require_scan(connection, path)
+            return connection
+    except sqlite3.Error as error:
+        raise ScanError(f"{path}: expected a scan file, {error}") from None
 
 
 def _prepare_for_writing(connection: sqlite3.Connection) -> None:

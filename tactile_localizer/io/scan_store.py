@@ -22,7 +22,7 @@ import numpy as np
 
 from tactile_localizer import __version__
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io import scan_file
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
 from tactile_localizer.io.scan_lock import ScanLock
@@ -82,7 +82,8 @@ class ScanStore:
             self.scene: Scene = scene_from_dict(header["scene"])
             self.units: dict[str, str] = header["units"]
             self._pairs = int(self._fetch("SELECT coalesce(sum(pairs), 0) FROM batch")[0][0])
-        except (KeyError, sqlite3.Error) as error:
+        except (KeyError, ValueError, SceneError, ScanError, sqlite3.Error) as error:
+            scan_file.close(connection)
             raise ScanError(f"{path}: expected a scan file, could not read its header: {error}") from None
 
     @classmethod
@@ -444,6 +445,13 @@ class ScanStore:
         return Recording(str(self.path), self.scene.axis_names, self.scene.phalanx_names, tuple(sweeps))
 
     def _arrays(self, at_most: int | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        self._fetch("BEGIN")  # what is appended meanwhile is left for the next time
+        try:
+            return self._arrays_of_now(at_most)
+        finally:
+            self._fetch("COMMIT")
+
+    def _arrays_of_now(self, at_most: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         n = self._kept_pairs()
         step = 1 if at_most is None else max(1, math.ceil(n / at_most))
         loaded = math.ceil(n / step)

@@ -9,6 +9,8 @@ import sys
 import textwrap
 import time
 import tracemalloc
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io import scan_store
+from tactile_localizer.io import scan_file, scan_store
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -103,6 +105,22 @@ def test_batches_are_the_same_pairs_in_parts_and_take_the_memory_of_one(tmp_path
     np.testing.assert_array_equal(states, scan.states)
     np.testing.assert_array_equal(strain, scan.strain)
     assert most < 4_000_000, "all pairs take 15 MB"
+
+
+def test_what_is_appended_while_a_scan_is_loaded_waits_for_the_next_time(tmp_path):
+    path = tmp_path / "scan.db"
+    record(path)
+    with ScanStore.open(path, writable=True) as writer, ScanStore.open(path) as reader:
+        writer.begin_sweep()
+
+        def append_before(statement: str) -> None:
+            if statement.startswith("SELECT sweep"):
+                writer.append(*pairs(5))
+                writer.commit()
+
+        reader._db.set_trace_callback(append_before)
+        assert len(reader.load()) == 20
+        assert len(reader.load()) == 25
 
 
 def test_reading_leaves_no_log_behind_and_changes_nothing(tmp_path):
@@ -310,20 +328,32 @@ def foreign_text(path: Path) -> None:
 
 
 def foreign_database(path: Path) -> None:
-    with sqlite3.connect(path) as connection:
-        connection.execute("CREATE TABLE song (title TEXT)")
+    execute(path, "CREATE TABLE song (title TEXT)")
 
 
-def newer_scan(path: Path) -> None:
-    record(path)
-    with sqlite3.connect(path) as connection:
-        connection.execute("PRAGMA user_version = 99")
+def execute(path: Path, *statements: str) -> None:
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        for statement in statements:
+            connection.execute(statement)
 
 
-def damaged_header(path: Path) -> None:
-    record(path)
-    with sqlite3.connect(path) as connection:
-        connection.execute("DELETE FROM header WHERE key = 'scene'")
+def changed(*statements: str) -> Callable[[Path], None]:
+    def make(path: Path) -> None:
+        record(path)
+        execute(path, *statements)
+
+    return make
+
+
+newer_scan = changed("PRAGMA user_version = 99")
+header_without_scene = changed("DELETE FROM header WHERE key = 'scene'")
+header_of_something_else = changed("UPDATE header SET value = '{}' WHERE key = 'scene'")
+header_that_is_cut_off = changed("UPDATE header SET value = substr(value, 1, 20)")
+
+
+def descriptors_of(path: Path) -> list[str]:
+    links = [f"/proc/self/fd/{number}" for number in os.listdir("/proc/self/fd")]
+    return [link for link in links if os.path.exists(link) and os.readlink(link).startswith(str(path))]
 
 
 @pytest.mark.parametrize(
@@ -335,10 +365,12 @@ def damaged_header(path: Path) -> None:
         (foreign_text, "expected a scan file, file is not a database"),
         (foreign_database, "found a database of another program"),
         (newer_scan, "expected a scan file of schema version 1, found 99"),
-        (damaged_header, "could not read its header"),
+        (header_without_scene, "could not read its header"),
+        (header_of_something_else, "could not read its header: axes: expected a mapping"),
+        (header_that_is_cut_off, "could not read its header"),
     ],
 )
-def test_what_is_not_a_scan_file_is_refused_with_the_reason(tmp_path, make, message):
+def test_what_is_not_a_scan_file_is_refused_with_the_reason_and_let_go(tmp_path, make, message):
     path = tmp_path / "scan.db"
     make(path)
     for writable in (False, True):
@@ -346,6 +378,20 @@ def test_what_is_not_a_scan_file_is_refused_with_the_reason(tmp_path, make, mess
             ScanStore.open(path, writable=writable)
         assert str(refusal.value).startswith(str(path))
         assert "\n" not in str(refusal.value)
+        assert descriptors_of(path) == []
+
+
+@pytest.mark.parametrize("writable", [False, True])
+def test_a_file_that_another_program_holds_is_refused(tmp_path, monkeypatch, writable):
+    monkeypatch.setattr(scan_file, "PATIENCE_S", 0.0)
+    path = tmp_path / "scan.db"
+    changed("PRAGMA journal_mode = DELETE")(path)
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(ScanError, match=r"scan\.db: expected a scan file, database is locked"):
+            ScanStore.open(path, writable=writable)
+    with ScanStore.open(path, writable=writable) as store:
+        assert len(store.load()) == 20
 
 
 def test_a_damaged_file_says_how_many_pairs_could_be_read(tmp_path):
