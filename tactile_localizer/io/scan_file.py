@@ -141,7 +141,7 @@ def _require_scan(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def _is_alone(path: Path, error: sqlite3.Error) -> bool:
-    """Whether only the sharing of a log failed, for which the folder must be writable, and there is no log."""
+    """Whether only sharing a log failed, for which the folder must be writable, and there is no log."""
     log = Path(f"{path}-wal")
     is_refused = isinstance(error, sqlite3.OperationalError) and "locked" not in str(error)
     return is_refused and not (log.exists() and log.stat().st_size)
