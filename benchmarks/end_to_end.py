@@ -45,10 +45,10 @@ _STAMP_AT = 4
 STAMP, SENT, RECEIVED = range(3)
 
 
-def store_scan(path: Path) -> None:
-    """A training scan of the bump, in a scan file."""
-    train = simulate_scan("bump", seed=1)
-    with ScanStore.create(path, load_scene(resource_path("config/scenes/bump.yaml"))) as store:
+def store_scan(path: Path, feature: str = "bump") -> None:
+    """A training scan of ``feature``, in a scan file."""
+    train = simulate_scan(feature, seed=1)
+    with ScanStore.create(path, load_scene(resource_path(f"config/scenes/{feature}.yaml"))) as store:
         for rows in train.slices():
             store.begin_sweep()
             store.append(train.stamp_ns[rows], train.odometry[rows], train.strain[rows])

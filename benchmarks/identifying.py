@@ -1,0 +1,72 @@
+"""What it costs a robot to ask which feature it is: one filter of three scans, beside three filters of one.
+
+All hear the same sweeps at the same time, in real time, as processes of their own; processor time is that of
+each whole process. What the localizers alone cost is in ``hand.py``.
+
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/identifying.py [--sweeps 6]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from end_to_end import store_scan
+from nodes import BUS, ROOT, Nodes, cpu_s
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from record import record, row
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from tactile_localizer.msg import Posterior
+
+FEATURES = ("bump", "snap", "grommet")
+
+
+def identifying(sweeps: int) -> list[dict[str, Any]]:
+    """Processor time of each filter over ``sweeps`` sweeps of the bump, and their ratio."""
+    with tempfile.TemporaryDirectory() as directory, Nodes() as nodes:
+        files = [Path(directory, f"{feature}.db") for feature in FEATURES]
+        for feature, file in zip(FEATURES, files, strict=True):
+            store_scan(file, feature)
+        nodes.start_node("simulator_node", BUS | {"mode": "localize"})
+        nodes.start_node("driver_node", BUS | {"tare_file": f"{directory}/tare.yaml"})
+        scans = {feature: f"scan_file:={file}" for feature, file in zip(FEATURES, files, strict=True)}
+        scans["all"] = f"candidate_scan_files:=[{', '.join(map(str, files))}]"
+        heard: Counter[str] = Counter()
+        filters = {}
+        for name, scan in scans.items():
+            nodes.probe.create_subscription(
+                Posterior, f"{name}/posterior", lambda _, name=name: heard.update([name]), 1000
+            )
+            command = ROOT / "scripts" / "filter_node"
+            filters[name] = nodes.start(command, "--ros-args", "-r", f"__node:={name}", "-p", scan)
+        nodes.until(lambda: len(heard) == len(filters), "the first posteriors", 120)
+        sweeping: list[bool] = []
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        nodes.probe.create_subscription(
+            Bool, "simulator/sweep_active", lambda told: sweeping.append(told.data), kept
+        )
+        heard.clear()
+        taken = {name: -cpu_s(process) for name, process in filters.items()}
+        for _ in range(sweeps):
+            nodes.call(Trigger, "simulator/prepare")
+            sweeping.clear()
+            nodes.call(Trigger, "simulator/sweep")
+            nodes.until(lambda: sweeping[-2:] == [True, False], "the end of the sweep", 60)
+        for name, process in filters.items():
+            taken[name] += cpu_s(process)
+    apart = sum(taken[feature] for feature in FEATURES)
+    return [
+        row("filter that identifies, to a filter each", taken["all"] / apart, "x", "<= 1", posteriors=heard),
+        *(row(f"processor time, filter of {name}", s, "s") for name, s in taken.items()),
+    ]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sweeps", type=int, default=6, help="of 7.5 s each")
+    record(identifying(parser.parse_args().sweeps))
