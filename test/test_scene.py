@@ -79,6 +79,7 @@ def test_what_cannot_be_meant_is_refused_with_its_place(name: str) -> None:
         (b"\xff\xfe\x00", "could not read it: not text"),
         (b"axes: [", "expected YAML"),
         (b"- x", "scene: expected a mapping"),
+        (b"stamp_s,x,y\n1,2,3\n" * 1000, "scene: expected a mapping, got .{1,40}$"),
     ],
 )
 def test_a_file_that_is_no_scene_is_named(tmp_path: Path, content: bytes | None, reason: str) -> None:

@@ -167,7 +167,8 @@ def _read_damaged(
 ) -> BagMessages:
     messages = BagMessages()
     if not files:
-        raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), {damage}")
+        found = "found a directory without" if path.is_dir() and not _listed(path) else damage
+        raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), {found}")
     for file in files:
         before = messages.count
         with tempfile.TemporaryDirectory() as folder:

@@ -91,6 +91,8 @@ def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
     """
     if not _has_content(path):
         raise ScanError(f"{path}: expected a scan file, found {'an empty file' if path.exists() else 'none'}")
+    if path.is_dir():
+        raise ScanError(f"{path}: expected a scan file, found a directory")
     uri = path.absolute().as_uri()
     try:
         # For reading too: a connection that may only read leaves its log behind when it is the last to close.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -115,7 +116,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
     if not isinstance(value, Mapping):
-        raise SceneError(f"{what}: expected a mapping, got {value!r}")
+        raise SceneError(f"{what}: expected a mapping, got {reprlib.repr(value)}")
     return value
 
 

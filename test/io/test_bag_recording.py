@@ -237,6 +237,8 @@ def test_what_is_not_a_bag_is_refused_in_one_line(tmp_path, make):
     assert str(path) in str(refusal.value)
     assert "expected" in str(refusal.value)
     assert "\n" not in str(refusal.value)
+    if make is empty_directory:
+        assert str(refusal.value).endswith("or a directory of them), found a directory without")
 
 
 def test_a_phalanx_that_the_bag_lacks_is_named(tmp_path):

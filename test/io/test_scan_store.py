@@ -361,7 +361,7 @@ def descriptors_of(path: Path) -> list[str]:
     [
         (lambda path: None, "expected a scan file, found none"),
         (lambda path: path.touch(), "expected a scan file, found an empty file"),
-        (lambda path: path.mkdir(), "expected a scan file"),
+        (lambda path: path.mkdir(), "expected a scan file, found a directory"),
         (foreign_text, "expected a scan file, file is not a database"),
         (foreign_database, "found a database of another program"),
         (newer_scan, "expected a scan file of schema version 1, found 99"),
