@@ -17,6 +17,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from tactile_localizer.evaluation.machine import processor
+from tactile_localizer.io.whole_file import whole_file
+
 OUT = Path("out/bench.json")
 """The file, below the working directory."""
 
@@ -43,20 +46,14 @@ def record(rows: Sequence[dict[str, Any]], path: Path = OUT) -> None:
     kept |= {one["name"]: one for one in rows}
     text = json.dumps({"machine": _machine(), "versions": _versions(), "rows": list(kept.values())}, indent=2)
     path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(path.name + ".new")
-    new.write_text(text + "\n")
-    os.replace(new, path)
+    with whole_file(path) as unfinished:
+        unfinished.write_text(text + "\n")
     _print(rows)
 
 
 def _machine() -> dict[str, Any]:
-    model = "unknown"
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            model = line.partition(":")[2].strip()
-            break
     return {
-        "cpu": model,
+        "cpu": processor(),
         "cores": os.cpu_count(),
         "load": round(os.getloadavg()[0], 1),  # of the last minute: processes that wanted a core
         "system": platform.system(),

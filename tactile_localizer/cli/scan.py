@@ -18,6 +18,7 @@ from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.display import INCH_MM, MM
 from tactile_localizer.evaluation.scan_quality import findings
+from tactile_localizer.io.new_scan import new_scan
 from tactile_localizer.io.scan_export import export_scan
 from tactile_localizer.io.scan_store import ScanStore, SweepInfo
 from tactile_localizer.io.scene_file import save_scene, scene_to_dict
@@ -150,23 +151,14 @@ def _drop(args: argparse.Namespace) -> int:
 
 
 def _merge(args: argparse.Namespace) -> int:
-    output = Path(args.output)
-    if output.exists():
-        raise ScanError(f"{output}: expected no file of this name yet, found one")
-    unfinished = output.with_name(f"{output.name}.part")
-    unfinished.unlink(missing_ok=True)
-    try:
-        with ScanStore.open(args.scans[0]) as first:
-            scene, unit = first.scene, first.units["strain"]
-        with ScanStore.create(unfinished, scene, strain_unit=unit) as store:
-            for path in args.scans:
-                with ScanStore.open(path) as other:
-                    store.absorb(other)
-            sweeps, pairs = len(store.sweeps()), store.pairs
-        unfinished.rename(output)
-    finally:
-        unfinished.unlink(missing_ok=True)
-    print(f"{output}: {sweeps} sweeps, {pairs} pairs")
+    with ScanStore.open(args.scans[0]) as first:
+        scene, unit = first.scene, first.units["strain"]
+    with new_scan(args.output, scene, strain_unit=unit) as store:
+        for path in args.scans:
+            with ScanStore.open(path) as other:
+                store.absorb(other)
+        sweeps, pairs = len(store.sweeps()), store.pairs
+    print(f"{args.output}: {sweeps} sweeps, {pairs} pairs")
     return 0
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.scene import GAUGES
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
@@ -62,6 +63,7 @@ def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
     formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names)]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        np.savetxt(path, table, formats, delimiter=",", header=header, comments="")
+        with whole_file(path) as unfinished:
+            np.savetxt(unfinished, table, formats, delimiter=",", header=header, comments="")
     except OSError as error:
         raise ScanError(f"{path}: expected to write a recording, {error.strerror}") from error

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.whole_file import whole_file
 
 
 def plain(value: Any) -> Any:
@@ -64,15 +64,14 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
     ScanError
         The file cannot be written.
     """
-    path = Path(path)
-    unfinished = path.with_name(f"{path.name}.part{os.getpid()}")
     text = json.dumps(plain({name: entry for name, entry in value.items() if name != rows}), indent=1)
     if rows is not None:
         lines = ",\n".join(map(_line, value[rows]))
         text = f'{text[:-2]},\n "{rows}": [\n{lines}\n]\n}}'
+    path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished.write_text(text + "\n", encoding="utf-8")
-        unfinished.replace(path)
+        with whole_file(path) as unfinished:
+            unfinished.write_text(text + "\n", encoding="utf-8")
     except OSError as error:
         raise ScanError(f"{path}: expected to write results, {error.strerror}") from None

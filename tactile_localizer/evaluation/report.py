@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.tables import Table
+from tactile_localizer.io.whole_file import whole_file
 
 _STYLE = """
 :root { color-scheme: light; }
@@ -93,7 +94,8 @@ class Report:
         )
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(page, encoding="utf-8")
+            with whole_file(path) as unfinished:
+                unfinished.write_text(page, encoding="utf-8")
         except OSError as error:
             raise ScanError(f"{path}: expected to write a report, {error.strerror}") from None
 

@@ -12,6 +12,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import scene_to_dict
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.scene import GAUGES
 
 FORMATS = (".csv", ".npz")
@@ -27,17 +28,20 @@ def export_scan(store: ScanStore, path: str | Path) -> None:
     Raises
     ------
     ScanError
-        The name ends in neither, or the file cannot be written.
+        The name ends in neither, there are no pairs, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in FORMATS:
         raise ScanError(f"{path}: expected a name that ends in {' or '.join(FORMATS)}")
     recording = store.recording()
+    if not len(recording):
+        raise ScanError(f"{store.path}: expected at least one state-measurement pair, found none")
     try:
-        if path.suffix == ".csv":
-            _write_csv(recording, path)
-        else:
-            _write_npz(recording, json.dumps(scene_to_dict(store.scene)), path)
+        with whole_file(path) as unfinished:
+            if path.suffix == ".csv":
+                _write_csv(recording, unfinished)
+            else:
+                _write_npz(recording, json.dumps(scene_to_dict(store.scene)), unfinished)
     except OSError as error:
         raise ScanError(f"{path}: expected a place to write to, {error.strerror}") from None
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.new_scan import new_scan
 from tactile_localizer.io.recording import Recording, Screening, screen
-from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.scene import Scene
 
 
@@ -56,34 +56,21 @@ def import_recording(
     ScanError
         The file exists or cannot be written, or no sample can be used.
     """
-    path = Path(path)
-    if path.exists():
-        raise ScanError(f"{path}: expected no file of this name yet, found one")
-    unfinished = path.with_name(f"{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished.unlink(missing_ok=True)
-    except OSError as error:
-        raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
     screenings = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
     notes = (*recording.notes, *_left_out(recording, scene, screenings))
-    try:
-        with ScanStore.create(unfinished, scene, strain_unit=strain_unit) as store:
-            for sweep, screening in zip(recording.sweeps, screenings, strict=True):
-                keep = screening.keep
-                if keep.any():
-                    store.begin_sweep(sweep.number)
-                    store.append(sweep.stamp_ns[keep], sweep.position[keep], sweep.strain[keep])
-                    store.end_sweep(gaps=sweep.gaps, skipped=screening.skipped)
-            sweeps, pairs = len(store.sweeps()), store.pairs
-            store.note(what, {**detail, "notes": list(notes)})
+    with new_scan(path, scene, strain_unit=strain_unit) as store:
+        for sweep, screening in zip(recording.sweeps, screenings, strict=True):
+            keep = screening.keep
+            if keep.any():
+                store.begin_sweep(sweep.number)
+                store.append(sweep.stamp_ns[keep], sweep.position[keep], sweep.strain[keep])
+                store.end_sweep(gaps=sweep.gaps, skipped=screening.skipped)
+        sweeps, pairs = len(store.sweeps()), store.pairs
+        store.note(what, {**detail, "notes": list(notes)})
         if not pairs:
             raise ScanError(
                 f"{recording.source}: expected samples for a scan; {'; '.join(notes) or 'found none'}"
             )
-        unfinished.rename(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
     return ImportReport(sweeps, pairs, notes)
 
 

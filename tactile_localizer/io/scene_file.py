@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from tactile_localizer.errors import SceneError
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Region, Scene
 
@@ -54,7 +55,8 @@ def save_scene(scene: Scene, path: str | Path) -> None:
     """
     text = yaml.safe_dump(scene_to_dict(scene), sort_keys=False, default_flow_style=None, width=100)
     try:
-        Path(path).write_text(text, encoding="utf-8")
+        with whole_file(path) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
     except OSError as error:
         raise SceneError(f"{path}: expected to write a scene, {error.strerror}") from None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import yaml
 
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.status import OK
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.scene import GAUGES
 
 LEAST_SAMPLES = 10
@@ -94,13 +94,12 @@ def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray) -> None
         stored.pop(name, None)
         if values.any():
             stored[name] = [float(value) for value in values]
-    new = path.with_name(path.name + ".new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        new.write_text(
-            "# Tare offsets, V, eight a phalanx\n" + yaml.safe_dump(stored, default_flow_style=None)
-        )
-        os.replace(new, path)
+        with whole_file(path) as unfinished:
+            unfinished.write_text(
+                "# Tare offsets, V, eight a phalanx\n" + yaml.safe_dump(stored, default_flow_style=None)
+            )
     except OSError as error:
         raise ParameterError(f"tare file {path}: expected to write it, {error.strerror}") from error
 

@@ -237,6 +237,10 @@ def test_plot_draws_every_picture(scan, capsys):
         ("info none.db", "none.db: expected a scan file, found none"),
         ("list scan.txt", "scan.txt: expected a scan file, file is not a database"),
         ("export scan.db -o scan.doc", "scan.doc: expected a name that ends in .csv or .npz"),
+        (
+            "export empty.db -o empty.npz",
+            "empty.db: expected at least one state-measurement pair",
+        ),
         ("export scan.db -o none/scan.csv", "none/scan.csv: expected a place to write to, No such file"),
         ("plot scan.db -o scan.txt", "scan.txt: expected a folder for the pictures"),
         ("merge scan.db -o scan.db", "scan.db: expected no file of this name yet, found one"),
@@ -244,6 +248,8 @@ def test_plot_draws_every_picture(scan, capsys):
 )
 def test_mistakes_get_one_line(scan, capsys, arguments, message):
     (scan.parent / "scan.txt").write_text("no scan " * 100)
+    with ScanStore.open(scan) as store:
+        ScanStore.create(scan.parent / "empty.db", store.scene).close()
     assert main(["scan", *arguments.split()]) == 2
     printed = capsys.readouterr().err
     assert message in printed

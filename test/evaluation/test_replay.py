@@ -12,6 +12,7 @@ import pytest
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.plain_json import plain, plain_columns, write_json
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.recording import RecordedSweep, Recording
@@ -128,3 +129,11 @@ def test_rows_of_columns_are_written_as_each_row_alone_would_be(tmp_path: Path) 
         *rows,
         {"odd": None, "array": [1.0, 1.0]},
     ]
+
+
+def test_results_that_cannot_be_written_leave_nothing_behind(tmp_path: Path) -> None:
+    (tmp_path / "out.json").mkdir()
+    for path, reason in ((tmp_path / "out.json", "Is a directory"), (Path("/proc/none/out.json"), "No such")):
+        with pytest.raises(ScanError, match=f"{path}: expected to write results, {reason}"):
+            write_json(path, {"n": 1})
+    assert [path.name for path in tmp_path.iterdir()] == ["out.json"]

@@ -1,9 +1,13 @@
 """An import keeps what recording live would have kept, and says what it left out."""
 
+import resource
+import signal
+
 import numpy as np
 import pytest
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.new_scan import new_scan
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scan_import import import_recording
 from tactile_localizer.io.scan_store import ScanStore
@@ -77,3 +81,33 @@ def test_a_file_that_exists_is_not_written_over(tmp_path):
             recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / "scan.db", what="test", detail={}
         )
     assert (tmp_path / "scan.db").read_text() == "precious"
+
+
+def test_an_import_for_which_there_is_no_room_is_refused_and_leaves_no_file(tmp_path):
+    recording = recording_of(*(sweep_of(number, [0.5] * 5000) for number in range(1, 19)))
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        # Room for SQLite's log, which is begun anew now and then, but not for the file at the end.
+        resource.setrlimit(resource.RLIMIT_FSIZE, (5_200_000, limit[1]))
+        with pytest.raises(ScanError, match=r"scan\.db: expected room for all of the scan"):
+            import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_imports_of_one_name_do_not_disturb_each_other(tmp_path):
+    first = new_scan(tmp_path / "scan.db", SCENE)
+    store = first.__enter__()
+    store.begin_sweep()
+    store.append(np.arange(3), np.zeros((3, 1)), np.zeros((3, 8)))
+    import_recording(recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / "other.db", what="test", detail={})
+    with pytest.raises(ScanError, match="expected samples"):
+        import_recording(
+            recording_of(sweep_of(1, [2.0])), SCENE, tmp_path / "scan.db", what="test", detail={}
+        )
+    first.__exit__(None, None, None)
+    with ScanStore.open(tmp_path / "scan.db") as scan:
+        assert len(scan.load()) == 3

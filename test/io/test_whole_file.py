@@ -1,0 +1,42 @@
+"""A file is written whole or not at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tactile_localizer.io.whole_file import whole_file
+
+
+def test_it_appears_when_all_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with whole_file(path) as unfinished:
+        unfinished.write_text("all")
+        assert not path.exists()
+        assert unfinished.suffix == ".txt", "some writers go by it"
+    assert path.read_text() == "all"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_what_was_there_stays_when_writing_fails(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+
+    def fail_halfway() -> None:
+        with whole_file(path) as unfinished:
+            unfinished.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_halfway()
+    assert path.read_text() == "before"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    (tmp_path / "real.txt").write_text("before")
+    (tmp_path / "link.txt").symlink_to("real.txt")
+    with whole_file(tmp_path / "link.txt") as unfinished:
+        unfinished.write_text("after")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "after"
