@@ -58,6 +58,14 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
         {"phalanges": {"index": {"offset": {"x": ".inf"}}}},
         "phalanx index: expected 2 finite offsets",
     ),
+    "a region that ends before it begins": (
+        {"feature": {"x": [0.04, 0.01]}},
+        r"feature x: expected lower < upper, got \[0.04, 0.01\]",
+    ),
+    "a region without a beginning": (
+        {"feature": {"x": [float("nan"), 0.01]}},
+        r"feature x: expected lower < upper, got \[nan, 0.01\]",
+    ),
     "a region on an axis that is not there": (
         {"feature": {"y": [0, 1]}},
         "feature: expected axes of x, yaw, got 'y'",

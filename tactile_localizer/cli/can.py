@@ -18,7 +18,8 @@ from rich.table import Table
 from tactile_localizer.errors import CanError, ParameterError
 from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can_check import CanCheck, identifier
-from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can_driver import DriverSettings
+from tactile_localizer.io.can_layout import SignalNames, load_dbc, phalanges_of
 from tactile_localizer.io.can_log import BATCH, read_log
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.resources import given_or_shipped
@@ -28,13 +29,13 @@ HELP = "look at the load cells on a CAN bus, or in a log of one"
 
 DEFAULTS: dict[str, Any] = {
     "dbc": "loadcells.dbc",
-    "gauge_signals": GAUGE_SIGNALS,
-    "counter_signal": "counter",
-    "status_signal": "status",
+    "gauge_signals": list(SignalNames.gauges),
+    "counter_signal": SignalNames.counter,
+    "status_signal": SignalNames.status,
     "interface": "socketcan",
     "channel": "can0",
     "bus_options": [],
-    "cycle_timeout_s": 0.03,
+    "cycle_timeout_s": DriverSettings.cycle_timeout_s,
     "phalanges": [],
 }
 """The driver's parameters of the same names, where nothing else is said; no phalanges: those of the DBC."""
@@ -73,6 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Look at the bus or the log; 1 where ``check`` found something wrong."""
+    if args.seconds is not None and not args.seconds > 0:
+        raise ParameterError(f"--seconds: expected more than 0, got {args.seconds:g}")
     parameters = DEFAULTS | _read_config(args.config)
     parameters |= {
         name: value for name, value in vars(args).items() if name in DEFAULTS and value is not None
@@ -93,12 +96,28 @@ def _read_config(path: Path | None) -> dict[str, Any]:
     if path is None:
         return {}
     try:
-        (node,) = yaml.safe_load(path.read_text()).values()
-        return dict(node["ros__parameters"])
+        (node,) = yaml.safe_load(path.read_text(encoding="utf-8")).values()
+        parameters = dict(node["ros__parameters"])
     except OSError as error:
         raise ParameterError(f"{path}: expected driver parameters, {error.strerror}") from error
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise ParameterError(f"{path}: expected ros__parameters of one node, found none") from error
+    for name, value in parameters.items():
+        expected = _kind_missed(name, value)
+        if expected:
+            raise ParameterError(f"{path}: {name}: expected {expected}, got {value!r}")
+    return parameters
+
+
+def _kind_missed(name: str, value: Any) -> str:
+    """What a parameter has to be and is not, by its default; empty where it fits, or is of no use here."""
+    default = [] if name.startswith("messages.") else DEFAULTS.get(name)
+    if isinstance(default, list):
+        fits = isinstance(value, list) and all(isinstance(entry, str) for entry in value)
+        return "" if fits else "a list of texts"
+    if isinstance(default, float):
+        return "" if isinstance(value, int | float) and value > 0 else "a number above 0"
+    return "" if default is None or isinstance(value, str) else "a text"
 
 
 def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:

@@ -127,7 +127,7 @@ STRETCHES = np.arange(0.0, 0.0301, 0.0025)
 
 def _by_travel(track: Track, errors: np.ndarray, first: int, last: int) -> list[float | None]:
     """Mean error over each stretch of travel after contact, up to the feature's end."""
-    if first < 0:
+    if first < 0 or not len(track):
         return [None] * (len(STRETCHES) - 1)
     start = min(int(np.searchsorted(track.row, first)), len(track) - 1)
     gone = np.where(track.row <= last, track.travel - track.travel[start], -1.0)

@@ -62,7 +62,7 @@ def read_log(
 
 
 def _frames(path: Path) -> Iterator[can.Message]:
-    is_candump = ".log" in path.suffixes[-2:]
+    is_candump = path.suffix == ".log" or path.suffixes[-2:] == [".log", ".gz"]
     try:
         # python-can asks for a TextIO, and uses what any file of lines has.
         lines: Any = _Candump(path, _text(path)) if is_candump else None

@@ -5,6 +5,7 @@ rosbags reads any bag, but spends more time on handing out a small message than 
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Collection, Iterator
 from operator import itemgetter
@@ -23,7 +24,6 @@ _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHANNEL_HEAD = struct.Struct("<HHI")
 _CHUNK_HEAD = struct.Struct("<QQQII")
-_LARGEST = 1 << 34
 
 _PLAIN = {"": bytes, "zstd": zstd.decompress, "lz4": lz4_decompress}
 
@@ -56,11 +56,12 @@ def messages_by_topic(path: Path, topics: Collection[str]) -> dict[str, list[byt
 
 def records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """The records of an MCAP file up to its summary; the last may be cut short, which only a chunk bears."""
+    whole = os.fstat(file.fileno()).st_size  # what a damaged record claims may be far more
     while len(head := file.read(_HEAD.size)) == _HEAD.size:
         code, size = _HEAD.unpack(head)
         if code in (FOOTER, DATA_END):
             break
-        content = file.read(min(size, _LARGEST))
+        content = file.read(min(size, whole))
         if len(content) == size or code == CHUNK:
             yield code, content
 

@@ -166,4 +166,7 @@ def _region(value: Any, axes: tuple[str, ...]) -> Region:
         if axis not in axes:
             raise SceneError(f"feature: expected axes of {', '.join(axes)}, got {axis!r}")
     limits = [_interval(entry[a], f"feature {a}") if a in entry else (-math.inf, math.inf) for a in axes]
+    for axis, (low, high) in zip(axes, limits, strict=True):
+        if not low < high:
+            raise SceneError(f"feature {axis}: expected lower < upper, got [{low}, {high}]")
     return Region(tuple(low for low, _ in limits), tuple(high for _, high in limits))

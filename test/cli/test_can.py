@@ -28,7 +28,7 @@ def cycles(numbers: range) -> list[can.Message]:
     return [frame for n in numbers for frame in cycle(HAND, n)]
 
 
-@pytest.mark.parametrize("ending", ["log", "asc"])
+@pytest.mark.parametrize("ending", ["log", "asc", "log.asc"])
 def test_a_log_of_a_hand_that_is_well_passes_with_its_rates(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
 ) -> None:
@@ -192,8 +192,30 @@ def test_the_drivers_own_parameters_say_what_to_look_for(
 
 
 @pytest.mark.parametrize(
+    ("parameter", "reason"),
+    [
+        ("phalanges: index", "phalanges: expected a list of texts, got 'index'"),
+        ("messages.index: 7", "messages.index: expected a list of texts, got 7"),
+        ("dbc: 5", "dbc: expected a text, got 5"),
+        ("counter_signal: [a]", r"counter_signal: expected a text, got ['a']"),
+        ("cycle_timeout_s: soon", "cycle_timeout_s: expected a number above 0, got 'soon'"),
+        ("cycle_timeout_s: 0", "cycle_timeout_s: expected a number above 0, got 0"),
+    ],
+)
+def test_a_parameter_of_another_kind_is_refused_with_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], parameter: str, reason: str
+) -> None:
+    config = tmp_path / "driver.yaml"
+    config.write_text(f"driver:\n  ros__parameters:\n    {parameter}\n    tare_duration_s: 1.0\n")
+    assert main(["can", "check", "--log", "/nowhere.log", "--config", str(config)]) == 2
+    assert capsys.readouterr().err == f"error: {config}: {reason}\n"
+
+
+@pytest.mark.parametrize(
     ("arguments", "reason"),
     [
+        (["--seconds", "0"], "--seconds: expected more than 0, got 0"),
+        (["--seconds", "nan"], "--seconds: expected more than 0, got nan"),
         (["--log", "/nowhere.log"], "/nowhere.log: expected a CAN log, No such file"),
         (["--log", __file__], "expected a CAN log"),
         (["--channel", "can7"], "CAN bus socketcan can7: expected an interface that opens"),

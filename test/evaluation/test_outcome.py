@@ -113,3 +113,16 @@ def test_the_sweep_axis_is_the_one_that_the_sweeps_span() -> None:
     along_y = replace(along_x, truth=along_x.truth[:, ::-1].copy())
     assert sweep_axis(SCENE, [along_x]) == 0
     assert sweep_axis(SCENE, [along_y]) == 1
+
+
+def test_a_sweep_of_which_every_strain_was_refused_has_an_outcome_without_numbers() -> None:
+    whole = track()
+    of_none = {
+        name: value[:0] for name, value in vars(whole).items() if isinstance(value, np.ndarray | tuple)
+    }
+    nothing = replace(whole, **of_none, refused=N)
+    for contact in ((20, 39), (-1, -1)):
+        outcome = sweep_outcome(SCENE, nothing, contact, axis=0)
+        assert not outcome["converged"]
+        assert outcome["error_contact_m"] is None
+    assert not blank_outcome(nothing)["converged"]

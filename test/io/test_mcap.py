@@ -1,6 +1,7 @@
 """MCAP files by the letter of their specification, encoded here and not by the library that writes ours."""
 
 import struct
+import tracemalloc
 from pathlib import Path
 from zlib import crc32
 
@@ -89,3 +90,14 @@ def test_what_stands_after_the_data_is_not_read(tmp_path: Path) -> None:
     data, summary = b"".join(RECORDS), message("/strain", 9, b"not data")
     path.write_bytes(MAGIC + data + record(DATA_END, bytes(4)) + summary + MAGIC)
     assert messages_by_topic(path, ("/strain",)) == {"/strain": FOUND["/strain"]}
+
+
+def test_a_record_that_claims_to_be_huge_takes_no_memory(tmp_path: Path) -> None:
+    tracemalloc.start()
+    try:
+        found = read(tmp_path, *RECORDS, struct.pack("<BQ", MESSAGE, 1 << 33))
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found == FOUND
+    assert most < 10_000_000
