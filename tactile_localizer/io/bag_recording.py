@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,12 +30,14 @@ class BagTopics:
     pose : ``PoseStamped`` of the palm
     truth : ``PoseStamped`` of the palm as it really is; may be missing
     status : ``ScanStatus`` of the mapping node, which shows the sweeps; may be missing
+    posterior : ``Posterior`` of the filter node, which shows the holds; may be missing
     """
 
     strain: str = "/strain"
     pose: str = "/palm_pose"
     truth: str = "/simulator/ground_truth"
     status: str = "/mapping/status"
+    posterior: str = "/filter/posterior"
 
 
 class _Span(NamedTuple):
@@ -67,8 +70,9 @@ def read_bag(
     topics : by default those of this package's own nodes
     frame : the frames in which palm poses can be used; by default ``material``, and ``base`` as it is
     max_gap_s : poses further apart are not interpolated, s
-    by_status : take the sweeps that the mapping node's status shows, if the bag has it; otherwise, or
-        without it, the whole bag is one sweep
+    by_status : take the sweeps that the mapping node's status shows, if the bag has it; otherwise those
+        between which the filter node's belief was spread, if the bag has its posterior. Without, the whole
+        bag is one sweep
     detector : finds the sweeps in the motion instead
 
     Returns
@@ -85,9 +89,10 @@ def read_bag(
     topics = topics or BagTopics()
     frame = frame or PalmFrame(scene.axes, reference_frame="base")
     names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
-    strain_topic, pose_topic, truth_topic, status_topic = names
+    strain_topic, pose_topic, truth_topic, status_topic, posterior_topic = names
     poses_by = PoseDecoder(frame)
-    wanted = dict(zip(names, (StrainDecoder(scene), poses_by, poses_by, _keep_status), strict=True))
+    keep = (StrainDecoder(scene), poses_by, poses_by, _keep_status, _keep_posterior)
+    wanted = dict(zip(names, keep, strict=True))
     messages = read_messages(path, wanted)
     notes = list(messages.notes)
     for topic in (strain_topic, pose_topic):
@@ -104,6 +109,10 @@ def read_bag(
         spans = _moving_spans(detector, stamp_ns[found], position[found])
     elif by_status and messages.by_topic.get(status_topic):
         spans = _status_spans(messages.by_topic[status_topic])
+    elif not by_status and messages.by_topic.get(posterior_topic):
+        spans = _held_spans(messages.by_topic[posterior_topic])
+        early = int(np.sum(stamp_ns <= spans[0].after_ns))
+        _note(notes, early, len(stamp_ns), f"strain vectors from before the first {posterior_topic}")
     else:
         spans = [_ALL]
     sweeps = []
@@ -126,6 +135,10 @@ def read_bag(
 
 def _keep_status(message: Any) -> tuple[int, bool, int]:
     return stamp_of(message), bool(message.sweep_active), int(message.sweep)
+
+
+def _keep_posterior(message: Any) -> tuple[int, float]:
+    return stamp_of(message), float(message.travel)
 
 
 def _strain_arrays(lots: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -190,3 +203,13 @@ def _status_spans(changes: Sequence[tuple[int, bool, int]]) -> list[_Span]:
     if begun is not None:
         spans.append(_Span(*begun, _ALL.until_ns))
     return spans
+
+
+def _held_spans(told: Sequence[tuple[int, float]]) -> list[_Span]:
+    """What the filter node heard, parted where its belief was spread: it has travelled nothing since."""
+    begun = [told[0][0]]
+    begun += [stamp_ns for (_, before), (stamp_ns, travel) in pairwise(told) if travel == 0.0 < before]
+    ends = [*(stamp_ns - 1 for stamp_ns in begun[1:]), _ALL.until_ns]
+    return [
+        _Span(number, first - 1, end) for number, (first, end) in enumerate(zip(begun, ends, strict=True), 1)
+    ]

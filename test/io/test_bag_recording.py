@@ -6,7 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from support.bags import MS, SCENE, START, pose, slide, status, strain, write_bag, x_at
+from support.bags import MS, SCENE, START, pose, posterior, slide, status, strain, write_bag, x_at
 
 from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.core.sweep_detector import SweepDetector
@@ -153,6 +153,17 @@ def test_the_mapping_nodes_status_shows_the_sweeps(tmp_path):
     ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in sweeps]
     assert ranges == [(105, 500), (805, 900), (905, 2000)]
     assert len(read_bag(bag, SCENE, by_status=False).sweeps) == 1
+
+
+def test_a_replay_begins_anew_where_the_filter_nodes_belief_was_spread(tmp_path):
+    travels = {100: 0.0, 200: 0.0, 300: 0.001, 400: 0.0009, 1000: 0.0, 1200: 0.004, 1600: 0.0, 1800: 0.0}
+    told = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
+    bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + told, key=lambda entry: entry[1]))
+    recording = read_bag(bag, SCENE, by_status=False)
+    ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in recording.sweeps]
+    assert ranges == [(100, 995), (1000, 1595), (1600, 2000)]
+    assert recording.notes == ("left out 19 of 400 strain vectors from before the first /filter/posterior",)
+    assert len(read_bag(bag, SCENE).sweeps) == 1
 
 
 def test_sweeps_can_be_found_in_the_motion(tmp_path):

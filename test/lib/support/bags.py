@@ -23,6 +23,7 @@ TYPES = {
     "palm_pose": "geometry_msgs/msg/PoseStamped",
     "simulator/ground_truth": "geometry_msgs/msg/PoseStamped",
     "mapping/status": "tactile_localizer/msg/ScanStatus",
+    "filter/posterior": "tactile_localizer/msg/Posterior",
 }
 STORE = typestore()
 _T = STORE.types
@@ -63,6 +64,22 @@ def status(stamp_ms: int, active: bool, number: int) -> Any:
     zero |= {"scan_file": "", "scene": "sheet", "coverage": 0.0, "rate": 0.0}
     header = _header(stamp_ms, "material")
     return _T[TYPES["mapping/status"]](header=header, sweep_active=active, sweep=number, **zero)
+
+
+def posterior(stamp_ms: int, travel: float) -> Any:
+    numbers = dict.fromkeys(("covariance_trace", "evidence", "log_marginal", "effective_sample_size"), 0.0)
+    return _T[TYPES["filter/posterior"]](
+        header=_header(stamp_ms, "material"),
+        axes=["x", "y"],
+        mean=np.zeros(2),
+        covariance=np.zeros(4),
+        converged=False,
+        reason=f"not converged: {travel} m",
+        particles=1,
+        travel=travel,
+        stale=False,
+        **numbers,
+    )
 
 
 def slide(first_ms: int, last_ms: int) -> list[tuple[str, int, Any]]:
