@@ -16,6 +16,7 @@ from rich.table import Table
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import LiveError, ParameterError
+from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES
 from tactile_localizer.evaluation.live_figures import error_along_the_sweep, sweep_in_detail
 from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep, summarize
 from tactile_localizer.evaluation.map_figures import map_pair
@@ -27,12 +28,12 @@ from tactile_localizer.resources import resource_path
 NAME = "demo"
 HELP = "scan a simulated feature, then localise on it: simulator, driver, mapping and filter live"
 
-_FEATURES = ("bump", "snap", "grommet")
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
-    parser.add_argument("--feature", choices=_FEATURES, default="bump", help="what lies in the material")
+    parser.add_argument(
+        "--feature", choices=SIMULATED_FEATURES, default="bump", help="what lies in the material"
+    )
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR")
     parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
     parser.add_argument("--speed", type=float, default=8.0, help="simulated seconds in a second (default 8)")

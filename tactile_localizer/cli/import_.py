@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Sequence
 from typing import Any
 
-from tactile_localizer.core.palm_frame import PalmFrame
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.cli.recording_options import (
+    add_bag_arguments,
+    add_csv_arguments,
+    bag_options,
+    naming_from_arguments,
+    speed_from_arguments,
+)
 from tactile_localizer.core.sweep_detector import SweepDetector
-from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.bag_recording import BagTopics, read_bag
-from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
+from tactile_localizer.io.bag_recording import read_bag
 from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scan_import import import_recording
@@ -45,92 +46,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for kind in (from_csv, from_bag):
         kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
         kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
-
-
-def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what any command that reads CSV recordings needs: column names, speed."""
-    parser.add_argument(
-        "--columns", metavar="YAML", help="names of the columns, where they are not the standard ones"
-    )
-    parser.add_argument(
-        "--column",
-        action="append",
-        default=[],
-        metavar="NAME=COLUMN",
-        help="one such name: stamp_s=time_ms*0.001, index=gauge1..8 (repeatable)",
-    )
-    parser.add_argument(
-        "--speed",
-        action="append",
-        default=[],
-        metavar="[AXIS=]M_PER_S",
-        help="position from constant speed, m/s",
-    )
-
-
-def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what any command that reads bags needs: topics, frames, gaps."""
-    for name, topic in vars(BagTopics()).items():
-        parser.add_argument(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"(default: {topic})")
-    parser.add_argument(
-        "--material-frame", default="material", metavar="FRAME", help="frame of poses taken as they are"
-    )
-    parser.add_argument(
-        "--reference-frame", default="base", metavar="FRAME", help="frame of poses moved by --material-pose"
-    )
-    parser.add_argument(
-        "--material-pose",
-        type=float,
-        nargs=6,
-        default=[0.0] * 6,
-        metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
-        help="where the material is in the reference frame, m and rad",
-    )
-    parser.add_argument(
-        "--max-gap",
-        type=float,
-        default=DEFAULT_MAX_GAP_S,
-        metavar="S",
-        help="poses further apart are not interpolated",
-    )
-
-
-def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
-    """The options of :func:`read_bag` that ``add_bag_arguments`` has declared."""
-    topics = {name: getattr(args, f"{name}_topic") for name in vars(BagTopics())}
-    frame = PalmFrame(scene.axes, args.material_frame, args.reference_frame, args.material_pose)
-    return {"topics": BagTopics(**topics), "frame": frame, "max_gap_s": args.max_gap}
-
-
-def naming_from_arguments(args: argparse.Namespace) -> ColumnNaming:
-    """The column naming of ``--columns`` and ``--column``."""
-    base = load_naming(given_or_shipped(args.columns, "config/import")) if args.columns else ColumnNaming()
-    return naming_from_pairs(args.column, base)
-
-
-def speed_from_arguments(texts: Sequence[str], scene: Scene) -> dict[str, float]:
-    """The speeds of ``--speed``, by axis, m/s.
-
-    Raises
-    ------
-    ParameterError
-        A speed is not a number, or names no axis in a scene of several.
-    """
-    speeds = {}
-    for text in texts:
-        axis, equals, value = text.rpartition("=")
-        if not equals and scene.dimension > 1:
-            raise ParameterError(
-                f"speed {text!r}: expected AXIS=M_PER_S, the scene has {scene.dimension} axes"
-            )
-        try:
-            speed = float(value)
-        except ValueError:
-            speed = math.nan
-        if not math.isfinite(speed):
-            raise ParameterError(f"speed {text!r}: expected a finite number of m/s")
-        speeds[axis or scene.axis_names[0]] = speed
-    return speeds
 
 
 def run(args: argparse.Namespace) -> int:

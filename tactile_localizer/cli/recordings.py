@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from tactile_localizer.cli.import_ import (
+from tactile_localizer.cli.recording_options import (
     add_bag_arguments,
     add_csv_arguments,
     bag_options,

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import yaml
 
-from tactile_localizer.cli.evaluate import (
+from tactile_localizer.cli.conditions import (
     add_condition_arguments,
     add_worker_arguments,
     conditions_from_arguments,
-    print_tables,
 )
 from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.evaluation.conditions import Condition
 from tactile_localizer.evaluation.jobs import Workers

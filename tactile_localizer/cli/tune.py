@@ -6,9 +6,9 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from tactile_localizer.cli.evaluate import print_tables
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.assembly import with_parameters
 from tactile_localizer.core.neighbours import search_neighbours
 from tactile_localizer.core.selection import best_of, search

@@ -11,7 +11,8 @@ import importlib.util
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -93,12 +94,12 @@ def run_tasks(
     if missing:
         with _terminated_as_interrupted(), _backend(workers):
             calls = [joblib.delayed(task.function)(*task.arguments) for task in missing.values()]
-            results = joblib.Parallel(return_as="generator", batch_size=1)(calls)
-            for (key, task), result in zip(missing.items(), results, strict=True):
-                write_json(files[key], {"task": task.identity, "result": result})
-                done += 1
-                if progress is not None:
-                    progress(text, done / len(files))
+            with _quietly_closed(joblib.Parallel(return_as="generator", batch_size=1)(calls)) as results:
+                for (key, task), result in zip(missing.items(), results, strict=True):
+                    write_json(files[key], {"task": task.identity, "result": result})
+                    done += 1
+                    if progress is not None:
+                        progress(text, done / len(files))
     # Those just done are read back too, so that all have passed through the same form.
     return [json.loads(files[task.key].read_text(encoding="utf-8"))["result"] for task in tasks]
 
@@ -150,6 +151,17 @@ def _terminated_as_interrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _quietly_closed(results: Generator[Any, None, None]) -> Iterator[Iterator[Any]]:
+    """Results that come as tasks are done; where they are not waited for, joblib does not warn of it."""
+    try:
+        yield results
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            results.close()
 
 
 @contextmanager

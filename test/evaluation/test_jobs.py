@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,17 @@ def test_what_was_done_before_a_failure_is_kept(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="particles: expected at least 1, got 0"):
         run_tasks([task(1), bad], tmp_path, Workers(1))
     assert [file.name for file in tmp_path.iterdir()] == [f"{task(1).key}.json"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+def test_a_run_that_ends_before_its_tasks_says_no_more_than_why(tmp_path: Path) -> None:
+    def interrupt(text: str, share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_tasks([task(seed) for seed in (1, 2, 3, 4)], tmp_path, Workers(2), interrupt)
+    gc.collect()
 
 
 def test_tasks_that_are_the_same_are_done_once(tmp_path: Path) -> None:
