@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import textwrap
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -52,6 +53,9 @@ HEARD: dict[str, tuple[Any, QoSProfile | int]] = {
 }
 TRAVEL_M = 0.024
 """How far the hand slides, and on until the next diagnostics."""
+
+_COLUMNS = 48
+"""Letters of a line in a panel of text."""
 
 Messages = dict[str, list[Any]]
 
@@ -226,7 +230,8 @@ def draw_foxglove(messages: Messages) -> Figure:
         elif kind == "RawMessages":
             topic, *fields = config["topicPath"].split(".")
             axes.set_title(config["topicPath"], fontsize=8, loc="left")
-            axes.text(0.0, 0.9, str(follow(messages[topic][-1], fields)), va="top", fontsize=8, wrap=True)
+            value = textwrap.fill(str(follow(messages[topic][-1], fields)), _COLUMNS)
+            axes.text(0.0, 0.9, value, va="top", fontsize=8)
             axes.axis("off")
         else:
             draw_diagnostics(axes, messages[config["topicToRender"]])
@@ -280,7 +285,7 @@ def draw_diagnostics(axes: Axes, arrays: list[Any]) -> None:
     for row, status in enumerate(sorted(newest.values(), key=lambda one: one.level, reverse=True)):
         shade = {b"\0": "tab:green", b"\1": "tab:orange"}.get(status.level, "tab:red")
         axes.text(0.0, 0.95 - 0.17 * row, status.name, color=shade, fontsize=7.5, va="top", weight="bold")
-        axes.text(0.0, 0.885 - 0.17 * row, f"   {status.message}"[:60], fontsize=6.5, va="top")
+        axes.text(0.0, 0.865 - 0.17 * row, f"   {status.message}"[:60], fontsize=6.5, va="top")
     axes.axis("off")
 
 
