@@ -24,6 +24,7 @@ from tactile_localizer.core.identification import NONE, FeatureIdentifier
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Scene
 from tactile_localizer.sim import SimulatedScan, simulate_scan
 from tactile_localizer.sim.hand import OFFSETS_M
 from tactile_localizer.sim.sweep import FEATURE_CENTER_M
@@ -90,14 +91,18 @@ def cost(identifier: FeatureIdentifier, localizers: Sequence[Localizer], seed: i
 def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, errors: Errors) -> None:
     """With one phalanx left, on all sweeps, on those that it comes by the feature on, and while believed."""
     test = simulate_scan(feature, seed, "test")
-    both, both_believed, _ = _track(localizer, test, np.ones(2, dtype=bool))
+    both, both_believed, weighed = _track(localizer, test, np.ones(2, dtype=bool))
+    y = np.concatenate([np.full(len(k), test.truth[k, 1].mean()) for k in weighed])
     for left in range(2):
-        one, believed, y = _track(localizer, test, np.arange(2) == left)
+        one, believed, _ = _track(localizer, test, np.arange(2) == left)
         comes_by = np.abs(y + OFFSETS_M[left, 1] - FEATURE_CENTER_M[1]) < COMES_BY_M
+        knows = np.where(comes_by, both, _of_one_who_felt_nothing(localizer.scene, test, weighed, left))
         for kind, of_one, of_both in (
             ("", one, both),
             (" that comes by the feature", one[comes_by], both[comes_by]),
             (" that does not", one[~comes_by], both[~comes_by]),
+            (" that does not, could be", knows[~comes_by], both[~comes_by]),
+            (", could be", knows, both),
             (", while believed", one[believed], both[both_believed]),
         ):
             errors["one left" + kind] += of_one.tolist()
@@ -106,18 +111,46 @@ def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, errors: Errors
 
 def _track(
     localizer: Localizer, test: SimulatedScan, present: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the strains that are weighed on contact: errors, m, whether believed, and the palm's y, m."""
-    track = []
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Of the strains that are weighed on contact: errors, m, whether believed, and which they are."""
+    errors, believed, weighed = [], [], []
     for number, part in enumerate(test.slices()):
         localizer.reset()
+        felt = []
         for k in range(part.start, test.feature_end[number] + 1):
             estimate = localizer.update(int(test.stamp_ns[k]), test.odometry[k], test.strain[k], present)
             if estimate.updated and k >= test.contact[number]:
-                error = np.linalg.norm(estimate.mean - test.truth[k])
-                track.append((error, estimate.converged, test.truth[part, 1].mean()))
-    error, believed, y = np.array(track).T
-    return error, believed > 0, y
+                errors.append(np.linalg.norm(estimate.mean - test.truth[k]))
+                believed.append(estimate.converged)
+                felt.append(k)
+        weighed.append(np.array(felt, dtype=int))
+    return np.array(errors), np.array(believed), weighed
+
+
+def _of_one_who_felt_nothing(
+    scene: Scene, test: SimulatedScan, weighed: list[np.ndarray], left: int
+) -> np.ndarray:
+    """Errors, m, of an observer who knows only, but exactly, where the feature would have been felt.
+
+    All starts in the scene are alike to it, but those from which the finger that is ``left`` would come by
+    the feature at some time of the sweep: it even knows the rest of the sweep.
+    """
+    axes = [np.linspace(low, high, 48) for low, high in zip(scene.lower, scene.upper, strict=True)]
+    starts = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    errors = []
+    for part, own in zip(test.slices(), weighed, strict=True):
+        possible = np.ones(len(starts), dtype=bool)
+        for k in range(part.start, own[-1] + 1, 5):
+            palm = starts + test.truth[k] - test.truth[part.start]
+            finger = palm + OFFSETS_M[left] - FEATURE_CENTER_M
+            possible &= (np.abs(finger) > COMES_BY_M).any(axis=1)
+            possible &= ((palm >= scene.lower) & (palm <= scene.upper)).all(axis=1)
+        if not possible.any():
+            possible[:] = True
+        for k in own:
+            expected = starts[possible].mean(axis=0) + test.truth[k] - test.truth[part.start]
+            errors.append(np.linalg.norm(expected - test.truth[k]))
+    return np.array(errors)
 
 
 def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
