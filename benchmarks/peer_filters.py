@@ -198,7 +198,7 @@ class Stonesoup:
         self._felt = self._Felt(ndim_state=2, mapping=(0, 1), model=model)
         self._predictor = ParticlePredictor(self._slide)
         self._updater = ParticleUpdater(self._felt, SystematicResampler())
-        self._time = datetime.datetime(2020, 1, 1)
+        self._time = datetime.datetime(2020, 1, 1, tzinfo=datetime.timezone.utc)
         self.spread()
 
     def spread(self) -> None:

@@ -42,7 +42,7 @@ def given_or_shipped(path: str | Path, folder: str) -> Path:
     folder : where the package keeps such files, such as ``config/scenes``
     """
     path = Path(path).expanduser()
-    if path.exists() or path.parent != Path("."):
+    if path.exists() or path.parent != Path():
         return path
     try:
         return resource_path(Path(folder, path))

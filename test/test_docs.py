@@ -29,7 +29,7 @@ def commands(page: Path, program: str) -> Iterator[list[str]]:
     """The command lines of a program in a page's code, indented or in a row of their own between fences."""
     for line in page.read_text().splitlines():
         found = re.match(rf"(?: {{4}}\s*|```|.*\| )?({program} [^`]*)", line)
-        if found and (line.startswith("    ") or line.startswith(program)):
+        if found and line.startswith(("    ", program)):
             yield shlex.split(found.group(1), comments=True)
 
 

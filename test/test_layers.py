@@ -52,7 +52,7 @@ def imported(path: Path, lazily: bool = True) -> set[str]:
 
 def is_ros(name: str) -> bool:
     top = name.split(".")[0]
-    return top in ROS or top.endswith("_msgs") or top.endswith("_srvs")
+    return top in ROS or top.endswith(("_msgs", "_srvs"))
 
 
 def layer_of(name: str) -> str | None:

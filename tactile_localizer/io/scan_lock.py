@@ -63,7 +63,7 @@ class ScanLock:
 
     def _is_current(self, descriptor: int) -> bool:
         try:
-            found = os.stat(self.path)
+            found = self.path.stat()
         except FileNotFoundError:
             return False
         return os.path.samestat(found, os.fstat(descriptor))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -72,7 +71,7 @@ class ReceiveQueue:
         opened = set()
         for fd in Path(f"/proc/{pid}/fd").iterdir():
             with contextlib.suppress(FileNotFoundError):  # closed meanwhile
-                opened.add(os.readlink(fd))
+                opened.add(str(fd.readlink()))
         (self._inode,) = [
             fields[9]
             for fields in self._table()

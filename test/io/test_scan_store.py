@@ -352,8 +352,8 @@ header_that_is_cut_off = changed("UPDATE header SET value = substr(value, 1, 20)
 
 
 def descriptors_of(path: Path) -> list[str]:
-    links = [f"/proc/self/fd/{number}" for number in os.listdir("/proc/self/fd")]
-    return [link for link in links if os.path.exists(link) and os.readlink(link).startswith(str(path))]
+    links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    return [opened for link in links if (opened := str(link.readlink())).startswith(str(path))]
 
 
 @pytest.mark.parametrize(

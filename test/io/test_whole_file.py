@@ -1,6 +1,5 @@
 """A file is written whole or not at all."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ def test_it_appears_when_all_is_written(tmp_path: Path) -> None:
         assert not path.exists()
         assert unfinished.suffix == ".txt", "some writers go by it"
     assert path.read_text() == "all"
-    assert os.listdir(tmp_path) == ["a.txt"]
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_what_was_there_stays_when_writing_fails(tmp_path: Path) -> None:
@@ -30,7 +29,7 @@ def test_what_was_there_stays_when_writing_fails(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         fail_halfway()
     assert path.read_text() == "before"
-    assert os.listdir(tmp_path) == ["a.txt"]
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_link_stays_a_link(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The demonstration on a terminal and without one."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def heard_midway():
 
 
 def terminal():
-    return Console(force_terminal=True, width=120, height=40, record=True, file=open(os.devnull, "w"))
+    return Console(force_terminal=True, width=120, height=40, record=True, file=Path(os.devnull).open("w"))
 
 
 def test_the_live_view_shows_truth_estimate_error_trace_belief_and_rates():

@@ -150,7 +150,11 @@ def _yaml(value: Any) -> str:
 
 def children(pid: int) -> list[int]:
     """Processes that ``pid`` has started."""
-    return [int(entry) for entry in os.listdir("/proc") if entry.isdigit() and _parent_of(entry) == pid]
+    return [
+        int(entry.name)
+        for entry in Path("/proc").iterdir()
+        if entry.name.isdigit() and _parent_of(entry.name) == pid
+    ]
 
 
 def _parent_of(entry: str) -> int:
