@@ -99,7 +99,7 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
             bus.set_filters(protocol.filters)
         if settings.receive_buffer:
             _set_receive_buffer(bus, settings.receive_buffer)
-    except (can.CanError, OSError) as error:
+    except Exception as error:
         bus.shutdown()
         raise CanError(f"CAN bus {settings}: expected it to take its options, got: {error}") from error
     return bus

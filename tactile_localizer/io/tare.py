@@ -97,16 +97,15 @@ def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray) -> None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as unfinished:
-            unfinished.write_text(
-                "# Tare offsets, V, eight a phalanx\n" + yaml.safe_dump(stored, default_flow_style=None)
-            )
+            text = yaml.safe_dump(stored, default_flow_style=None)
+            unfinished.write_text(f"# Tare offsets, V, eight a phalanx\n{text}", encoding="utf-8")
     except OSError as error:
         raise ParameterError(f"tare file {path}: expected to write it, {error.strerror}") from error
 
 
 def _read(path: Path) -> dict[str, list[float]]:
     try:
-        stored = yaml.safe_load(path.read_text()) or {}
+        stored = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeError, yaml.YAMLError) as error:

@@ -60,8 +60,6 @@ class CanLoadCells:
         self._bus = bus
         self._rng = rng
         self._sequence = 0
-        self.frames_sent = 0
-        """Frames that carried strain and were not dropped."""
 
     def send(self, strain: np.ndarray, faults: Faults = NO_FAULTS) -> None:
         """Put one sample of every load cell on the bus.
@@ -83,7 +81,6 @@ class CanLoadCells:
             for frame in self._protocol.encode(phalanx, own, self._sequence, status):
                 if self._rng.random() >= faults.drop:
                     self._put(frame)
-                    self.frames_sent += 1
                 if self._rng.random() < faults.garbage:
                     self._put(self._garbage(frame))
         self._sequence += 1

@@ -61,6 +61,24 @@ def test_filters_are_left_to_the_kernel_where_it_can(monkeypatch: pytest.MonkeyP
     bus.shutdown()
 
 
+def test_a_bus_that_does_not_take_its_filters_is_closed_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = []
+
+    class Refusing(FilteringBus):
+        def _apply_filters(self, filters: Any) -> None:
+            if filters:
+                raise NotImplementedError("no filters")
+
+        def shutdown(self) -> None:
+            closed.append(self)
+            super().shutdown()
+
+    monkeypatch.setattr(can, "Bus", lambda interface, channel: Refusing(channel))
+    with pytest.raises(CanError, match="CAN bus kernel refusing: expected it to take its options, got: no f"):
+        open_bus(BusSettings("kernel", "refusing"), protocol())
+    assert len(closed) == 1
+
+
 def test_frames_of_other_devices_are_let_through_where_it_cannot(simulated_can: dict[str, Any]) -> None:
     options = {"port": simulated_can["port"]}
     bus = open_bus(BusSettings("udp_multicast", simulated_can["channel"], options), protocol())

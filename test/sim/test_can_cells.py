@@ -45,7 +45,7 @@ def test_what_is_sent_decodes_to_the_same_voltages(protocol, buses):
     messages = received(buses[1])
     decoded = protocol.decode(protocol.batch(messages))
     assert set(decoded.kind) == {FrameKind.DATA}
-    assert sender.frames_sent == len(messages)
+    assert len(messages) == len(protocol.message_names)
     voltages = np.concatenate(
         [volts[: 16 // len(messages)] for volts in decoded.voltage[np.argsort(decoded.slot)]]
     )
@@ -66,7 +66,6 @@ def test_dropped_frames_are_missing_in_about_that_share(protocol, buses):
         sender.send(STRAIN, Faults(drop=0.25))
     frames = len(received(buses[1]))
     all_frames = 300 * len(protocol.message_names)
-    assert frames == sender.frames_sent
     assert 0.68 < frames / all_frames < 0.82
 
 
@@ -76,7 +75,7 @@ def test_garbage_is_of_every_kind_and_spoils_no_voltage(protocol, buses):
         sender.send(STRAIN, Faults(garbage=0.5))
     decoded = protocol.decode(protocol.batch(received(buses[1])))
     kinds = Counter(decoded.kind)
-    assert kinds[FrameKind.DATA] == sender.frames_sent == 100 * len(protocol.message_names)
+    assert kinds[FrameKind.DATA] == 100 * len(protocol.message_names)
     for kind in (FrameKind.UNKNOWN_ID, FrameKind.WRONG_LENGTH, FrameKind.REMOTE, FrameKind.ERROR):
         assert kinds[kind] > 0
     assert np.ptp(decoded.voltage[(decoded.kind == FrameKind.DATA) & (decoded.slot == 0), 0]) == 0
