@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
+from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.tactile_map import make_map
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--feature", choices=SIMULATED_FEATURES, default="bump", help="what lies in the material"
     )
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR")
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    add_seed_argument(parser)
     parser.add_argument("--speed", type=float, default=8.0, help="simulated seconds in a second (default 8)")
     parser.add_argument("--sweeps", type=int, default=18, help="sweeps to localise on, at most (default 18)")
 

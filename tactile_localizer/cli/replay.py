@@ -23,6 +23,7 @@ from tactile_localizer.cli.recordings import (
     read_recordings,
     scan_from_arguments,
 )
+from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.assembly import build_localizer, completed
 from tactile_localizer.evaluation.metrics import INCH
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_recording_arguments(parser)
     add_scan_arguments(parser)
     add_configuration_arguments(parser)
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    add_seed_argument(parser)
     add_start_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every update and the summary")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.scene import GAUGES
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "feature", choices=FEATURES, help="what lies in the material; none: nothing, seam: something foreign"
     )
     parser.add_argument("-o", "--output", type=Path, default=Path("out/simulate"), metavar="DIR")
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    add_seed_argument(parser)
     parser.add_argument("--train", type=int, default=TRAINING_SWEEPS, metavar="N", help="training sweeps")
     parser.add_argument("--test", type=int, default=TEST_SWEEPS, metavar="N", help="test sweeps")
     parser.add_argument(

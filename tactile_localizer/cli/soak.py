@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
+from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.evaluation.plain_json import write_json
 
@@ -30,7 +31,7 @@ HELP = "inject faults at random into the live system and watch what must never h
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     parser.add_argument("--minutes", type=float, default=30.0, help="for so long (default 30)")
-    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    add_seed_argument(parser)
     parser.add_argument("--only", nargs="+", metavar="FAULT", help="inject these; `--only list` lists all")
     parser.add_argument("-o", "--out", type=Path, default=Path("out/soak"), metavar="DIR")
 

@@ -100,3 +100,14 @@ def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
         command.stdout.close()
         assert command.stderr.read() == ""
         assert command.wait(30) == 141
+
+
+@pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
+@pytest.mark.parametrize(
+    "command", [["replay", "a.csv", "--scan", "a.db"], ["simulate", "bump"], ["demo"], ["soak"]]
+)
+def test_a_seed_that_is_none_is_refused(command, seed, capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([*command, "--seed", seed])
+    refusal = f"error: argument --seed: expected a whole number from 0 on, got {seed}\n"
+    assert capsys.readouterr().err.endswith(refusal)

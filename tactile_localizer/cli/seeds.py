@@ -1,0 +1,16 @@
+"""The seed, which several commands take."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def add_seed_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--seed``."""
+    parser.add_argument("--seed", type=_seed, default=1, help="of everything random (default 1)")
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a whole number from 0 on, got {text}")
+    return int(text)
