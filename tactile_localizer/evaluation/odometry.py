@@ -9,7 +9,7 @@ import numpy as np
 from tactile_localizer.core.motion import YAW_LEVER
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
 
 SIMULATED, EXACT, RECORDED = "simulated", "exact", "recorded"
@@ -97,19 +97,5 @@ def random_starts(
         index, start = places[place]
         way = ways[index]
         end = len(way) if length is None else int(np.searchsorted(way, way[start] + wanted)) + 1
-        pieces.append(piece(recording.sweeps[index], slice(start, end), number))
+        pieces.append(recording.sweeps[index].part(slice(start, end), number))
     return replace(recording, sweeps=tuple(pieces))
-
-
-def piece(sweep: RecordedSweep, part: slice, number: int) -> RecordedSweep:
-    """Some samples of a sweep as a sweep of their own, under another number."""
-    return replace(
-        sweep,
-        number=number,
-        stamp_ns=sweep.stamp_ns[part],
-        position=sweep.position[part],
-        strain=sweep.strain[part],
-        status=sweep.status[part],
-        truth=None if sweep.truth is None else sweep.truth[part],
-        gaps=0,
-    )

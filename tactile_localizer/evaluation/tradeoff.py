@@ -20,7 +20,6 @@ from tactile_localizer.evaluation.conditions import Condition, Material
 from tactile_localizer.evaluation.evaluate import as_array, choose, localise
 from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
 from tactile_localizer.evaluation.metrics import timing
-from tactile_localizer.evaluation.odometry import piece
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 
@@ -216,7 +215,7 @@ def cost(
         for tracks in zip(*passes, strict=True)
     ]
     # The belief is widest at first.
-    start = replace(few, sweeps=(piece(few.sweeps[0], slice(_WIDEST), 1),))
+    start = replace(few, sweeps=(few.sweeps[0].part(slice(_WIDEST), 1),))
     tracemalloc.start()
     try:
         replay(build(), start)

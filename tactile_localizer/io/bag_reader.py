@@ -127,7 +127,7 @@ def _read(path: Path, wanted: Mapping[str, Keep | Decoder], messages: BagMessage
                 isinstance(keep, Decoder)
                 and keep.kind == kind
                 and own.hash_rihs01(kind) == reader.typestore.hash_rihs01(kind)
-                and all(raw[:2] == _LITTLE_ENDIAN for raw in raws)
+                and all(raw[:2] == _LITTLE_ENDIAN for raw in raws if len(raw) > 1)
             ):
                 kept.append(keep.of_bytes(raws))
             else:

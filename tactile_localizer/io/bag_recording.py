@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,8 +12,17 @@ from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.bag_decode import PoseDecoder, Poses, StrainDecoder, Strains, stamp_of
+from tactile_localizer.io.bag_decode import PoseDecoder, Poses, StrainDecoder, Strains
 from tactile_localizer.io.bag_reader import BagMessages, read_messages
+from tactile_localizer.io.bag_sweeps import (
+    WHOLE,
+    Change,
+    Span,
+    Travel,
+    held_spans,
+    moving_spans,
+    status_spans,
+)
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.scene import Scene
 
@@ -38,17 +45,6 @@ class BagTopics:
     truth: str = "/simulator/ground_truth"
     status: str = "/mapping/status"
     posterior: str = "/filter/posterior"
-
-
-class _Span(NamedTuple):
-    """A sweep: samples with stamps after ``after_ns`` up to ``until_ns``."""
-
-    number: int
-    after_ns: int
-    until_ns: int
-
-
-_ALL = _Span(1, -1, 2**63 - 1)
 
 
 def read_bag(
@@ -91,54 +87,39 @@ def read_bag(
     names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
     strain_topic, pose_topic, truth_topic, status_topic, posterior_topic = names
     poses_by = PoseDecoder(frame)
-    keep = (StrainDecoder(scene), poses_by, poses_by, _keep_status, _keep_posterior)
-    wanted = dict(zip(names, keep, strict=True))
-    messages = read_messages(path, wanted)
+    keep = (StrainDecoder(scene), poses_by, poses_by, Change.of_message, Travel.of_message)
+    messages = read_messages(path, dict(zip(names, keep, strict=True)))
     notes = list(messages.notes)
     for topic in (strain_topic, pose_topic):
         if not messages.by_topic.get(topic):
             raise ScanError(f"{path}: expected messages of {topic}, found {_found(messages)}")
     stamp_ns, strain, status = _strain_arrays(messages.by_topic[strain_topic], notes)
-    pose_ns, poses = _pose_arrays(pose_topic, messages.by_topic[pose_topic], notes)
-    position, found = interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
-    truth = None
-    if truths := messages.by_topic.get(truth_topic):
-        truth_ns, true_poses = _pose_arrays(truth_topic, truths, notes)
-        truth, _ = interpolate_poses(scene.axes, truth_ns, true_poses, stamp_ns, max_gap_s)
+
+    def palm(topic: str) -> tuple[np.ndarray, np.ndarray]:
+        pose_ns, poses = _pose_arrays(topic, messages.by_topic[topic], notes)
+        return interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
+
+    position, found = palm(pose_topic)
+    truth = palm(truth_topic)[0] if messages.by_topic.get(truth_topic) else None
     if detector is not None:
-        spans = _moving_spans(detector, stamp_ns[found], position[found])
+        spans = moving_spans(detector, stamp_ns[found], position[found])
     elif by_status and messages.by_topic.get(status_topic):
-        spans = _status_spans(messages.by_topic[status_topic])
+        spans = status_spans(messages.by_topic[status_topic])
     elif not by_status and messages.by_topic.get(posterior_topic):
-        spans = _held_spans(messages.by_topic[posterior_topic])
+        spans = held_spans(messages.by_topic[posterior_topic])
         early = int(np.sum(stamp_ns <= spans[0].after_ns))
         _note(notes, early, len(stamp_ns), f"strain vectors from before the first {posterior_topic}")
     else:
-        spans = [_ALL]
-    sweeps = []
-    for span in spans:
-        inside = (stamp_ns > span.after_ns) & (stamp_ns <= span.until_ns)
-        kept = inside & found
-        sweeps.append(
-            RecordedSweep(
-                number=span.number,
-                stamp_ns=stamp_ns[kept],
-                position=position[kept],
-                strain=strain[kept],
-                status=status[kept],
-                truth=None if truth is None else truth[kept],
-                gaps=int(np.sum(inside & ~found)),
-            )
-        )
-    return Recording(str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes))
+        spans = [WHOLE]
+    whole = RecordedSweep(WHOLE.number, stamp_ns, position, strain, status, truth)
+    sweeps = tuple(_sweep(whole, found, span) for span in spans)
+    return Recording(str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(notes))
 
 
-def _keep_status(message: Any) -> tuple[int, bool, int]:
-    return stamp_of(message), bool(message.sweep_active), int(message.sweep)
-
-
-def _keep_posterior(message: Any) -> tuple[int, float]:
-    return stamp_of(message), float(message.travel)
+def _sweep(whole: RecordedSweep, found: np.ndarray, span: Span) -> RecordedSweep:
+    """The samples of a span that have a position; those that have none are its gaps."""
+    inside = (whole.stamp_ns > span.after_ns) & (whole.stamp_ns <= span.until_ns)
+    return whole.part(inside & found, span.number, gaps=int(np.sum(inside & ~found)))
 
 
 def _strain_arrays(lots: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -174,42 +155,3 @@ def _note(notes: list[str], count: int, total: int, what: str) -> None:
 
 def _found(messages: BagMessages) -> str:
     return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items())) or "no topics"
-
-
-def _moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[_Span]:
-    numbers = np.array(
-        [detector.update(int(t), p) for t, p in zip(stamp_ns, position, strict=True)], dtype=int
-    )
-    starts = np.flatnonzero(np.diff(numbers, prepend=0))
-    ends = [*stamp_ns[starts[1:]], 2**63 - 1]
-    return [
-        _Span(int(numbers[start]), int(stamp_ns[start]) - 1, int(end) - 1)
-        for start, end in zip(starts, ends, strict=True)
-        if numbers[start]
-    ]
-
-
-def _status_spans(changes: Sequence[tuple[int, bool, int]]) -> list[_Span]:
-    """The sweeps between the stamps at which the mapping node's status changed."""
-    spans = []
-    begun: tuple[int, int] | None = None
-    for stamp_ns, active, number in changes:
-        if begun is not None and (not active or number != begun[0]):
-            spans.append(_Span(*begun, stamp_ns))
-            begun = None
-        if active and begun is None:
-            # A stamp of 0 is before the first sample, whose own stamp is later than that.
-            begun = (number, stamp_ns)
-    if begun is not None:
-        spans.append(_Span(*begun, _ALL.until_ns))
-    return spans
-
-
-def _held_spans(told: Sequence[tuple[int, float]]) -> list[_Span]:
-    """What the filter node heard, parted where its belief was spread: it has travelled nothing since."""
-    begun = [told[0][0]]
-    begun += [stamp_ns for (_, before), (stamp_ns, travel) in pairwise(told) if travel == 0.0 < before]
-    ends = [*(stamp_ns - 1 for stamp_ns in begun[1:]), _ALL.until_ns]
-    return [
-        _Span(number, first - 1, end) for number, (first, end) in enumerate(zip(begun, ends, strict=True), 1)
-    ]

@@ -42,6 +42,18 @@ class RecordedSweep:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
+        """Some samples, (n,) bool or a slice, as a sweep of their own."""
+        return RecordedSweep(
+            number,
+            self.stamp_ns[rows],
+            self.position[rows],
+            self.strain[rows],
+            self.status[rows],
+            None if self.truth is None else self.truth[rows],
+            gaps,
+        )
+
 
 @dataclass(frozen=True)
 class Recording:

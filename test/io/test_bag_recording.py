@@ -176,6 +176,25 @@ def test_sweeps_can_be_found_in_the_motion(tmp_path):
     assert abs((sweeps[1].stamp_ns[0] - START) // MS - 1000) < 100
 
 
+def test_a_hand_that_never_moves_makes_no_sweep(tmp_path):
+    happened = [
+        (topic, ms, pose(ms, x=0.01) if topic == "palm_pose" else message)
+        for topic, ms, message in slide(0, 200)
+    ]
+    detector = SweepDetector(SCENE.axes)
+    assert read_bag(write_bag(tmp_path / "bag", happened), SCENE, detector=detector).sweeps == ()
+    lost = [(topic, ms, pose(ms, frame="map") if topic == "palm_pose" else m) for topic, ms, m in happened]
+    assert read_bag(write_bag(tmp_path / "lost", lost), SCENE, detector=detector).sweeps == ()
+
+
+def test_messages_that_are_cut_short_cost_themselves_alone(tmp_path):
+    short = [("strain", 201, b"\0\1\0\0"), ("strain", 202, b""), ("palm_pose", 203, b"\0\1")]
+    recording = read_bag(write_bag(tmp_path / "bag", slide(0, 200) + short), SCENE)
+    assert len(recording) == 37
+    assert recording.notes[0] == "left out 2 of 42 strain vectors whose lengths do not fit"
+    assert recording.notes[1].startswith("left out 1 of 11 poses of /palm_pose")
+
+
 def test_gaps_late_samples_and_poses_in_other_frames_are_counted(tmp_path):
     happened = slide(0, 500) + slide(800, 1000)
     happened.insert(60, ("strain", 250, strain(100)))
