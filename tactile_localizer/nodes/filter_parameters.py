@@ -74,7 +74,7 @@ LIVE = frozenset(parameter.name for parameter in CONFIGURATION if parameter.live
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file: the map"),
-    Parameter("scene_file", "", "Scene (YAML) to use in place of the one that the scan file holds"),
+    Parameter("scene_file", "", "Scene (YAML) in place of the scan file's: a path, or a shipped one's name"),
     Parameter(
         "candidate_scan_files", [], "Scan files of several features, in place of scan_file: which is it?"
     ),

@@ -29,6 +29,7 @@ from tactile_localizer.nodes.map_publisher import RecordedMap
 from tactile_localizer.nodes.mapping_diagnostics import MappingDiagnostics
 from tactile_localizer.nodes.parameters import Parameter
 from tactile_localizer.nodes.strain_vectors import StrainReader
+from tactile_localizer.resources import given_or_shipped
 
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.5
@@ -36,7 +37,7 @@ _DIAGNOSTICS_PERIOD_S = 1.0
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file; recording goes on in one that exists"),
-    Parameter("scene_file", "", "Scene (YAML): axes, bounds and phalanges that are recorded"),
+    Parameter("scene_file", "", "Scene (YAML) that is recorded: a path, or a shipped one's name"),
     Parameter("max_gap_s", DEFAULT_MAX_GAP_S, "Poses further apart are not interpolated", "s", 0.0, 10.0),
     Parameter("patience_s", DEFAULT_PATIENCE_S, "Time, by stamps, to wait for a late pose", "s", 0.0, 60.0),
     Parameter(
@@ -70,7 +71,7 @@ class MappingNode(ManagedNode):
         for name in ("scan_file", "scene_file"):
             if not of[name]:
                 raise ParameterError(f"{name}: expected a path, got none")
-        self._scene = load_scene(of["scene_file"])
+        self._scene = load_scene(given_or_shipped(of["scene_file"], "config/scenes"))
         self._frame = palm_pose.palm_frame(of, self._scene)
         self._reader = StrainReader(self._scene)
         self._coverage = Coverage(self._scene, of["sweep_distance_m"])

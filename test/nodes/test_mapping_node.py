@@ -55,6 +55,13 @@ def test_the_installed_node_records_a_sweep_with_the_palm_interpolated_at_each_s
     assert [(s.ended, s.gaps, s.skipped) for s in sweeps] == [(True, 0, 0)]
 
 
+def test_a_scene_that_comes_with_the_package_is_known_by_its_name(node_process, probe, files):
+    node_process("mapping_node", parameters={**files, "scene_file": "bump.yaml"})
+    hand = Hand(probe)
+    probe.until(lambda: hand.statuses, "the status")
+    assert hand.statuses[-1].scene == "bump"
+
+
 def test_the_status_tells_how_the_scan_goes_twice_a_second(node_process, probe, files):
     node_process("mapping_node", parameters=files)
     hand = Hand(probe)
