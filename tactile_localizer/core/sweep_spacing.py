@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 
 _LEAST_WIDTH = 0.002
@@ -21,7 +22,14 @@ def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.nd
     """For pairs spread over the scan, indices (M,), the nearest of another sweep each (M,), and its distance.
 
     Distances (M,) are in shares of the scene's extents.
+
+    Raises
+    ------
+    ScanError
+        The scan is a single pair.
     """
+    if len(scan) < 2:
+        raise ScanError(f"scan: expected at least 2 pairs, found {len(scan)}")
     states, sweep = scaled_states(scan, scene), divided(scan.sweep)
     found = []
     for number in np.unique(sweep):

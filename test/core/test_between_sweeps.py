@@ -9,6 +9,7 @@ from tactile_localizer.core.between_sweeps import (
 )
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sweep_spacing import divided, nearest_of_other_sweeps
+from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SIDE = 0.02
@@ -98,3 +99,8 @@ def test_the_nearest_of_another_sweep_is_of_another_sweep() -> None:
 def test_a_lone_sweep_is_divided_so_that_something_can_be_held_out() -> None:
     assert set(divided(np.zeros(10, dtype=int))) == {0, 1}
     np.testing.assert_array_equal(divided(np.array([3, 3, 5])), [3, 3, 5])
+
+
+def test_a_scan_of_one_pair_is_refused() -> None:
+    with pytest.raises(ScanError, match="expected at least 2 pairs, found 1"):
+        nearest_of_other_sweeps(lines().select(np.array([0])), PLANE)
