@@ -88,8 +88,9 @@ def random_starts(
     places = [(index, int(start)) for index, own in enumerate(starts) for start in own]
     if not places:
         longest = max((float(rest.max(initial=0.0)) for rest in left), default=0.0)
+        expected = "that goes anywhere" if length is None else f"of at least {length * 1e3:.1f} mm"
         raise ScanError(
-            f"{recording.source}: expected a sweep of at least {wanted * 1e3:.1f} mm to start in, "
+            f"{recording.source}: expected a sweep {expected} to start in, "
             f"the longest is {longest * 1e3:.1f} mm"
         )
     pieces = []

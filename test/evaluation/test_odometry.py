@@ -94,3 +94,7 @@ def test_starts_that_find_no_sweep_long_enough_are_refused() -> None:
         ScanError, match=r"expected a sweep of at least 120.0 mm to start in, the longest is 99.0 mm"
     ):
         random_starts(recording(100), SCENE, 5, 0.12, np.random.default_rng(1))
+    with pytest.raises(
+        ScanError, match=r"expected a sweep that goes anywhere to start in, the longest is 0.0"
+    ):
+        random_starts(recording(100, step=0.0), SCENE, 5, None, np.random.default_rng(1))
