@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
@@ -54,53 +55,54 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
     plot = figure.add_subplot()
     for model, colour in _COLOURS.items():
         for filter_, marker in _MARKERS.items():
+            chosen = (model, filter_)
             own = [
                 one
                 for one in trades
-                if (one.candidate.configuration.model, one.candidate.configuration.filter) == (model, filter_)
+                if (one.candidate.configuration.model, one.candidate.configuration.filter) == chosen
             ]
             if own:
-                times, errors = [one.update_us for one in own], [one.error.mean * MM for one in own]
-                plot.scatter(times, errors, s=18, c=colour, marker=marker, label=f"{model}, {filter_}")
+                plot.scatter(*_places(own), s=18, c=colour, marker=marker, label=f"{model}, {filter_}")
     front = pareto_front(trades)
-    plot.step(
-        [one.update_us for one in front],
-        [one.error.mean * MM for one in front],
-        where="post",
-        color="0.3",
-        lw=1,
-        label="Pareto front",
-    )
-    presets = sorted((one for one in trades if one.candidate.preset), key=lambda one: one.update_us)
-    for row, one in enumerate(presets):
-        place = (one.update_us, one.error.mean * MM)
-        plot.plot(*place, "o", ms=11, mfc="none", mec="black")
-        plot.annotate(
-            one.candidate.preset,
-            place,
-            xytext=(48 * (row - (len(presets) - 1) / 2), -34),
-            textcoords="offset points",
-            fontsize=9,
-            ha="center",
-            arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.7, "shrinkB": 6},
-        )
+    plot.step(*_places(front), where="post", color="0.3", lw=1, label="Pareto front")
+    _draw_presets(plot, [one for one in trades if one.candidate.preset])
     plot.axhline(TENTH_INCH * MM, color="0.6", ls="--", lw=0.8)
     plot.set_axisbelow(True)
     plot.margins(x=0.1)
     plot.set_xscale("log")
-    plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    plot.xaxis.set_major_formatter("{x:g}")
-    plot.xaxis.set_minor_formatter("")
     plot.set_yscale("log")
     plot.set_ylim(bottom=0.85 * front[-1].error.mean * MM)
-    plot.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
-    plot.yaxis.set_major_formatter("{x:g}")
-    plot.yaxis.set_minor_formatter("")
+    for axis, steps in ((plot.xaxis, (1.0, 2.0, 5.0)), (plot.yaxis, (1.0, 2.0, 3.0, 5.0))):
+        axis.set_major_locator(LogLocator(subs=steps))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
     plot.set_xlabel("processor time of an update, median, us")
     plot.set_ylabel("mean error, mm (dashed: 0.1 inch)")
     plot.grid(color="0.92", which="both")
     plot.legend(fontsize=7)
     return figure
+
+
+def _places(trades: Sequence[Trade]) -> tuple[list[float], list[float]]:
+    """Update times, us, and mean errors, mm."""
+    return [one.update_us for one in trades], [one.error.mean * MM for one in trades]
+
+
+def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
+    """Circles with names below, in a row so that they do not touch."""
+    in_order = sorted(presets, key=lambda one: one.update_us)
+    for row, one in enumerate(in_order):
+        place = (one.update_us, one.error.mean * MM)
+        plot.plot(*place, "o", ms=11, mfc="none", mec="black")
+        plot.annotate(
+            one.candidate.preset,
+            place,
+            xytext=(48 * (row - (len(in_order) - 1) / 2), -34),
+            textcoords="offset points",
+            fontsize=9,
+            ha="center",
+            arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.7, "shrinkB": 6},
+        )
 
 
 def tradeoff_report(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import starmap
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tactile_localizer.core.neighbours import NeighbourTrial
@@ -76,18 +77,29 @@ def neighbours_table(trials: Sequence[NeighbourTrial]) -> Table:
 
 def tuning_figure(trials: Sequence[Trial], by_neighbours: Sequence[NeighbourTrial]) -> Figure:
     """Merit over the widths and, at the chosen ones, the correlation length; fit over the neighbours."""
-    best = best_of(trials)
     figure = Figure(figsize=(13.0, 3.8), layout="constrained")
     widths, lengths, neighbours = figure.subplots(1, 3)
+    _draw_widths(widths, trials)
+    _draw_lengths(lengths, trials)
+    _draw_neighbours(neighbours, by_neighbours)
+    return figure
+
+
+def _draw_widths(plot: Axes, trials: Sequence[Trial]) -> None:
+    best = best_of(trials)
     for factor in sorted({trial.position_factor for trial in trials}):
         own = [trial for trial in by_widths(trials) if trial.position_factor == factor]
         label = f"S_x at {factor:g} of the sweeps' spacing"
-        widths.plot([t.strain_factor for t in own], [t.merit for t in own], "o-", ms=4, label=label)
-    widths.plot(best.strain_factor, best.merit, "o", ms=12, mfc="none", mec="black")
-    widths.set_xscale("log")
-    widths.set_xlabel("S_z, share of the sweeps' disagreement")
-    widths.set_ylabel("merit, nats a strain")
-    widths.legend(fontsize=7)
+        plot.plot([t.strain_factor for t in own], [t.merit for t in own], "o-", ms=4, label=label)
+    _mark_chosen(plot, best.strain_factor, best.merit)
+    plot.set_xlabel("S_z, share of the sweeps' disagreement")
+    plot.set_ylabel("merit, nats a strain")
+    plot.legend(fontsize=7)
+    _tick_tried(plot, {trial.strain_factor for trial in trials})
+
+
+def _draw_lengths(plot: Axes, trials: Sequence[Trial]) -> None:
+    best = best_of(trials)
     at_widths = [
         trial
         for trial in trials
@@ -96,31 +108,39 @@ def tuning_figure(trials: Sequence[Trial], by_neighbours: Sequence[NeighbourTria
     # Each length was tried with more than one tempering by the change of strain.
     every_mm = sorted({_correlation_mm(trial) for trial in at_widths})
     chosen = [best_of([trial for trial in at_widths if _correlation_mm(trial) == mm]) for mm in every_mm]
-    length_mm = [_correlation_mm(trial) for trial in chosen]
-    lengths.plot(length_mm, [trial.merit for trial in chosen], "o-", ms=4, color="black", label="merit")
-    lengths.plot(length_mm, [trial.score for trial in chosen], "o:", ms=3, color="0.5", label="score")
-    lengths.plot(_correlation_mm(best), best.merit, "o", ms=12, mfc="none", mec="black")
-    lengths.set_xscale("log")
-    lengths.set_xlabel("correlation length, mm")
-    lengths.set_ylabel("nats a strain")
-    coverage = lengths.twinx()
-    coverage.plot(length_mm, [trial.coverage for trial in chosen], "s--", ms=3, color="tab:blue")
+    plot.plot(every_mm, [trial.merit for trial in chosen], "o-", ms=4, color="black", label="merit")
+    plot.plot(every_mm, [trial.score for trial in chosen], "o:", ms=3, color="0.5", label="score")
+    _mark_chosen(plot, _correlation_mm(best), best.merit)
+    plot.set_xlabel("correlation length, mm")
+    plot.set_ylabel("nats a strain")
+    coverage = plot.twinx()
+    coverage.plot(every_mm, [trial.coverage for trial in chosen], "s--", ms=3, color="tab:blue")
     coverage.set_ylabel("coverage of the 95 % region", color="tab:blue")
     coverage.tick_params(colors="tab:blue")
-    lengths.legend(fontsize=7, loc="lower center")
-    numbers = [trial.neighbours for trial in by_neighbours]
-    chosen_k = best_neighbours(by_neighbours)
-    neighbours.plot(numbers, [trial.score for trial in by_neighbours], "o-", ms=4, color="black")
-    neighbours.plot(chosen_k.neighbours, chosen_k.score, "o", ms=12, mfc="none", mec="black")
-    neighbours.set_xscale("log")
-    neighbours.set_xlabel("neighbours k of the Gaussian models")
-    neighbours.set_ylabel("log-likelihood of held-out sweeps, nats a strain")
-    factors = {trial.strain_factor for trial in trials}
-    for plot, tried in ((widths, factors), (lengths, set(length_mm)), (neighbours, set(numbers))):
-        plot.set_xticks(sorted(tried), [f"{value:g}" for value in sorted(tried)], fontsize=8)
-        plot.minorticks_off()
-        plot.grid(color="0.92")
-    return figure
+    plot.legend(fontsize=7, loc="lower center")
+    _tick_tried(plot, every_mm)
+
+
+def _draw_neighbours(plot: Axes, trials: Sequence[NeighbourTrial]) -> None:
+    numbers, best = [trial.neighbours for trial in trials], best_neighbours(trials)
+    plot.plot(numbers, [trial.score for trial in trials], "o-", ms=4, color="black")
+    _mark_chosen(plot, best.neighbours, best.score)
+    plot.set_xlabel("neighbours k of the Gaussian models")
+    plot.set_ylabel("log-likelihood of held-out sweeps, nats a strain")
+    _tick_tried(plot, numbers)
+
+
+def _mark_chosen(plot: Axes, x: float, y: float) -> None:
+    plot.plot(x, y, "o", ms=12, mfc="none", mec="black")
+
+
+def _tick_tried(plot: Axes, tried: Iterable[float]) -> None:
+    """A logarithmic axis with a tick at each value that was tried."""
+    values = sorted(set(tried))
+    plot.set_xscale("log")
+    plot.set_xticks(values, [f"{value:g}" for value in values], fontsize=8)
+    plot.minorticks_off()
+    plot.grid(color="0.92")
 
 
 def _position_std(trial: Trial) -> np.ndarray:
