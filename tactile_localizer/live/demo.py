@@ -159,6 +159,8 @@ class _Demo:
             "strain, palm poses and the mapping's status",
             _STARTUP_S,
         )
+        # That they are heard here does not say that the mapping hears them: nodes find each other one by one.
+        self._until(lambda: self._heard.is_mapped, "the mapping to hear strain and palm poses", _STARTUP_S)
 
     def scan(self) -> None:
         """Record the training sweeps."""

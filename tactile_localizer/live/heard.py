@@ -103,6 +103,12 @@ class Heard:
         return True in self.active and not self.active[-1]
 
     @property
+    def is_mapped(self) -> bool:
+        """Whether the mapping hears strain, whose stamp its status has, and palm poses."""
+        poses = int(self.diagnostics.get("mapping: scan", {}).get("poses", 0))
+        return self.status is not None and to_ns(self.status.header.stamp) > 0 and poses > 0
+
+    @property
     def is_diagnosed(self) -> bool:
         """Whether the filter and each load cell have told about themselves."""
         told = self.diagnostics

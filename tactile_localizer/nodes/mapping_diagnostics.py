@@ -25,13 +25,19 @@ class MappingDiagnostics:
         self._pairs = 0
 
     def status(
-        self, recorder: SweepRecorder, pairing: Pairing[Felt], refusals: Mapping[str, str], failure: str
+        self,
+        recorder: SweepRecorder,
+        pairing: Pairing[Felt],
+        poses: int,
+        refusals: Mapping[str, str],
+        failure: str,
     ) -> Any:
         """The state of the recording.
 
         Parameters
         ----------
         recorder, pairing : what is told about
+        poses : palm poses heard that can be used
         refusals : by topic, why its messages cannot be used
         failure : why the file could not be written at last; empty when it could
         """
@@ -60,6 +66,7 @@ class MappingDiagnostics:
             "gaps": recorder.gaps,
             "skipped": recorder.skipped,
             "late": pairing.late,
+            "poses": poses,
             "time_jumps": pairing.resets,
         }
         return DiagnosticStatus(

@@ -97,6 +97,7 @@ class MappingNode(ManagedNode):
         self._rate = 0.0
         self._last_sweep: int | None = None
         self._refusals: dict[str, str] = {}
+        self._poses = 0
         self._failure = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -174,6 +175,7 @@ class MappingNode(ManagedNode):
             self._refuse("palm_pose", error)
             return
         self._refusals.pop("palm_pose", None)
+        self._poses += 1
         self._record(pairs)
 
     def _hear(self, stamp_ns: int, pairing: Pairing[Felt]) -> None:
@@ -239,7 +241,9 @@ class MappingNode(ManagedNode):
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         message.status = [
-            self._diagnostics.status(self._recorder, self._pairing, self._refusals, self._failure)
+            self._diagnostics.status(
+                self._recorder, self._pairing, self._poses, self._refusals, self._failure
+            )
         ]
         self._health.publish(message)
 

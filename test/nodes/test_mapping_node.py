@@ -211,7 +211,11 @@ def test_diagnostics_tell_what_is_recorded_and_what_is_lost(node_process, probe,
     def latest():
         return told[-1].status[0] if told else None
 
+    def poses():
+        return next(int(value.value) for value in latest().values if value.key == "poses")
+
     probe.until(latest, "diagnostics")
+    assert poses() == 0
     assert (latest().name, latest().level, latest().message) == (
         "mapping: scan",
         DiagnosticStatus.OK,
@@ -230,6 +234,7 @@ def test_diagnostics_tell_what_is_recorded_and_what_is_lost(node_process, probe,
     hand.slide(40)
     probe.until(lambda: latest().level == DiagnosticStatus.ERROR, "an error")
     assert latest().message.startswith("recording sweep 1: palm_pose: palm pose frame 'map'")
+    assert poses() == 10, "of those that can be used"
 
 
 def test_a_full_disk_is_told_and_the_node_lives_to_record_when_there_is_room(node_process, probe, files):
