@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import gc
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Sequence
+from types import FrameType
 from typing import Any
 
 import rclpy
@@ -143,6 +146,14 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     int
         Exit status: 0, or 2 where the node could not be made, or refused to start by itself.
     """
+    spinning = threading.Event()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        # rclpy, which has the signal first, ends the spin after the callback that runs: none is cut in two.
+        if not spinning.is_set():
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
     try:
         rclpy.init(args=args)
     except RuntimeError as error:  # the command line's own mistakes
@@ -158,6 +169,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         gc.freeze()
         with _executor(node) as executor:
             executor.add_node(node)
+            spinning.set()
             executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -261,3 +261,26 @@ def test_any_other_failure_of_the_end_is_not_hidden():
     status, error = ended("fails")
     assert status == 1
     assert error.endswith("RuntimeError: something else\n")
+
+
+INTERRUPTED = """
+import os, signal, sys, time
+from tactile_localizer.nodes.lifecycle import ManagedNode, run
+
+class Interrupted(ManagedNode):
+    def activate(self):
+        self.create_timer(0.01, self.work)
+
+    def work(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.3)
+        print("whole")
+
+sys.exit(run(lambda: Interrupted("interrupted")))
+"""
+
+
+def test_an_interrupt_does_not_cut_a_callback_in_two():
+    command = [sys.executable, "-c", INTERRUPTED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "whole\n", "")
