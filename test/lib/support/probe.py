@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 
 T = TypeVar("T")
 
+_ASK_AGAIN_S = 2.0
 _STARTUP_S = 60.0
 """How long a process may take to start on a busy machine."""
 
@@ -69,9 +70,24 @@ class Probe:
 
         A matched publisher says only that the probe knows the subscription; until the node knows the
         publisher too, best-effort messages are lost. Endpoints are announced in the order in which they were
-        made, so the answer to a client made now proves that the node knows all before it.
+        made, so the answer to a client made now proves that the node knows all before it. An answer that is
+        sent before the client is known is lost, so it is asked for again.
         """
-        self.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=["use_sim_time"]))
+        service = f"{node}/get_parameters"
+        client = self.node.create_client(GetParameters, service)
+        self.until(client.service_is_ready, f"service {service}", _STARTUP_S)
+        asked: list[Any] = []
+
+        def answered() -> bool:
+            if time.monotonic() > begun + _ASK_AGAIN_S * len(asked):
+                asked.append(client.call_async(GetParameters.Request(names=["use_sim_time"])))
+            return any(future.done() for future in asked)
+
+        begun = time.monotonic()
+        try:
+            self.until(answered, f"an answer of {service}")
+        finally:
+            self.node.destroy_client(client)
 
     def close(self) -> None:
         """Leave the graph."""
