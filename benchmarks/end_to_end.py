@@ -24,10 +24,8 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from machine import Machine
 from nodes import BEST_EFFORT, BUS, Nodes, cpu_s
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from record import record, row
-from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
@@ -111,20 +109,13 @@ def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
         posteriors = Way(nodes, Posterior, "filter/posterior", reliable)
         strains = Way(nodes, StrainVectors, "strain", BEST_EFFORT)
         poses = Way(nodes, PoseStamped, "palm_pose", reliable)
-        sweeping: list[bool] = []
-        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        nodes.probe.create_subscription(
-            Bool, "simulator/sweep_active", lambda told: sweeping.append(told.data), kept
-        )
+        nodes.watch_sweeps()
         nodes.until(lambda: len(posteriors), "the first posterior", 60)
         with Machine() as machine:
             cpu = {name: cpu_s(process) for name, process in started.items()}
             begin_ns = time.time_ns()
             for _ in range(sweeps):
-                nodes.call(Trigger, "simulator/prepare")
-                sweeping.clear()
-                nodes.call(Trigger, "simulator/sweep")
-                nodes.until(lambda: sweeping[-2:] == [True, False], "the end of the sweep", 60)
+                nodes.sweep()
             elapsed_s = (time.time_ns() - begin_ns) * 1e-9
             cores = {name: (cpu_s(process) - cpu[name]) / elapsed_s for name, process in started.items()}
     told = posteriors.since(begin_ns)

@@ -16,10 +16,7 @@ from typing import Any
 
 from end_to_end import store_scan
 from nodes import BUS, ROOT, Nodes, cpu_s
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from record import record, row
-from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 from tactile_localizer.msg import Posterior
 
@@ -45,18 +42,11 @@ def identifying(sweeps: int) -> list[dict[str, Any]]:
             command = ROOT / "scripts" / "filter_node"
             filters[name] = nodes.start(command, "--ros-args", "-r", f"__node:={name}", "-p", scan)
         nodes.until(lambda: len(heard) == len(filters), "the first posteriors", 120)
-        sweeping: list[bool] = []
-        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        nodes.probe.create_subscription(
-            Bool, "simulator/sweep_active", lambda told: sweeping.append(told.data), kept
-        )
+        nodes.watch_sweeps()
         heard.clear()
         taken = {name: -cpu_s(process) for name, process in filters.items()}
         for _ in range(sweeps):
-            nodes.call(Trigger, "simulator/prepare")
-            sweeping.clear()
-            nodes.call(Trigger, "simulator/sweep")
-            nodes.until(lambda: sweeping[-2:] == [True, False], "the end of the sweep", 60)
+            nodes.sweep()
         for name, process in filters.items():
             taken[name] += cpu_s(process)
     apart = sum(taken[feature] for feature in FEATURES)

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 
 ROOT = Path(__file__).parent.parent
 CHANNEL, PORT = "239.74.163.2", 43190
@@ -30,6 +32,7 @@ class Nodes:
         rclpy.init()
         self.probe = rclpy.create_node("bench")
         self._started: list[subprocess.Popen[str]] = []
+        self._sweeping: list[bool] = []
 
     def __enter__(self) -> Nodes:
         return self
@@ -73,6 +76,20 @@ class Nodes:
         self.until(future.done, f"an answer of {service}", 60)
         self.probe.destroy_client(client)
         return future.result()
+
+    def watch_sweeps(self) -> None:
+        """Hear when the simulated hand sweeps, which :meth:`sweep` needs."""
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.probe.create_subscription(
+            Bool, "simulator/sweep_active", lambda told: self._sweeping.append(told.data), kept
+        )
+
+    def sweep(self) -> None:
+        """Have the simulated hand make its next sweep, and wait for the end of it."""
+        self.call(Trigger, "simulator/prepare")
+        self._sweeping.clear()
+        self.call(Trigger, "simulator/sweep")
+        self.until(lambda: self._sweeping[-2:] == [True, False], "the end of the sweep", 60)
 
 
 def cpu_s(process: subprocess.Popen[str]) -> float:

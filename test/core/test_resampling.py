@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tactile_localizer.core.resampling import RESAMPLERS, resampler
+from tactile_localizer.core.resampling import RESAMPLERS, evenly, resampler
 from tactile_localizer.errors import ParameterError
 
-pytestmark = pytest.mark.parametrize("name", RESAMPLERS)
+every_scheme = pytest.mark.parametrize("name", RESAMPLERS)
 WEIGHTS = st.lists(st.floats(0, 1) | st.just(0.0) | st.floats(0, 1e-300), min_size=1, max_size=50).filter(any)
 
 
@@ -25,6 +25,7 @@ class Fixed:
         return self.value if size is None else np.full(size, self.value)
 
 
+@every_scheme
 @given(
     weights=WEIGHTS, count=st.integers(1, 200), seed=st.integers(0, 2**32 - 1), dtype=st.sampled_from("df")
 )
@@ -40,6 +41,7 @@ def test_ancestors_exist_and_have_weight(name, weights, count, seed, dtype):
     assert (weights[ancestors] > 0).all()
 
 
+@every_scheme
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("draw", [0.0, 0.5, math.nextafter(1.0, 0.0)])
 @pytest.mark.parametrize("count", [1, 75, 1_000_000])
@@ -53,6 +55,7 @@ def test_the_ends_of_the_unit_interval_do_not_step_outside(name, dtype, draw, co
     assert ancestors.max() < 990
 
 
+@every_scheme
 @pytest.mark.parametrize("total", [1.0, 0.9999, 1.0001, 1e-6, 1e6])
 def test_weights_need_not_sum_to_one_to_the_last_digit(name, total):
     """Sums of float32 weights are off by 1e-7 times their number: no lineage may be cut for that."""
@@ -61,6 +64,7 @@ def test_weights_need_not_sum_to_one_to_the_last_digit(name, total):
     assert np.bincount(ancestors, minlength=8) == pytest.approx(np.full(8, 1000), abs=150)
 
 
+@every_scheme
 @pytest.mark.parametrize("count", [7, 10])
 def test_every_particle_is_expected_in_proportion_to_its_weight(name, count):
     """Chi-square over many seeds: the mean number of copies is count times the weight."""
@@ -84,6 +88,7 @@ def test_every_particle_is_expected_in_proportion_to_its_weight(name, count):
     assert p_values.min(initial=1.0) > 1e-3 / drawn.sum()
 
 
+@every_scheme
 def test_first_copies_are_unbiased_in_any_order_of_the_particles(name):
     """Pooled chi-square goodness of fit: one draw a seed, random weights, sorted up and down."""
     rng = np.random.default_rng(1)
@@ -93,12 +98,14 @@ def test_first_copies_are_unbiased_in_any_order_of_the_particles(name):
         assert stats.chisquare(np.bincount(ancestors, minlength=12), 5000 * weights).pvalue > 1e-3
 
 
+@every_scheme
 def test_a_certain_particle_is_the_only_ancestor(name):
     weights = np.zeros(100)
     weights[42] = 1.0
     assert (RESAMPLERS[name](weights, 1000, np.random.default_rng(0)) == 42).all()
 
 
+@every_scheme
 def test_low_variance_schemes_lose_no_particle_of_several_shares(name):
     """Four shares leave at least three copies; independent draws promise nothing."""
     weights = np.array([0.35, 0.25, 0.2, 0.2])
@@ -109,6 +116,7 @@ def test_low_variance_schemes_lose_no_particle_of_several_shares(name):
     assert min(least) >= (0 if name == "multinomial" else 3)
 
 
+@every_scheme
 def test_a_million_particles_are_resampled(name):
     weights = np.random.default_rng(0).random(1_000_000)
     weights /= weights.sum()
@@ -117,7 +125,19 @@ def test_a_million_particles_are_resampled(name):
     assert weights[ancestors].mean() == pytest.approx(np.sum(weights**2), rel=0.01)
 
 
+@every_scheme
 def test_the_scheme_is_found_by_name(name):
     assert resampler(name) is RESAMPLERS[name]
     with pytest.raises(ParameterError, match=r"resampling 'x': expected one of systematic, stratified"):
         resampler("x")
+
+
+@given(weights=WEIGHTS, count=st.integers(1, 200))
+def test_what_stands_for_the_whole_is_drawn_with_the_offset_in_the_middle(weights, count):
+    np.testing.assert_array_equal(
+        evenly(weights, count), RESAMPLERS["systematic"](weights, count, Fixed(0.5))
+    )
+
+
+def test_what_stands_for_the_whole_is_in_proportion_to_the_weights():
+    np.testing.assert_array_equal(evenly([0.25, 0.0, 0.5, 0.25], 8), [0, 0, 2, 2, 2, 2, 3, 3])

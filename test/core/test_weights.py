@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tactile_localizer.core.weights import effective_sample_size, moments, normalize, wrap_angle
+from tactile_localizer.core.weights import effective_sample_size, log_mean, moments, normalize, wrap_angle
 
 LOG_WEIGHTS = arrays(
     np.float64, st.integers(1, 60), elements=st.floats(-1e15, 1e15) | st.just(-math.inf), fill=st.nothing()
@@ -115,3 +115,9 @@ def test_the_mean_of_angles_on_both_sides_of_the_turn_is_at_the_turn() -> None:
     mean, covariance = moments(states, np.array([0.5, 0.5]), np.array([True]))
     assert abs(mean[0]) == pytest.approx(math.pi)
     assert covariance[0, 0] == pytest.approx(0.01)
+
+
+def test_the_mean_of_values_is_that_of_their_logarithms_however_small():
+    assert log_mean(np.log([1.0, 2.0, 6.0])) == pytest.approx(math.log(3.0))
+    assert log_mean(np.array([-1e6, -1e6])) == -1e6
+    assert log_mean(np.full(3, -math.inf)) == -math.inf
