@@ -49,6 +49,16 @@ CREATE INDEX batch_sweep ON batch (sweep);
 CREATE TABLE history (id INTEGER PRIMARY KEY, at TEXT NOT NULL, what TEXT NOT NULL, detail TEXT NOT NULL);
 """
 
+LEARNED_TABLE = """
+CREATE TABLE IF NOT EXISTS learned (
+    key TEXT PRIMARY KEY,                 -- what was learned, by which algorithm and version
+    digest TEXT NOT NULL,                 -- of the scan and the scene that it was learned from
+    payload BLOB NOT NULL,
+    seal BLOB NOT NULL                    -- checksum of the other columns
+)
+"""
+"""Table of results learned from the scan; files of any schema version may have it."""
+
 
 def create(path: Path, scene: Scene, strain_unit: str) -> sqlite3.Connection:
     """Make an empty scan file and open it for writing.

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import fcntl
 import os
+import time
 from pathlib import Path
 
 from tactile_localizer.errors import ScanError
+
+PATIENCE_S = 0.2
+"""How long another writer is waited for, s: a filter that stores what it learned is done in milliseconds."""
+
+_RETRY_S = 0.01
 
 
 class ScanLock:
@@ -38,11 +44,16 @@ class ScanLock:
         os.close(self._descriptor)
 
     def _acquire(self, scan_path: Path) -> int:
+        until = time.monotonic() + PATIENCE_S
         while True:
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
+                if time.monotonic() < until:
+                    os.close(descriptor)
+                    time.sleep(_RETRY_S)
+                    continue
                 holder = os.read(descriptor, 32).decode().strip() or "unknown"
                 os.close(descriptor)
                 raise ScanError(

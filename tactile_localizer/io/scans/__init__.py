@@ -1,0 +1,1 @@
+"""Parts of the scan file: what was learned from it."""

@@ -1,0 +1,98 @@
+"""Results learned from a scan, kept in the scan file for the next start.
+
+What was learned is a cache: it is only returned for the very data that it was learned from, and a failure
+to write it costs nothing but the time to learn it again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import logging
+import sqlite3
+from pathlib import Path
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io import scan_file
+from tactile_localizer.io.scan_lock import ScanLock
+
+_log = logging.getLogger(__name__)
+
+
+class LearnedResults:
+    """What was learned from one scan file, by key.
+
+    Parameters
+    ----------
+    path : the scan file. It is opened for each call only
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._is_reported = False
+
+    def load_learned(self, key: str, digest: str) -> bytes | None:
+        """The payload stored under ``key``, if it was learned from the data with ``digest`` and is undamaged.
+
+        Parameters
+        ----------
+        key : names what was learned, by which algorithm and version
+        digest : of the data, from :func:`~tactile_localizer.core.scan_digest.digest_of`
+        """
+        try:
+            connection = scan_file.open_existing(self.path, writable=False)
+        except ScanError:
+            return None
+        with contextlib.closing(connection):
+            try:
+                query = "SELECT payload, seal FROM learned WHERE key = ? AND digest = ?"
+                row = connection.execute(query, (key, digest)).fetchone()
+            except sqlite3.Error:  # no such table yet, or damage
+                return None
+        if row is None or not isinstance(row[0], bytes) or row[1] != _seal(key, digest, row[0]):
+            return None
+        return bytes(row[0])
+
+    def store_learned(self, key: str, digest: str, payload: bytes) -> bool:
+        """Store ``payload`` under ``key``, in place of what was there; whether that succeeded.
+
+        A file that cannot be written (read-only, on a full disk, or being recorded) is left as it is, and
+        the first such failure is logged as a warning. Never raises a :class:`ScanError`.
+
+        Parameters
+        ----------
+        key : names what was learned, by which algorithm and version
+        digest : of the data that it was learned from
+        payload : any bytes, JSON or npz for instance
+        """
+        try:
+            self._store(key, digest, payload)
+        except (ScanError, sqlite3.Error, OSError) as error:
+            if not self._is_reported:
+                _log.warning("%s: %s is not kept for the next start: %s", self.path, key, error)
+            self._is_reported = True
+            return False
+        return True
+
+    def _store(self, key: str, digest: str, payload: bytes) -> None:
+        lock = ScanLock(self.path)
+        try:
+            connection = scan_file.open_existing(self.path, writable=True)
+            try:
+                connection.execute("BEGIN IMMEDIATE")
+                connection.execute(scan_file.LEARNED_TABLE)
+                connection.execute(
+                    "INSERT OR REPLACE INTO learned VALUES (?, ?, ?, ?)",
+                    (key, digest, payload, _seal(key, digest, payload)),
+                )
+                connection.execute("COMMIT")
+            finally:
+                scan_file.close(connection)
+        finally:
+            lock.release()
+
+
+def _seal(key: str, digest: str, payload: bytes) -> bytes:
+    seal = hashlib.blake2b(f"{key}\0{digest}\0".encode(), digest_size=16)
+    seal.update(payload)
+    return seal.digest()

@@ -1,0 +1,137 @@
+"""What was learned from a scan is reused for the same data, and storing it never fails a localization."""
+
+import logging
+import sqlite3
+import threading
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import scans
+
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan_digest import digest_of
+from tactile_localizer.io import scan_lock
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.learned import LearnedResults
+
+SCENE = scans.scene()
+PAYLOAD = bytes(range(256)) * 8
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "scan.db"
+    states = np.random.default_rng(0).uniform(0.0, scans.SIDE, (20, 2))
+    with ScanStore.create(path, SCENE) as store:
+        store.begin_sweep()
+        store.append(np.arange(20), states, scans.strain_at(states))
+    return path
+
+
+def loaded(path) -> Scan:
+    with ScanStore.open(path) as store:
+        return store.load()
+
+
+def test_what_was_stored_is_loaded_for_the_same_data_only(path):
+    learned = LearnedResults(path)
+    assert learned.load_learned("widths 1", "a") is None
+    assert learned.store_learned("widths 1", "a", b"first")
+    assert learned.store_learned("widths 1", "b", PAYLOAD)
+    assert learned.store_learned("fit 1", "b", b"")
+    again = LearnedResults(path)
+    assert again.load_learned("widths 1", "b") == PAYLOAD
+    assert again.load_learned("fit 1", "b") == b""
+    assert again.load_learned("widths 1", "a") is None
+    assert again.load_learned("widths 2", "b") is None
+
+
+def test_the_pairs_stay_as_they_are(path):
+    before = digest_of(loaded(path), SCENE)
+    LearnedResults(path).store_learned("widths 1", before, PAYLOAD)
+    assert digest_of(loaded(path), SCENE) == before
+    assert [file.name for file in path.parent.iterdir()] == ["scan.db"]
+
+
+def test_a_file_from_before_there_was_such_a_table_gets_it(path):
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("DROP TABLE IF EXISTS learned")
+    learned = LearnedResults(path)
+    assert learned.load_learned("widths 1", "a") is None
+    assert learned.store_learned("widths 1", "a", PAYLOAD)
+    assert learned.load_learned("widths 1", "a") == PAYLOAD
+
+
+@pytest.mark.parametrize("column", ["payload", "digest", "key"])
+def test_a_damaged_result_is_not_used(path, column):
+    learned = LearnedResults(path)
+    learned.store_learned("widths 1", "a", PAYLOAD)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(f"UPDATE learned SET {column} = ?", (b"b" if column == "payload" else "b",))
+    asked = {"key": "widths 1", "digest": "a", column: "b"}
+    assert learned.load_learned(asked["key"], asked["digest"]) is None
+
+
+def test_a_file_that_is_being_recorded_is_left_alone_with_one_warning(path, caplog, monkeypatch):
+    monkeypatch.setattr(scan_lock, "PATIENCE_S", 0.0)
+    learned = LearnedResults(path)
+    with caplog.at_level(logging.WARNING), ScanStore.open(path, writable=True) as recorder:
+        recorder.begin_sweep()
+        assert not learned.store_learned("widths 1", "a", PAYLOAD)
+        assert not learned.store_learned("widths 1", "a", PAYLOAD)
+    assert len(caplog.messages) == 1
+    assert "widths 1 is not kept for the next start" in caplog.text
+    assert "expected to be its one writer" in caplog.text
+    assert learned.load_learned("widths 1", "a") is None
+
+
+def test_nothing_is_raised_where_the_file_cannot_be_used(tmp_path, caplog):
+    text = tmp_path / "text.db"
+    text.write_text("no database" * 1000)
+    for path in (text, tmp_path / "none.db", tmp_path, tmp_path / "none" / "scan.db"):
+        learned = LearnedResults(path)
+        assert learned.load_learned("widths 1", "a") is None
+        assert not learned.store_learned("widths 1", "a", PAYLOAD)
+    assert len(caplog.messages) == 4
+
+
+def test_a_recorder_waits_for_the_moment_that_storing_takes(path, monkeypatch):
+    monkeypatch.setattr(scan_lock, "PATIENCE_S", 10.0)
+    release = threading.Timer(0.05, scan_lock.ScanLock(path).release)
+    release.start()
+    ScanStore.open(path, writable=True).close()
+    release.join()
+
+
+def test_the_digest_tells_every_change_of_scan_and_scene(path):
+    scan = loaded(path)
+    digest = digest_of(scan, SCENE)
+    strain = scan.strain.copy()
+    strain[7, 3] = np.nextafter(strain[7, 3], 1.0)
+    states = scan.states.copy()
+    states[0, 0] += 1e-9
+    others = [
+        digest_of(replace(scan, strain=strain), SCENE),
+        digest_of(replace(scan, states=states), SCENE),
+        digest_of(replace(scan, sweep=scan.sweep + 1), SCENE),
+        digest_of(scan.select(np.arange(19)), SCENE),
+        digest_of(scan, replace(SCENE, name="other")),
+        digest_of(scan, replace(SCENE, measurement={"neighbours": 7})),
+        digest_of(scan, replace(SCENE, phalanges=SCENE.phalanges[:1])),
+    ]
+    assert len({digest, *others}) == 1 + len(others)
+
+
+def test_equal_scans_and_scenes_have_equal_digests(path):
+    scan = loaded(path)
+    same = Scan(
+        np.asfortranarray(scan.states), scan.strain, scan.sweep.astype(np.int32), scan.axes, scan.phalanges
+    )
+    given = {"position_std": [0.001, 0.002], "correlation_length": 1}
+    as_numpy = {"correlation_length": np.float64(1.0), "position_std": np.array([0.001, 0.002])}
+    assert digest_of(scan, replace(SCENE, measurement=given)) == digest_of(
+        same, replace(SCENE, measurement=as_numpy)
+    )
+    assert digest_of(scan, SCENE) == digest_of(loaded(path), scans.scene())
