@@ -17,7 +17,8 @@ HEAD = """\
 `make docs` writes this page from the nodes' own descriptors; `ros2 param describe NODE NAME` shows the same
 of a running node. Parameters marked *live* may be set at any time. The others are read when a node
 configures and refused, with the reason, while it is configured. A value of the wrong type or out of its
-range is refused too, and a name that the node does not have is ignored with a warning.
+range is refused too, and a name that the node does not have is ignored with a warning. A list of strings
+without entries is `"['']"` on the command line, which cannot give `[]` a type.
 
 The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them. What a
 scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
@@ -36,7 +37,6 @@ def page() -> str:
     rclpy.init()
     nodes = [kind() for kind in NODES]
     try:
-        nodes[0].trigger_configure()  # the driver has a parameter a phalanx from then on
         declared = [list(node.parameters) for node in nodes]
         titles = [title(node) for node in nodes]
     finally:

@@ -97,17 +97,13 @@ class DriverNode(ManagedNode):
         self._driver: LoadCellDriver | None = None
         self._timer: Any = None  # of the diagnostics; there while the node is active
         self._made: list = []  # services, destroyed in cleanup
+        self._declare_messages()
 
     def configure(self) -> None:
         """Read the DBC and the stored tare, make publishers and services."""
+        self._declare_messages()  # of phalanges that were named since
         parameters = self.parameters
         phalanges = parameters["phalanges"]
-        parameters.declare(
-            Parameter(
-                f"messages.{name}", [], f"DBC messages of {name}; empty: those called {name}, {name}_a, ..."
-            )
-            for name in phalanges
-        )
         protocol = LoadCellProtocol.from_dbc(
             given_or_shipped(parameters["dbc"], "config"),
             phalanges,
@@ -178,6 +174,15 @@ class DriverNode(ManagedNode):
                 self.destroy_publisher(publisher)
         self._made = []
         self._driver = None
+
+    def _declare_messages(self) -> None:
+        """One parameter per phalanx: the messages that carry it."""
+        self.parameters.declare(
+            Parameter(
+                f"messages.{name}", [], f"DBC messages of {name}; empty: those called {name}, {name}_a, ..."
+            )
+            for name in self.parameters["phalanges"]
+        )
 
     def _publish(self, cycle: Cycle) -> None:
         message = self._message

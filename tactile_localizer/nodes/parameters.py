@@ -27,7 +27,8 @@ class Parameter:
     Parameters
     ----------
     name : with dots for a group
-    default : a bool, int, float, str, or list; its type is the parameter's. An empty list is one of strings
+    default : a bool, int, float, str, or list; its type is the parameter's. An empty list is one of strings,
+        for which ``['']`` stands too: the command line cannot give an empty list a type
     description : one sentence, for people
     unit : SI unit, empty where there is none
     lower, upper : ends of the range of an int or a float, both allowed
@@ -85,7 +86,10 @@ class Parameters:
         self.declare(declared)
 
     def declare(self, declared: Iterable[Parameter]) -> None:
-        """Declare more parameters, such as a group a phalanx. Those declared already are left alone."""
+        """Declare more parameters, such as a group per phalanx. Those declared already are left alone.
+
+        Each has a value at once: one without would empty the whole answer of ``get_parameters``.
+        """
         for parameter in declared:
             if parameter.name in self._declared:
                 continue
@@ -106,6 +110,8 @@ class Parameters:
                 raise ParameterError(
                     f"parameter {parameter.name}: {_reason(error, parameter.name)}"
                 ) from error
+            if not self._has_value(parameter.name):
+                self._node.set_parameters([rclpy.Parameter(parameter.name, default, [])])
 
     def __iter__(self) -> Iterator[Parameter]:
         """What is declared, in its order."""
@@ -125,8 +131,13 @@ class Parameters:
         ]
 
     def __getitem__(self, name: str) -> Any:
-        value = self._node.get_parameter_or(name).value
-        return list(value or ()) if isinstance(self._declared[name].default, list) else value
+        value = self._node.get_parameter(name).value
+        if self._declared[name].default == []:
+            return [entry for entry in value if entry]
+        return list(value) if isinstance(self._declared[name].default, list) else value
+
+    def _has_value(self, name: str) -> bool:
+        return self._node.get_parameter_or(name).value is not None
 
     def _check(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
         for change in changes:
@@ -138,7 +149,7 @@ class Parameters:
                     f"{change.name}: expected one of {', '.join(parameter.choices)}, got {change.value!r}"
                 )
                 return SetParametersResult(successful=False, reason=reason)
-            if self._configured() and not parameter.live and self._node.has_parameter(change.name):
+            if self._configured() and not parameter.live and self._has_value(change.name):
                 reason = (
                     f"{change.name}: expected to be set before the node is configured, and it is configured"
                 )

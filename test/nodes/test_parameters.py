@@ -1,4 +1,4 @@
-"""Parameters given to a node: what it does not have is said, not swallowed."""
+"""Parameters of the nodes as other nodes see them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,6 +6,30 @@ from typing import Any
 import pytest
 
 pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("node", ["driver", "filter", "mapping", "simulator"])
+def test_all_parameters_can_be_read_back(node_process: Callable[..., Any], probe: Any, node: str) -> None:
+    from rcl_interfaces.msg import ParameterType
+    from rcl_interfaces.srv import GetParameters, ListParameters
+
+    node_process(f"{node}_node", {"autostart": False})
+    names = probe.call(ListParameters, f"{node}/list_parameters").result.names
+    values = probe.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)).values
+    assert len(values) == len(names) > 10
+    assert all(value.type != ParameterType.PARAMETER_NOT_SET for value in values)
+
+
+def test_a_list_of_one_empty_string_is_empty(refusal: Callable[..., list[str]], tmp_path: Any) -> None:
+    scan = tmp_path / "none.db"
+    lines = refusal("filter_node", {"candidate_scan_files": ["''"], "scan_file": scan})
+    assert any(f"{scan}: expected a scan file, found none" in line for line in lines), lines
+
+
+def test_an_empty_list_is_a_value(refusal: Callable[..., list[str]], tmp_path: Any) -> None:
+    scan = tmp_path / "none.db"
+    lines = refusal("filter_node", {"candidate_scan_files": [], "scan_file": scan})
+    assert any(f"{scan}: expected a scan file, found none" in line for line in lines), lines
 
 
 def test_a_mistyped_parameter_is_named_with_the_one_that_may_be_meant(
