@@ -1,0 +1,465 @@
+"""Localization on recorded fabrics: the maps of a folder against recordings of like and unlike conditions.
+
+    scripts/in_env python benchmarks/fabrics.py DIR [--starts 30] [--json FILE]
+
+A folder holds ``<fabric>_F<force>_V<speed>mmps_<repeat>.csv``. A map is made of repeats 0 and 1 with a scene
+of bounds (the scan's length) and two phalanges of eight channels, nothing else; it is localized on repeat 2,
+from starts spaced evenly over what leaves 165 mm of travel (half its length, where a recording is shorter
+than 330 mm). Of material that has no repeat 1, the first recording is localized on the maps of other fabrics.
+The localizer is reset at each start and gets displacements without noise.
+
+A row is a pair of a map and a recording, and its ``kind`` what differs: ``own`` nothing, ``speed`` the speed,
+``force`` the force, ``wrong`` the fabric (recordings of the map's signed speed, else of the nearest). *Right*
+is an error of at most 5 mm; on a wrong fabric nothing is. *False* is converged and not right. Shares are
+between 0 and 1, and over all starts:
+
+``found``
+    right after the last strain, converged or not
+``error_80_mm``, ``error_160_mm``
+    median error at the first strain after so much travel, mm
+``converged_right_end``, ``converged_false_end``
+    converged and right, converged and not right, after the last strain
+``converged_false_starts``
+    false after at least one strain
+``converged_false_strains``
+    share of all strains, of all starts together, after which the estimate is false
+``coverage``
+    share of the strains after which the estimate is converged whose 95 % region, mean +- 1.96 standard
+    deviations, holds the true position; none where it never converges
+``coverage_40_mm``
+    the same of all strains after 40 mm of travel, converged or not
+``travel_to_convergence_mm``
+    median travel at the first strain that is converged, right or not, mm; a start that never converges counts
+    as infinite, and a median that is infinite is none
+``choosing_s``
+    processor time of building the localizer, parameters chosen, s
+``update_us``
+    median processor time of a measurement update, us
+
+``--kidnap``: after 80 mm the hand is put down at least 100 mm away, without a reset and without a
+displacement. Rows of kind ``own`` and ``speed`` then have
+
+``right_before``
+    converged and right at the last strain before
+``again_40_mm``
+    converged and right at some strain within 40 mm of travel after
+``travel_again_mm``
+    median travel after until then, mm; none where it is infinite
+``false_40_mm``
+    false at 40 mm of travel after
+
+The file of ``--json`` has ``arguments``, ``rows`` and ``totals`` (of each kind: shares averaged over its
+rows, medians of its other measures, and the worst of each).
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from fabric_recordings import (
+    KINDS,
+    Condition,
+    FabricMap,
+    Pair,
+    Perturbation,
+    Sweep,
+    cut,
+    find_conditions,
+    find_pairs,
+    load_map,
+    load_sweep,
+)
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.io.whole_file import whole_file
+
+TRAVEL = 0.165
+"""m, from each start."""
+RIGHT = 0.005
+"""m of error."""
+KIDNAPPED, AWAY, AGAIN = 0.08, 0.1, 0.04
+"""m: travel before the hand is put down elsewhere, least distance of that, travel to converge again."""
+
+_QUANTILE = 1.96
+_SETTLED = 0.04
+"""m of travel from which coverage is measured whether or not the estimate is converged."""
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Track:
+    """One start: what was estimated after each of n strains.
+
+    Parameters
+    ----------
+    travel : (n,) m since the start
+    error : (n,) m; infinite on a wrong fabric
+    covered, converged : (n,) bool
+    update_s : (m,) processor time of the measurement updates
+    """
+
+    travel: np.ndarray
+    error: np.ndarray
+    covered: np.ndarray
+    converged: np.ndarray
+    update_s: np.ndarray
+
+    @property
+    def right(self) -> np.ndarray:
+        """Converged and right: (n,) bool."""
+        return self.converged & (self.error <= RIGHT)
+
+    @property
+    def false(self) -> np.ndarray:
+        """Converged and not right: (n,) bool."""
+        return self.converged & (self.error > RIGHT)
+
+    def at(self, travel: float) -> int | None:
+        """Index of the first strain after so much travel; ``None`` where the track is shorter."""
+        index = int(np.searchsorted(self.travel, travel))
+        return index if index < len(self.travel) else None
+
+
+def localize(localizer: Localizer, sweep: Sweep, travel: np.ndarray, wrong: bool) -> Track:
+    """Localize a recording, from a uniform prior; ``travel`` (n,) m is what the arm reports."""
+    localizer.reset()
+    means, stds, converged, seconds = [], [], [], []
+    for stamp_ns, displaced, strain in zip(sweep.stamp_ns.tolist(), travel, sweep.strain, strict=True):
+        position = np.array([displaced])
+        began = time.thread_time()
+        estimate = localizer.update(stamp_ns, position, strain)
+        taken = time.thread_time() - began
+        means.append(float(estimate.mean[0]))
+        stds.append(float(np.sqrt(estimate.covariance[0, 0])))
+        converged.append(bool(estimate.converged))
+        if estimate.updated:
+            seconds.append(taken)
+    error = np.abs(np.array(means) - sweep.position)
+    return Track(
+        travel=travel,
+        error=np.full_like(error, np.inf) if wrong else error,
+        covered=error <= _QUANTILE * np.array(stds),
+        converged=np.array(converged),
+        update_s=np.array(seconds),
+    )
+
+
+def starts_of(sweep: Sweep, length: float, count: int) -> tuple[np.ndarray, float]:
+    """Positions of the starts, m, and the travel from each, m, on the first ``length`` m of a recording."""
+    length = min(length, float(sweep.position[-1]))
+    travel = min(TRAVEL, length / 2)
+    return np.linspace(0.0, length - travel, count), travel
+
+
+def from_all_starts(
+    localizer: Localizer, sweep: Sweep, length: float, count: int, wrong: bool
+) -> list[Track]:
+    """Tracks from starts that are spaced evenly."""
+    starts, travel = starts_of(sweep, length, count)
+    parts = [cut(sweep, start, start + travel) for start in starts]
+    return [localize(localizer, part, part.position - part.position[0], wrong) for part in parts]
+
+
+def measures(tracks: Sequence[Track], wrong: bool) -> Row:
+    """The measures of a row, as the module's docstring defines them."""
+    converged = np.concatenate([track.converged for track in tracks])
+    false = np.concatenate([track.false for track in tracks])
+    covered = np.concatenate([track.covered for track in tracks])
+    settled = np.concatenate([track.travel >= _SETTLED for track in tracks])
+    return {
+        "found": None if wrong else _mean([track.error[-1] <= RIGHT for track in tracks]),
+        "error_80_mm": None if wrong else _error_mm(tracks, 0.08),
+        "error_160_mm": None if wrong else _error_mm(tracks, 0.16),
+        "converged_right_end": None if wrong else _mean([track.right[-1] for track in tracks]),
+        "converged_false_end": _mean([track.false[-1] for track in tracks]),
+        "converged_false_starts": _mean([track.false.any() for track in tracks]),
+        "converged_false_strains": _mean(false),
+        "coverage": None if wrong else _mean(covered[converged]),
+        "coverage_40_mm": None if wrong else _mean(covered[settled]),
+        "travel_to_convergence_mm": _median_mm([_first(track.travel, track.converged) for track in tracks]),
+    }
+
+
+def kidnapped(localizer: Localizer, sweep: Sweep, length: float, count: int) -> Row:
+    """The measures of ``--kidnap``."""
+    starts, travel = starts_of(sweep, length, count)
+    before, again, false, taken = [], [], [], []
+    for number, start in enumerate(starts):
+        left = start + KIDNAPPED
+        elsewhere = starts[np.abs(starts - left) >= AWAY]
+        if not len(elsewhere):
+            continue
+        put_down = np.random.default_rng(number).choice(elsewhere)
+        first = cut(sweep, start, left)
+        second = cut(sweep, put_down, put_down + travel - KIDNAPPED)
+        track = localize(localizer, *_joined(first, second), wrong=False)
+        n = len(first.position)
+        since = track.travel[n:] - track.travel[n]
+        before.append(track.right[n - 1])
+        taken.append(_first(since, track.right[n:]))
+        again.append(taken[-1] <= AGAIN)
+        at = min(int(np.searchsorted(since, AGAIN)), len(since) - 1)
+        false.append(track.false[n + at])
+    return {
+        "right_before": _mean(before),
+        "again_40_mm": _mean(again),
+        "travel_again_mm": _median_mm(taken),
+        "false_40_mm": _mean(false),
+    }
+
+
+def _joined(first: Sweep, second: Sweep) -> tuple[Sweep, np.ndarray]:
+    """One sweep after the other without a displacement between them, and the travel that the arm reports."""
+    step_ns = first.stamp_ns[-1] - first.stamp_ns[-2]
+    stamp_ns = second.stamp_ns - second.stamp_ns[0] + first.stamp_ns[-1] + step_ns
+    gone = first.position - first.position[0]
+    joined = Sweep(
+        np.concatenate([first.stamp_ns, stamp_ns]),
+        np.concatenate([first.position, second.position]),
+        np.concatenate([first.strain, second.strain]),
+    )
+    return joined, np.concatenate([gone, gone[-1] + second.position - second.position[0]])
+
+
+def measure_map(
+    mapped: Condition,
+    pairs: Sequence[Pair],
+    configuration: Configuration,
+    perturbation: Perturbation,
+    starts: int,
+    kidnap: bool,
+) -> list[Row]:
+    """The rows of one map."""
+    fabric = load_map(mapped, perturbation.scale)
+    began = time.process_time()
+    localizer = build_localizer(fabric.scan, fabric.scene, configuration, np.random.default_rng(0))
+    choosing_s = time.process_time() - began
+    return [
+        {
+            "map": mapped.name,
+            "recording": pair.recording.name,
+            "kind": pair.kind,
+            "starts": starts,
+            "choosing_s": choosing_s,
+            **_measure_pair(localizer, fabric, pair, perturbation, starts, kidnap),
+        }
+        for pair in pairs
+    ]
+
+
+def _measure_pair(
+    localizer: Localizer, fabric: FabricMap, pair: Pair, perturbation: Perturbation, starts: int, kidnap: bool
+) -> Row:
+    wrong = pair.kind == "wrong"
+    assert pair.recording.tested is not None
+    sweep = perturbation.of(load_sweep(pair.recording.tested, pair.recording.speed), fabric.noise_width)
+    length = float(sweep.position[-1]) if wrong else fabric.length
+    if kidnap:
+        return kidnapped(localizer, sweep, length, starts)
+    tracks = from_all_starts(localizer, sweep, length, starts, wrong)
+    seconds = np.concatenate([track.update_s for track in tracks])
+    return {**measures(tracks, wrong), "update_us": 1e6 * float(np.median(seconds))}
+
+
+def _first(travel: np.ndarray, holds: np.ndarray) -> float:
+    """Travel at the first strain for which something holds; infinite where it never does."""
+    return float(travel[np.argmax(holds)]) if holds.any() else np.inf
+
+
+def _error_mm(tracks: Sequence[Track], travel: float) -> float | None:
+    errors = [track.error[at] for track in tracks if (at := track.at(travel)) is not None]
+    return _median_mm(errors)
+
+
+def _median_mm(values: Sequence[float]) -> float | None:
+    median = float(np.median(values)) if len(values) else np.inf
+    return 1e3 * median if np.isfinite(median) else None
+
+
+def _mean(values: Any) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+_SHARES = {
+    "found": "found",
+    "converged_right_end": "right end",
+    "converged_false_end": "false end",
+    "converged_false_starts": "false starts",
+    "converged_false_strains": "false strains",
+    "coverage": "cover",
+    "coverage_40_mm": "cover 40 mm",
+    "right_before": "right before",
+    "again_40_mm": "again in 40 mm",
+    "false_40_mm": "false at 40 mm",
+}
+_OTHERS = {
+    "error_80_mm": "80 mm",
+    "error_160_mm": "160 mm",
+    "travel_to_convergence_mm": "to conv., mm",
+    "travel_again_mm": "to again, mm",
+    "choosing_s": "choosing, s",
+    "update_us": "update, us",
+}
+_LOWEST_IS_WORST = ("found", "converged_right_end", "right_before", "again_40_mm")
+_HONEST = (0.90, 0.99)
+"""Coverage of the 95 % region that is asked for; the worst is farthest from it."""
+
+_RIGHT_ASKED = {
+    "found": ">= .97",
+    "error_160_mm": "<= 1",
+    "converged_right_end": ">= .95",
+    "converged_false_end": "0",
+    "converged_false_starts": "<= .005",
+    "coverage": ".90-.99",
+    "travel_to_convergence_mm": "<= 20",
+    "travel_again_mm": "<= 40",
+}
+_ASKED = {
+    "own": _RIGHT_ASKED,
+    "speed": _RIGHT_ASKED,
+    "force": {"converged_false_starts": "<= .005"},
+    "wrong": {"converged_false_starts": "<= .02", "converged_false_strains": "<= .001"},
+}
+
+
+def totals(rows: Sequence[Row]) -> list[Row]:
+    """Of each kind: shares averaged and medians of other measures over its rows, and the worst of each."""
+    answer = []
+    for kind in KINDS:
+        own = [row for row in rows if row["kind"] == kind]
+        for name, summary in (("all", _typical), ("worst", _worst)):
+            if own:
+                values = {
+                    key: summary(key, [row[key] for row in own if row[key] is not None])
+                    for key in own[0]
+                    if key in _SHARES or key in _OTHERS
+                }
+                answer.append({"kind": kind, "over": name, "rows": len(own), **values})
+    return answer
+
+
+def _typical(key: str, values: list[float]) -> float | None:
+    if not values:
+        return None
+    return float(np.mean(values) if key in _SHARES else np.median(values))
+
+
+def _worst(key: str, values: list[float]) -> float | None:
+    if key.startswith("coverage"):
+        return max(values, key=lambda share: max(_HONEST[0] - share, share - _HONEST[1]), default=None)
+    return (min if key in _LOWEST_IS_WORST else max)(values, default=None)
+
+
+def show(rows: Sequence[Row], console: Console) -> None:
+    """Print the rows, and below them the totals of each kind with what is asked for."""
+    columns = [key for key in rows[0] if key in _SHARES or key in _OTHERS]
+    table = Table()
+    for heading in ("map", "recording", "kind", "starts"):
+        table.add_column(heading, no_wrap=True)
+    for key in columns:
+        table.add_column({**_SHARES, **_OTHERS}[key], justify="right", min_width=7)
+    for row in rows:
+        names = [row["map"], row["recording"], row["kind"], str(row["starts"])]
+        table.add_row(*names, *(_text(key, row[key]) for key in columns))
+    table.add_section()
+    for row in totals(rows):
+        names = [row["kind"], row["over"], "", str(row["rows"]) if row["over"] == "all" else ""]
+        table.add_row(*names, *(_text(key, row[key]) for key in columns))
+        if row["over"] == "worst":
+            asked = [_ASKED[row["kind"]].get(key, "") for key in columns]
+            table.add_row("", "asked for", "", "", *asked, end_section=True)
+    console.print(table)
+
+
+def _text(key: str, value: float | None) -> str:
+    if value is None:
+        return "-"
+    if key in _SHARES:
+        return f"{value:.4f}" if key == "converged_false_strains" else f"{value:.3f}"
+    return f"{value:.0f}" if key == "update_us" else f"{value:.2f}"
+
+
+def _matching(patterns: Sequence[str]) -> Callable[[Condition], bool]:
+    return lambda condition: any(fnmatch(condition.name, pattern) for pattern in patterns)
+
+
+def measure(pairs: Sequence[Pair], jobs: int, *arguments: Any) -> Iterator[list[Row]]:
+    """The rows of each map as they are finished, a process for each of ``jobs``."""
+    by_map: dict[Condition, list[Pair]] = {}
+    for pair in pairs:
+        by_map.setdefault(pair.map, []).append(pair)
+    calls = [joblib.delayed(measure_map)(mapped, own, *arguments) for mapped, own in by_map.items()]
+    with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
+        results = joblib.Parallel(return_as="generator_unordered", batch_size=1)(calls)
+        yield from track(results, "maps", total=len(calls), console=Console(stderr=True))
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.add_argument("--starts", type=int, default=30)
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes, a map each at a time")
+    parser.add_argument("--maps", nargs="+", default=["*"], metavar="PATTERN", help="such as 'Linen_F250_V*'")
+    parser.add_argument("--recordings", nargs="+", default=["*"], metavar="PATTERN")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--kidnap", action="store_true", help="put the hand down elsewhere after 80 mm")
+    parser.add_argument(
+        "--every", type=int, default=1, metavar="K", help="use each K-th sample of recordings"
+    )
+    parser.add_argument("--resample", type=float, metavar="HZ", help="interpolate recordings to this rate")
+    parser.add_argument("--speed", type=float, default=1.0, help="replay recordings so many times as fast")
+    parser.add_argument("--scale", type=float, default=1.0, help="multiply all strains, also the maps'")
+    parser.add_argument(
+        "--offset", type=float, default=0.0, help="of the recordings' strains, in noise widths"
+    )
+    given = parser.parse_args()
+    on_map, recorded = _matching(given.maps), _matching(given.recordings)
+    kinds = [kind for kind in given.kinds if not given.kidnap or kind in ("own", "speed")]
+    pairs = [
+        pair
+        for pair in find_pairs(find_conditions(given.folder))
+        if on_map(pair.map) and recorded(pair.recording) and pair.kind in kinds
+    ]
+    if not pairs:
+        parser.error("expected a map and a recording, found none that match")
+    configuration = load_configuration(None if given.configuration == "default" else given.configuration)
+    perturbation = Perturbation(given.every, given.resample, given.speed, given.scale, given.offset)
+    rows: list[Row] = []
+    for own in measure(pairs, given.jobs, configuration, perturbation, given.starts, given.kidnap):
+        rows = sorted(rows + own, key=lambda row: (KINDS.index(row["kind"]), row["map"], row["recording"]))
+        if given.json is not None:
+            document = {"arguments": vars(given), "rows": rows, "totals": totals(rows)}
+            with whole_file(given.json) as unfinished:
+                unfinished.write_text(json.dumps(document, indent=2, default=str) + "\n")
+    console = Console()
+    console.width = max(console.width, 220)  # also where the output is a file
+    show(rows, console)
+
+
+if __name__ == "__main__":
+    main()
