@@ -24,6 +24,12 @@ AXIS_NAMES = ("x", "y", "yaw")
 DEFAULT_MOTION_STD = 0.003
 """m (or rad) of unknown motion, one sigma, after 1 m of travel, where a scene gives none."""
 
+LARGEST_POSITION = 1e3
+"""m or rad: positions, bounds and offsets beyond this are taken for damage or a wrong unit and refused."""
+
+LARGEST_STRAIN = 1e10
+"""V, or the strain's own unit: more than the counts of a 32-bit converter. Beyond it values are refused."""
+
 FLOAT = np.float64
 
 

@@ -20,8 +20,11 @@ from tactile_localizer.evaluation.display import INCH_MM, MM
 from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.new_scan import new_scan
 from tactile_localizer.io.scan_export import export_scan
-from tactile_localizer.io.scan_store import ScanStore, SweepInfo
-from tactile_localizer.io.scene_file import save_scene, scene_to_dict
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.repair import repair
+from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scene_file import load_scene, save_scene, scene_to_dict
+from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
 NAME = "scan"
@@ -48,6 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     drop.add_argument("scan", metavar="SCAN")
     drop.add_argument("numbers", nargs="+", type=int, metavar="NUMBER")
     drop.add_argument("--undo", action="store_true", help="take them back in")
+    mend = action(
+        "repair", "keep what is whole of a damaged file; the damaged one is kept beside it", _repair
+    )
+    mend.add_argument("scan", metavar="SCAN")
+    mend.add_argument("--scene", metavar="SCENE", help="the scan's scene (YAML), where its header is damaged")
     merge = action("merge", "put the sweeps of several files of one scene into a new one", _merge)
     merge.add_argument("scans", nargs="+", metavar="SCAN")
     merge.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
@@ -86,6 +94,8 @@ def _info(args: argparse.Namespace) -> int:
         print(f"  scene      {scene.name}: {bounds}")
         print(f"  phalanges  {', '.join(scene.phalanx_names)}, strain in {store.units['strain']}")
         print(f"  recorded   {_when(sweeps)}")
+        if not store.has_checksums:
+            print("  checksums  none: made by an earlier version; the file gets them when it is written to")
         for at, what, detail in store.history():
             print(f"  history    {at} {what}{_detail(detail)}")
             for note in detail.get("notes", ()):
@@ -147,6 +157,19 @@ def _drop(args: argparse.Namespace) -> int:
             store.drop_sweep(number, dropped=not args.undo)
         left = [sweep for sweep in store.sweeps() if not sweep.dropped]
     print(f"{args.scan}: {sum(sweep.pairs for sweep in left)} pairs in {len(left)} sweeps")
+    return 0
+
+
+def _repair(args: argparse.Namespace) -> int:
+    scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
+    report = repair(args.scan, scene)
+    if report.damaged is None:
+        print(f"{args.scan}: nothing to repair, {report.pairs} pairs in {report.sweeps} sweeps are whole")
+        return 0
+    for note in report.notes:
+        print(f"  {note}")
+    print(f"{args.scan}: kept {report.pairs} pairs in {report.sweeps} sweeps")
+    print(f"the damaged file is now {report.damaged}")
     return 0
 
 

@@ -14,7 +14,7 @@ from tactile_localizer.core.coverage import Coverage
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import sweep_distance
 from tactile_localizer.evaluation.display import MM, shown
-from tactile_localizer.io.scan_store import SweepInfo
+from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.scene import GAUGES, Scene
 
 _FEWEST = 50

@@ -13,7 +13,7 @@ import numpy as np
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import GAUGES, LARGEST_STRAIN, Scene
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,8 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
     Screening
         ``keep`` is (n,) bool. A sample counts under its first reason: missing, saturated, outside.
     """
-    felt = np.isfinite(strain).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
+    # Values of impossible size count as missing; those that are not finite compare false.
+    felt = (np.abs(strain) <= LARGEST_STRAIN).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
     in_range = ~np.any(status & SATURATED, axis=1)
     # A position that is not finite compares false and so counts as outside.
     inside = np.all((position >= scene.lower) & (position <= scene.upper), axis=1)

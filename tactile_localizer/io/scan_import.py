@@ -81,7 +81,9 @@ def _left_out(recording: Recording, scene: Scene, screenings: Sequence[Screening
         f"with a palm position outside the scene's bounds{_reach(recording, scene)}": sum(
             screening.outside for screening in screenings
         ),
-        "with missing strain": sum(screening.missing for screening in screenings),
+        "with missing strain, or strain of impossible size": sum(
+            screening.missing for screening in screenings
+        ),
         "with saturated strain": sum(screening.saturated for screening in screenings),
         "without a palm pose near enough in time": gaps,
     }

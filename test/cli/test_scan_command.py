@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from support.old_scans import make_old
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.scan_store import ScanStore
@@ -51,6 +52,35 @@ def test_info_tells_totals_origin_and_what_may_need_mending(scan, capsys):
         "uneven spacing",
     ):
         assert text in output
+
+
+def test_repair_names_the_sweep_that_lost_a_part_and_keeps_the_rest(scan, capsys):
+    assert main(["scan", "repair", "scan.db"]) == 0
+    assert capsys.readouterr().out == "scan.db: nothing to repair, 505 pairs in 5 sweeps are whole\n"
+    content = scan.read_bytes()
+    with ScanStore.open("scan.db") as store:
+        strain = store.recording().sweeps[2].strain.tobytes()
+    place = content.index(strain[:64])
+    scan.write_bytes(content[:place] + b"damaged!" + content[place + 8 :])
+    assert main(["scan", "info", "scan.db"]) == 2
+    assert "error: scan.db: sweep 3 damaged, 1 of 1 parts cannot be read" in capsys.readouterr().err
+    assert main(["scan", "repair", "scan.db"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [
+        "  sweep 3: lost 1 of 1 parts",
+        "scan.db: kept 404 pairs in 4 sweeps",
+        "the damaged file is now scan.db.damaged",
+    ]
+    assert main(["scan", "info", "scan.db"]) == 0
+
+
+def test_a_file_from_before_there_were_checksums_says_so(scan, capsys):
+    make_old(scan)
+    main(["scan", "info", "scan.db"])
+    assert "checksums  none" in capsys.readouterr().out
+    main(["scan", "drop-sweep", "scan.db", "1"])
+    main(["scan", "info", "scan.db"])
+    assert "checksums" not in capsys.readouterr().out
 
 
 def test_info_of_a_file_without_pairs_says_so(tmp_path, capsys):

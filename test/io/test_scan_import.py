@@ -45,7 +45,7 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
         "one note",
         "left out 2 of 14 samples with a palm position outside the scene's bounds"
         " (x is -0.1 to 1.1, bounds 0 to 1)",
-        "left out 3 of 14 samples with missing strain",
+        "left out 3 of 14 samples with missing strain, or strain of impossible size",
         "left out 1 of 14 samples with saturated strain",
         "left out 4 of 14 samples without a palm pose near enough in time",
     )

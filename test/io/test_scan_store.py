@@ -114,7 +114,7 @@ def test_what_is_appended_while_a_scan_is_loaded_waits_for_the_next_time(tmp_pat
         writer.begin_sweep()
 
         def append_before(statement: str) -> None:
-            if statement.startswith("SELECT sweep"):
+            if statement.startswith("SELECT id"):
                 writer.append(*pairs(5))
                 writer.commit()
 
@@ -367,9 +367,9 @@ def descriptors_of(path: Path) -> list[str]:
         (lambda path: path.mkdir(), "expected a scan file, found a directory"),
         (foreign_text, "expected a scan file, file is not a database"),
         (foreign_database, "found a database of another program"),
-        (newer_scan, "expected a scan file of schema version 1, found 99"),
+        (newer_scan, "expected a scan file of schema version 1 to 2, found 99"),
         (header_without_scene, "could not read its header"),
-        (header_of_something_else, "could not read its header: axes: expected a mapping"),
+        (header_of_something_else, "could not read its header: the checksum does not fit"),
         (header_that_is_cut_off, "could not read its header"),
     ],
 )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import logging
-import sqlite3
 from pathlib import Path
 
 from tactile_localizer.errors import ScanError
@@ -47,7 +46,7 @@ class LearnedResults:
             try:
                 query = "SELECT payload, seal FROM learned WHERE key = ? AND digest = ?"
                 row = connection.execute(query, (key, digest)).fetchone()
-            except sqlite3.Error:  # no such table yet, or damage
+            except scan_file.SQLITE_ERRORS:  # no such table yet, or damage
                 return None
         if row is None or not isinstance(row[0], bytes) or row[1] != _seal(key, digest, row[0]):
             return None
@@ -67,7 +66,7 @@ class LearnedResults:
         """
         try:
             self._store(key, digest, payload)
-        except (ScanError, sqlite3.Error, OSError) as error:
+        except (ScanError, *scan_file.SQLITE_ERRORS, OSError) as error:
             if not self._is_reported:
                 _log.warning("%s: %s is not kept for the next start: %s", self.path, key, error)
             self._is_reported = True
