@@ -1,43 +1,61 @@
 """What the launch files have in common: nodes with described arguments, in any namespace.
 
-Only the launch files import this; it needs ``launch`` and ``launch_ros``, which a ROS 2 distribution has.
+A node that ends while the launch goes on ends the launch with exit status 1. Only the launch files import
+this; it needs ``launch`` and ``launch_ros``, which a ROS 2 distribution has.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from typing import Any
 
-import yaml
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
+from launch.events.process import ProcessExited
 from launch.logging import get_logger
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+from launch_ros.actions import LifecycleNode
 
 from launch import LaunchContext, LaunchDescription
-from tactile_localizer.resources import given_or_shipped, resource_path
+from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.nodes.launch_arguments import (
+    Argument,
+    file,
+    mistyped,
+    positive,
+    scene,
+    strings,
+    switch,
+)
+from tactile_localizer.nodes.lifecycle import REFUSED
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.material import FEATURES
 
 _PACKAGE = "tactile_localizer"
+_RESPAWN_DELAY_S = 2.0
 
+NAMESPACE = Argument("namespace", "Namespace of the nodes, such as left; two hands have two")
+_RESPAWN = switch(
+    "respawn", "Start a node again that has crashed; not one that refuses its parameters", "false"
+)
+_LOG_LEVEL = Argument(
+    "log_level", "Of the nodes", "info", choices=("debug", "info", "warn", "error", "fatal")
+)
+_SWITCHES = (
+    switch("use_sim_time", "Take time from /clock", "false"),
+    switch("autostart", "Configure and activate the nodes; false leaves that to a lifecycle manager", "true"),
+)
+COMMON = (NAMESPACE, *_SWITCHES, _RESPAWN, _LOG_LEVEL)
+"""Arguments of every launch file."""
 
-@dataclass(frozen=True)
-class Argument:
-    """A launch argument that becomes a parameter of the same name, unless it is empty.
-
-    Parameters
-    ----------
-    name : of both
-    description : for ``--show-args``
-    default : empty: as the parameter file has it
-    kind : makes the parameter's value from the text
-    """
-
-    name: str
-    description: str
-    default: str = ""
-    kind: Callable[[str], Any] = str
+POSE_TOPIC = Argument("pose_topic", "Topic of the palm poses (geometry_msgs/PoseStamped)", "palm_pose")
+BUS = (
+    Argument("interface", "python-can interface of the load cells' bus, such as socketcan"),
+    Argument("channel", "Channel of the interface, such as can0"),
+    Argument("bus_options", "Further options, as a list: \"['bitrate=1000000']\"", kind=strings),
+)
+_SCENE_FILE = Argument(
+    "scene_file", "Scene (YAML): a path, or the name of one that comes with the package", kind=scene
+)
 
 
 @dataclass(frozen=True)
@@ -46,8 +64,8 @@ class Launched:
 
     Parameters
     ----------
-    name : the executable less ``_node``, and the parameter file in ``config/`` less ``.yaml``
-    arguments : those that become parameters of the node
+    name : of the node; the executable is ``{name}_node``, the parameter file ``config/{name}.yaml``
+    arguments : those that become parameters of the node, unless they are empty
     remapped : by topic, the launch argument that says what it is called
     fixed : parameters that the launch file decides
     when : name and value of a launch argument without which the node is not started
@@ -55,70 +73,58 @@ class Launched:
 
     name: str
     arguments: Sequence[Argument] = ()
-    remapped: Mapping[str, str] = field(default_factory=dict)
+    remapped: Mapping[str, Argument] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)
     when: tuple[str, str] | None = None
 
-    def start(self, context: LaunchContext) -> Node:
-        """The node, with the arguments as they were given."""
+    @property
+    def parameter_file(self) -> Argument:
+        """The argument that names the node's parameter file."""
+        shipped = str(resource_path(f"config/{self.name}.yaml"))
+        return Argument(f"{self.name}_params", f"Parameter file of the {self.name}", shipped, file)
 
-        def given(argument: str) -> str:
-            return str(LaunchConfiguration(argument).perform(context))
+    def is_wanted(self, context: LaunchContext) -> bool:
+        """Whether the launch arguments ask for the node."""
+        return self.when is None or context.launch_configurations[self.when[0]] == self.when[1]
 
-        parameters: dict[str, Any] = {
-            argument.name: argument.kind(given(argument.name))
-            for argument in self.arguments
-            if given(argument.name)
-        }
-        parameters |= self.fixed
-        for name in ("use_sim_time", "autostart"):
-            parameters.setdefault(name, yaml.safe_load(given(name)))
-        return Node(
+    def action(self, context: LaunchContext) -> LifecycleNode:
+        """Starts the node, with the arguments as they were given.
+
+        Raises
+        ------
+        ParameterError
+            An argument's text cannot be used; names the argument.
+        """
+        given = [*(a for a in self.arguments if a.text(context)), *_SWITCHES]
+        parameters = {a.name: a.value(context) for a in given} | dict(self.fixed)
+        respawn = _RESPAWN.value(context)
+        return LifecycleNode(
             package=_PACKAGE,
             executable=f"{self.name}_node",
-            namespace=given("namespace"),
-            parameters=[given(f"{self.name}_params"), parameters],
-            remappings=[(topic, given(argument)) for topic, argument in self.remapped.items()],
-            ros_arguments=["--log-level", given("log_level")],
-            respawn=yaml.safe_load(given("respawn")),
-            respawn_delay=2.0,
+            name=self.name,
+            namespace=NAMESPACE.text(context),
+            parameters=[self.parameter_file.value(context), parameters],
+            remappings=[(topic, argument.text(context)) for topic, argument in self.remapped.items()],
+            ros_arguments=["--log-level", _LOG_LEVEL.text(context)],
+            respawn=respawn,
+            respawn_delay=_RESPAWN_DELAY_S,
+            on_exit=_ending(self.name, respawn),
             output="screen",
         )
 
-
-COMMON = (
-    Argument("namespace", "Namespace of the nodes, such as left; two hands have two"),
-    Argument("use_sim_time", "Take time from /clock", "false"),
-    Argument(
-        "autostart", "Configure and activate the nodes; false leaves that to a lifecycle manager", "true"
-    ),
-    Argument("respawn", "Start a node again that has ended", "false"),
-    Argument("log_level", "Of the nodes: debug, info, warn, error", "info"),
-)
-POSE_TOPIC = Argument("pose_topic", "Topic of the palm poses (geometry_msgs/PoseStamped)", "palm_pose")
-BUS = (
-    Argument("interface", "python-can interface of the load cells' bus, such as socketcan"),
-    Argument("channel", "Channel of the interface, such as can0"),
-    Argument("bus_options", "Further options, as a list: \"['bitrate=1000000']\"", kind=yaml.safe_load),
-)
-SCENE_FILE = Argument(
-    "scene_file",
-    "Scene (YAML): a path, or the name of one that comes with the package",
-    kind=lambda name: str(given_or_shipped(name, "config/scenes")),
-)
 
 DRIVER = Launched(
     "driver",
     (
         *BUS,
         Argument("dbc", "CAN database: a path, or the name of one that comes with the package"),
-        Argument("phalanges", "Names of the load cells, as a list: [index, middle]", kind=yaml.safe_load),
+        Argument("phalanges", "Names of the load cells, as a list: [index, middle]", kind=strings),
     ),
 )
 MAPPING = Launched(
     "mapping",
-    (Argument("scan_file", "Scan file; recording goes on in one that exists"), SCENE_FILE),
-    {"palm_pose": "pose_topic"},
+    (Argument("scan_file", "Scan file; recording goes on in one that exists"), _SCENE_FILE),
+    {"palm_pose": POSE_TOPIC},
 )
 FILTER = Launched(
     "filter",
@@ -127,55 +133,54 @@ FILTER = Launched(
         Argument(
             "candidate_scan_files",
             "Scan files of several features, as a list, in place of scan_file: which is it?",
-            kind=yaml.safe_load,
+            kind=strings,
         ),
-        SCENE_FILE,
+        _SCENE_FILE,
         Argument("scan_directory", "Directory that ~/load_scan may read scan files from"),
     ),
-    {"palm_pose": "pose_topic"},
+    {"palm_pose": POSE_TOPIC},
 )
 SIMULATOR = Launched(
     "simulator",
     (
         *BUS,
-        Argument("feature", "What lies in the simulated material: bump, snap, grommet, seam or none"),
-        Argument("speed", "Simulated seconds in a second", kind=float),
+        Argument("feature", "What lies in the simulated material", choices=("", *FEATURES)),
+        Argument("speed", "Simulated seconds per second", kind=positive),
         Argument(
             "mode",
             "scan: sweeps to train on, with the mapping; localize: from unknown places, with the filter; "
             "none: to train on, with neither",
             "none",
             lambda mode: "localize" if mode == "localize" else "scan",
+            ("scan", "localize", "none"),
         ),
     ),
 )
 
 
-def nodes(*launched: Launched) -> LaunchDescription:
-    """A launch description that declares what the nodes need, once, and starts them."""
-    declared: dict[str, Argument] = {argument.name: argument for argument in COMMON}
+Beside = Callable[[LaunchContext, Sequence[LifecycleNode]], list[Any]]
+"""Makes what a launch file does beside its nodes, which it is given."""
+
+
+def nodes(
+    *launched: Launched, arguments: Sequence[Argument] = (), beside: Beside | None = None
+) -> LaunchDescription:
+    """A launch description that declares what the nodes need, once, and starts them.
+
+    Parameters
+    ----------
+    launched : the nodes
+    arguments : of the launch file itself
+    beside : makes further actions
+    """
+    declared = {argument.name: argument for argument in (*COMMON, *arguments)}
     for node in launched:
-        shipped = str(resource_path(f"config/{node.name}.yaml"))
-        name = f"{node.name}_params"
-        declared[name] = Argument(name, f"Parameter file of the {node.name}", shipped)
-        if node.remapped:
-            declared[POSE_TOPIC.name] = POSE_TOPIC
-        for argument in node.arguments:
+        for argument in (node.parameter_file, *node.remapped.values(), *node.arguments):
             declared.setdefault(argument.name, argument)
-    actions: list[Any] = [
-        DeclareLaunchArgument(argument.name, default_value=argument.default, description=argument.description)
-        for argument in declared.values()
-    ]
-    actions += [OpaqueFunction(function=_start, args=[node]) for node in launched]
-    description = LaunchDescription(actions)
+    description = LaunchDescription([argument.declaration() for argument in declared.values()])
     description.add_action(OpaqueFunction(function=_warn_of_mistyped, args=[description]))
+    description.add_action(OpaqueFunction(function=_start, args=[launched, beside]))
     return description
-
-
-def mistyped(given: Iterable[str], known: Sequence[str]) -> dict[str, str]:
-    """By unknown argument, the known one that it nearly is; a file that includes ours may have others."""
-    near = {name: get_close_matches(name, known, n=1, cutoff=0.8) for name in given if name not in known}
-    return {name: found[0] for name, found in near.items() if found}
 
 
 def _warn_of_mistyped(context: LaunchContext, description: LaunchDescription) -> None:
@@ -184,7 +189,20 @@ def _warn_of_mistyped(context: LaunchContext, description: LaunchDescription) ->
         get_logger("launch").warning(f"launch argument {name}: not known, did you mean {meant}?")
 
 
-def _start(context: LaunchContext, node: Launched) -> list[Node]:
-    if node.when is not None and LaunchConfiguration(node.when[0]).perform(context) != node.when[1]:
-        return []
-    return [node.start(context)]
+def _start(context: LaunchContext, launched: Sequence[Launched], beside: Beside | None) -> list[Any]:
+    """All nodes, or none where an argument cannot be used."""
+    started = [node.action(context) for node in launched if node.is_wanted(context)]
+    return [*started, *(beside(context, started) if beside else ())]
+
+
+def _ending(name: str, respawn: bool) -> Callable[[ProcessExited, LaunchContext], None]:
+    """Ends the launch with the node: launch's exit status is 1 where a handler raises, and 0 otherwise."""
+
+    def end(event: ProcessExited, context: LaunchContext) -> None:
+        if context.is_shutdown or (respawn and event.returncode != REFUSED):
+            return
+        raise TactileLocalizerError(
+            f"{name}: expected the node to go on, it ended with status {event.returncode}"
+        )
+
+    return end

@@ -28,6 +28,10 @@ _AUTOSTART = Parameter(
 )
 
 
+REFUSED = 2
+"""Exit status of a node that refuses its command line or its configuration: to start it again is no use."""
+
+
 class ManagedNode(LifecycleNode):
     """A lifecycle node whose transitions are four plain methods.
 
@@ -144,7 +148,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     Returns
     -------
     int
-        Exit status: 0, or 2 where the node could not be made, or refused to start by itself.
+        Exit status: 0, or :data:`REFUSED` where the node could not be made, or refused to start by itself.
     """
     spinning = threading.Event()
 
@@ -158,12 +162,12 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         rclpy.init(args=args)
     except RuntimeError as error:  # the command line's own mistakes
         print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
-        return 2
+        return REFUSED
     node = None
     try:
         node = make()
         if node.parameters["autostart"] and not node.start():
-            return 2
+            return REFUSED
         # What is there now stays: looking through it again for garbage would stop the stream for 50 ms.
         gc.collect()
         gc.freeze()
@@ -175,7 +179,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         pass
     except TactileLocalizerError as error:
         rclpy.logging.get_logger("tactile_localizer").error(str(error))
-        return 2
+        return REFUSED
     except RuntimeError:  # rclpy's own, where a signal comes while it prepares to wait
         if rclpy.ok():
             raise

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from support.probe import Probe
 from support.processes import Process
-from support.scenarios import BIN, SCENARIOS, Place, Scenario
+from support.scenarios import SCENARIOS, Place, Scenario, ros2_bag
 
 launch_pytest = pytest.importorskip(
     "launch_pytest", reason="launch_pytest is not installed: only a ROS 2 distribution has it"
@@ -30,7 +30,7 @@ FOLDER = Path(__file__).parents[2] / "launch"
 def launched(request: Any, place: Place, process: Any, monkeypatch: Any) -> Any:
     """A scenario's launch files, and what stands for hardware as processes beside them."""
     monkeypatch.setenv("ROS_HOME", str(place.folder))
-    monkeypatch.setenv("PATH", f"{os.environ['PATH']}{os.pathsep}{BIN}")  # ros2, where there is no other
+    monkeypatch.setenv("PATH", f"{Path(ros2_bag()).parent}{os.pathsep}{os.environ['PATH']}")
     scenario: Scenario = request.param
     actions = []
     for started in scenario.started(place):

@@ -1,6 +1,6 @@
-"""Plays a bag as ``ros2 bag play`` does, where no ROS 2 distribution is installed that has it.
+"""Plays a bag as ``ros2 bag play`` does, where there is none: it waits for no subscriber.
 
-    ros2 bag play BAG --clock HZ --rate R [--loop]
+    ros2 bag play BAG --clock HZ --rate R [--delay S] [--loop] [--topics TOPIC ...]
 
 ``test/lib/bin/ros2`` runs this; it knows no other command.
 """
@@ -27,7 +27,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--clock", type=float, required=True)
     parser.add_argument("--rate", type=float, default=1.0)
+    parser.add_argument("--delay", type=float, default=0.0)
     parser.add_argument("--loop", action="store_true")
+    parser.add_argument("--topics", nargs="+", default=[])
     play(parser.parse_args(arguments))
     return 0
 
@@ -37,14 +39,20 @@ def play(args: argparse.Namespace) -> None:
     from rclpy.executors import ExternalShutdownException
 
     with AnyReader([args.path], default_typestore=typestore()) as reader:
-        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
-        heard = [(connection.topic, stamp_ns, bytes(raw)) for connection, stamp_ns, raw in reader.messages()]
+        chosen = [c for c in reader.connections if c.topic in args.topics or not args.topics]
+        kinds = {connection.topic: connection.msgtype for connection in chosen}
+        heard = [
+            (connection.topic, stamp_ns, bytes(raw))
+            for connection, stamp_ns, raw in (reader.messages(chosen) if chosen else ())
+        ]
     rclpy.init(args=[])
     try:
         player = _Player(kinds, args.clock, args.rate)
-        player.play(heard)
-        while args.loop:
+        while True:
+            time.sleep(args.delay)
             player.play(heard)
+            if not args.loop:
+                break
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
@@ -68,10 +76,10 @@ class _Player:
             )
             for topic, kind in kinds.items()
         }
-        while not all(publisher.get_subscription_count() for publisher in self._topics.values()):
-            time.sleep(0.05)
 
     def play(self, heard: list[tuple[str, int, bytes]]) -> None:
+        if not heard:
+            return
         start_ns, begun_s = heard[0][1], time.monotonic()
         shown_ns = 0.0
         for topic, stamp_ns, raw in heard:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -257,18 +258,19 @@ def _see_the_silent_load_cell_told_and_done_without(probe: Probe, place: Place) 
 
 
 def _replaying(place: Place) -> Sequence[Started]:
-    bag = _write_bag(place.folder / "bag")
+    bag = write_sweep_bag(place.folder / "bag")
     arguments = {"scan_file": place.scan_file, "bag": bag, "rate": 3.0, "loop": True, "use_sim_time": True}
-    play = [ros2(), "bag", "play", str(bag), "--clock", "200", "--rate", "3.0", "--loop"]
+    play = [ros2_bag(), "bag", "play", str(bag), "--clock", "200", "--rate", "3.0", "--delay", "2", "--loop"]
     return [Started("replay.launch.py", ("filter",), arguments, [play])]
 
 
-def ros2() -> str:
-    """The distribution's command, or what stands in for it."""
-    return shutil.which("ros2") or str(BIN / "ros2")
+def ros2_bag() -> str:
+    """The ``ros2`` that has ``bag play``: the distribution's, or what stands in for it."""
+    verbs = {entry.name for entry in entry_points(group="ros2cli.command")}
+    return (shutil.which("ros2") if "bag" in verbs else None) or str(BIN / "ros2")
 
 
-def _write_bag(path: Path) -> Path:
+def write_sweep_bag(path: Path) -> Path:
     """A sweep that no scan has, recorded without a simulator's ground truth."""
     from geometry_msgs.msg import PoseStamped
     from rclpy.serialization import serialize_message

@@ -1,0 +1,115 @@
+"""Arguments of the launch files: each is described, checked, and becomes a node's parameter.
+
+Only the launch files import this; it needs ``launch``, which a ROS 2 distribution has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import yaml
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+
+from launch import LaunchContext
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.resources import given_or_shipped
+
+_BOOLEANS = {"true": True, "True": True, "false": False, "False": False}
+
+
+@dataclass(frozen=True)
+class Argument:
+    """A launch argument.
+
+    Parameters
+    ----------
+    name : of the argument, and of the parameter that it becomes
+    description : for ``--show-args``
+    default : as text; empty: as the parameter file has it; ``None``: it must be given
+    kind : makes the value from the text; raises an error where it cannot
+    choices : the texts that are allowed; empty: any
+    """
+
+    name: str
+    description: str
+    default: str | None = ""
+    kind: Callable[[str], Any] = str
+    choices: Sequence[str] = ()
+
+    def declaration(self) -> DeclareLaunchArgument:
+        """What launch shows with ``--show-args`` and checks first."""
+        choices = list(self.choices) or None
+        return DeclareLaunchArgument(
+            self.name, default_value=self.default, description=self.description, choices=choices
+        )
+
+    def text(self, context: LaunchContext) -> str:
+        """The argument as it was given."""
+        return str(LaunchConfiguration(self.name).perform(context))
+
+    def value(self, context: LaunchContext) -> Any:
+        """The argument's value.
+
+        Raises
+        ------
+        ParameterError
+            The text is not one of the argument's kind; names the argument.
+        """
+        text = self.text(context)
+        try:
+            return self.kind(text)
+        except ParameterError as error:
+            raise ParameterError(f"launch argument {self.name}: expected {error}, got {text!r}") from None
+        except TactileLocalizerError as error:
+            raise ParameterError(f"launch argument {self.name}: {error}") from None
+
+
+def switch(name: str, description: str, default: str) -> Argument:
+    """An argument that is true or false."""
+    return Argument(name, description, default, _BOOLEANS.__getitem__, tuple(_BOOLEANS))
+
+
+def strings(text: str) -> list[str]:
+    """A list of strings, in YAML."""
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError:
+        found = None
+    if not isinstance(found, list) or not all(isinstance(entry, str) for entry in found):
+        raise ParameterError("a list of names such as \"['a', 'b']\"")
+    return found
+
+
+def positive(text: str) -> float:
+    """A finite number above zero."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise ParameterError("a number above 0")
+    return number
+
+
+def file(text: str) -> str:
+    """The path of a file that exists."""
+    if not Path(text).is_file():
+        raise ParameterError("an existing file")
+    return text
+
+
+def scene(text: str) -> str:
+    """The path of a scene that exists, or that comes with the package."""
+    return str(given_or_shipped(text, "config/scenes"))
+
+
+def mistyped(given: Iterable[str], known: Sequence[str]) -> dict[str, str]:
+    """By unknown argument, the known one that it nearly is; a file that includes ours may have others."""
+    near = {name: get_close_matches(name, known, n=1, cutoff=0.8) for name in given if name not in known}
+    return {name: found[0] for name, found in near.items() if found}

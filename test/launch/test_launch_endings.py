@@ -1,0 +1,173 @@
+"""How ``ros2 launch`` ends: with a status other than 0 when a node does, and with the argument's name."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.bags import slide, write_bag
+from support.processes import Process, children
+from support.scenarios import Place, ros2_bag, write_sweep_bag
+from support.waiting import wait_until
+
+pytest.importorskip("ros2launch", reason="ros2launch is not installed: only a ROS 2 distribution has it")
+
+pytestmark = pytest.mark.ros
+
+FOLDER = Path(__file__).parents[2] / "launch"
+POSTERIORS = 371
+"""Strain vectors of the bag."""
+
+Launch = Callable[..., Process]
+
+
+@pytest.fixture
+def launch(process: Any, tmp_path: Path) -> Launch:
+    """``launch("bringup", scan_file=...)`` runs ``ros2 launch`` on a launch file."""
+    command = shutil.which("ros2")
+    assert command is not None
+    path = f"{Path(ros2_bag()).parent}{os.pathsep}{os.environ['PATH']}"
+
+    def start(name: str, **arguments: Any) -> Process:
+        given = [f"{argument}:={value}" for argument, value in arguments.items()]
+        environment = {"ROS_HOME": str(tmp_path), "ROS_LOG_DIR": str(tmp_path / "log"), "PATH": path}
+        launched: Process = process(
+            [command, "launch", str(FOLDER / f"{name}.launch.py"), *given], environment
+        )
+        return launched
+
+    return start
+
+
+def localizing(place: Place) -> dict[str, Any]:
+    return {"scan_file": place.scan_file, **place.buses[0]}
+
+
+def child(launched: Process, name: str) -> int:
+    """Process id of a node."""
+    wait_until(lambda: launched.running and f"{name}_node-" in launched.output, name)
+    found = [
+        int(pid)
+        for pid in re.findall(rf"{name}_node-\d+\]: process started with pid \[(\d+)\]", launched.output)
+    ]
+    assert found, launched.output
+    return found[-1]
+
+
+def only_line(launched: Process, text: str) -> None:
+    """The launch ends with status 1 before any node starts; one line has the reason."""
+    assert launched.wait() == 1
+    found = [line for line in launched.lines if "ERROR" in line and text in line]
+    assert len(found) == 1, launched.output
+    assert "process started" not in launched.output
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "value", "expected"),
+    [
+        ("simulate", "speed", "fast", "speed: expected a number above 0, got 'fast'"),
+        ("bringup", "phalanges", "[index", "phalanges: expected a list of names"),
+        (
+            "bringup",
+            "filter_params",
+            "none.yaml",
+            "filter_params: expected an existing file, got 'none.yaml'",
+        ),
+        ("replay", "bag", "no_bag", "bag: expected an existing bag, got 'no_bag'"),
+    ],
+)
+def test_an_argument_that_cannot_be_used_is_named(
+    launch: Launch, name: str, argument: str, value: str, expected: str
+) -> None:
+    only_line(launch(name, **{argument: value}), f"launch argument {expected}")
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "value"),
+    [
+        ("simulate", "mode", "locolize"),
+        ("localize", "use_sim_time", "yess"),
+        ("localize", "log_level", "loud"),
+    ],
+)
+def test_an_argument_has_its_choices(launch: Launch, name: str, argument: str, value: str) -> None:
+    launched = launch(name, **{argument: value})
+    assert launched.wait() == 1
+    assert f'Argument "{argument}" provided value "{value}" is not valid' in launched.output
+    assert "process started" not in launched.output
+
+
+def test_a_node_that_refuses_its_configuration_ends_the_launch(launch: Launch, place: Place) -> None:
+    launched = launch("bringup", dbc=place.folder / "none.dbc", **localizing(place))
+    assert launched.wait() == 1
+    assert "driver: expected the node to go on, it ended with status 2" in launched.output
+
+
+def test_a_missing_scan_ends_the_launch(launch: Launch, tmp_path: Path) -> None:
+    launched = launch("localize", scan_file=tmp_path / "none.db")
+    assert launched.wait() == 1
+    assert "filter: expected the node to go on, it ended with status 2" in launched.output
+
+
+def test_a_node_that_dies_midway_ends_the_launch(launch: Launch, place: Place) -> None:
+    launched = launch("localize", scan_file=place.scan_file)
+    launched.wait_for_line("pairs of")
+    os.kill(child(launched, "filter"), signal.SIGKILL)
+    assert launched.wait() == 1
+    assert children(launched.pid) == []
+
+
+def test_with_respawn_a_node_that_dies_is_started_again(launch: Launch, place: Place) -> None:
+    launched = launch("localize", scan_file=place.scan_file, respawn="true")
+    launched.wait_for_line("pairs of")
+    first = child(launched, "filter")
+    os.kill(first, signal.SIGKILL)
+    wait_until(lambda: child(launched, "filter") != first, "the filter's next process")
+    assert launched.stop() == 0
+
+
+def test_with_respawn_a_refused_configuration_ends_the_launch(launch: Launch, tmp_path: Path) -> None:
+    launched = launch("localize", scan_file=tmp_path / "none.db", respawn="true")
+    assert launched.wait() == 1
+    assert launched.output.count("process started") == 1
+
+
+def test_a_parameter_file_in_place_of_the_shipped_one(launch: Launch, place: Place) -> None:
+    file = place.folder / "mine.yaml"
+    file.write_text(f"/**:\n  ros__parameters:\n    scan_file: {place.folder / 'other.db'}\n")
+    launched = launch("localize", filter_params=file)
+    assert launched.wait() == 1
+    assert "other.db: expected a scan file" in launched.output
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_a_replay_loses_nothing(launch: Launch, place: Place, probe: Any, rate: float) -> None:
+    from tactile_localizer.msg import Posterior
+
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    launched = launch(
+        "replay", bag=write_sweep_bag(place.folder / "bag"), scan_file=place.scan_file, rate=rate
+    )
+    probe.until(lambda: not launched.running, "the end of the bag", 90.0)
+    assert launched.wait() == 0, launched.output
+    assert len({(m.header.stamp.sec, m.header.stamp.nanosec) for m in posteriors}) == POSTERIORS
+
+
+def test_a_replay_of_nothing_fails(launch: Launch, place: Place) -> None:
+    poses = [one for one in slide(0, 500) if one[0] == "palm_pose"]
+    launched = launch("replay", bag=write_bag(place.folder / "bag", poses), scan_file=place.scan_file)
+    assert launched.wait(60.0) == 1
+    assert "it published no posterior" in launched.output
+
+
+def test_a_replay_with_a_missing_scan_fails(launch: Launch, place: Place) -> None:
+    launched = launch("replay", bag=write_sweep_bag(place.folder / "bag"), scan_file=place.folder / "none.db")
+    assert launched.wait(60.0) == 1
+    assert "filter: its configuration was refused" in launched.output
+    assert "ros2 bag" not in launched.output
