@@ -18,6 +18,13 @@ line prints it after ``error:`` and exits with status 2; a node logs it and refu
 class TactileLocalizerError(Exception):
     """Base of everything that this package raises on purpose."""
 
+    def __str__(self) -> str:
+        """The message in one line: names and paths in it may hold line ends and control characters."""
+        text = super().__str__()
+        if text.isprintable():
+            return text
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
 
 class SceneError(TactileLocalizerError):
     """A scene description that cannot be used."""

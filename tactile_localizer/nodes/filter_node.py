@@ -121,10 +121,10 @@ class FilterNode(ManagedNode):
                 names = ", ".join(scene.name for _, scene in candidates)
                 raise ParameterError(f"candidate_scan_files: expected scenes of different names, got {names}")
             localizer = FeatureLocalizer(build_identifier(named, choices, rng, self._tell_progress))
-        frame = palm_pose.palm_frame(of, scene)
+        frame, reader = palm_pose.palm_frame(of, scene), StrainReader(scene)
         self._tracker = Tracker(localizer, of["max_gap_s"], of["patience_s"])
         self._scan, self._scan_file = scan, ", ".join(map(str, paths))
-        self._frame, self._reader = frame, StrainReader(scene)
+        self._frame, self._reader = frame, reader
         for path, (one, its_scene) in zip(paths, candidates, strict=True):
             sweeps = len(one.sweep_numbers)
             self.get_logger().info(f"{path}: {len(one)} pairs of {sweeps} sweeps, scene {its_scene.name}")

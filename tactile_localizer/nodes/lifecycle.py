@@ -6,7 +6,6 @@ import gc
 import signal
 import sys
 import threading
-import traceback
 from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
@@ -19,8 +18,12 @@ from rclpy.executors import (
     SingleThreadedExecutor,
 )
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
-from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.nodes import boundary
 from tactile_localizer.nodes.parameters import Parameter, Parameters
 
 _AUTOSTART = Parameter(
@@ -57,6 +60,23 @@ class ManagedNode(LifecycleNode):
         except TactileLocalizerError:
             self.destroy_node()  # nobody else has it
             raise
+
+    def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Service:
+        """A service that answers with a refusal whatever its callback raises."""
+        answer = boundary.refusing(self, srv_name, srv_type, callback)
+        return super().create_service(srv_type, srv_name, answer, **options)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Any, *quality: Any, **options: Any
+    ) -> Subscription:
+        """A subscription that drops a message whatever its callback raises."""
+        work = boundary.dropping(self, topic, callback)
+        return super().create_subscription(msg_type, topic, work, *quality, **options)
+
+    def create_timer(self, timer_period_sec: float, callback: Any, *clock: Any, **options: Any) -> Timer:
+        """A timer that goes on whatever its callback raises."""
+        work = boundary.dropping(self, "timer", callback)
+        return super().create_timer(timer_period_sec, work, *clock, **options)
 
     def configure(self) -> None:
         """Read the parameters and make everything that is needed."""
@@ -126,14 +146,12 @@ class ManagedNode(LifecycleNode):
     ) -> TransitionCallbackReturn:
         try:
             work()
-        except TactileLocalizerError as error:
-            self.get_logger().error(str(error))
-            if undo is not None:
-                undo()
+        except Exception as error:  # rclpy would swallow what is unexpected without a word
+            self.get_logger().error(boundary.in_one_line(error))
+            if undo is None:
+                return TransitionCallbackReturn.ERROR
+            undo()
             return TransitionCallbackReturn.FAILURE
-        except Exception:  # rclpy would swallow it without a word
-            self.get_logger().fatal(traceback.format_exc())
-            return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
 
@@ -165,7 +183,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         return REFUSED
     node = None
     try:
-        node = make()
+        node = _made(make)
         if node.parameters["autostart"] and not node.start():
             return REFUSED
         # What is there now stays: looking through it again for garbage would stop the stream for 50 ms.
@@ -189,6 +207,15 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
             node.destroy_node()
         _shut_down()
     return 0
+
+
+def _made(make: Callable[[], ManagedNode]) -> ManagedNode:
+    try:
+        return make()
+    except (KeyboardInterrupt, ExternalShutdownException, TactileLocalizerError):
+        raise
+    except Exception as error:  # rclpy's own, of parameters that it cannot take
+        raise ParameterError(boundary.in_one_line(error)) from None
 
 
 def _shut_down() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -144,6 +145,9 @@ class Parameters:
             parameter = self._declared.get(change.name)
             if parameter is None:
                 continue
+            if isinstance(change.value, float) and not math.isfinite(change.value):
+                reason = f"{change.name}: expected a finite number, got {change.value}"
+                return SetParametersResult(successful=False, reason=reason)
             if parameter.choices and change.value not in parameter.choices:
                 reason = (
                     f"{change.name}: expected one of {', '.join(parameter.choices)}, got {change.value!r}"

@@ -61,13 +61,15 @@ class SweepInfo:
         Raises
         ------
         ValueError
-            The row does not hold ten whole numbers, or a flag is neither 0 nor 1.
+            The row does not hold ten whole numbers, a flag is neither 0 nor 1, or a count is negative.
         """
         if len(row) != 10 or any(type(value) is not int for value in row):
             raise ValueError(f"expected ten whole numbers, found {row!r:.80}")
         number, ended, gaps, skipped, dropped, batches, pairs, first_ns, last_ns, revision = row
         if {ended, dropped} - {0, 1}:
             raise ValueError(f"expected flags of 0 or 1, found {ended} and {dropped}")
+        if min(gaps, skipped, batches, pairs, revision) < 0:
+            raise ValueError("expected counts of at least 0, found a negative one")
         return cls(
             number, pairs, first_ns, last_ns, gaps, skipped, bool(ended), bool(dropped), batches, revision
         )

@@ -1,0 +1,20 @@
+"""Errors are one line, whatever names they hold."""
+
+import pytest
+
+from tactile_localizer.errors import ScanError, TactileLocalizerError
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("scan.db: expected a scan, found 7 µm", "scan.db: expected a scan, found 7 µm"),
+        ("a\nb.db: \x1b[31mred", r"a\nb.db: \x1b[31mred"),
+        ("name \udc80", r"name \udc80"),
+    ],
+)
+def test_a_message_is_one_printable_line(text, line):
+    error = ScanError(text)
+    assert isinstance(error, TactileLocalizerError)
+    assert str(error) == line
+    str(error).encode()
