@@ -59,15 +59,13 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
-import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 from fabric_recordings import (
     KINDS,
@@ -82,15 +80,12 @@ from fabric_recordings import (
     load_map,
     load_sweep,
 )
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
+from rows import Row, in_parallel, print_rows, write_rows
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.io.whole_file import whole_file
 
 TRAVEL = 0.165
 """m, from each start."""
@@ -102,8 +97,6 @@ KIDNAPPED, AWAY, AGAIN = 0.08, 0.1, 0.04
 _QUANTILE = 1.96
 _SETTLED = 0.04
 """m of travel from which coverage is measured whether or not the estimate is converged."""
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -301,24 +294,24 @@ def _mean(values: Any) -> float | None:
 
 
 _SHARES = {
-    "found": "found",
-    "converged_right_end": "right end",
-    "converged_false_end": "false end",
-    "converged_false_starts": "false starts",
-    "converged_false_strains": "false strains",
-    "coverage": "cover",
-    "coverage_40_mm": "cover 40 mm",
-    "right_before": "right before",
-    "again_40_mm": "again in 40 mm",
-    "false_40_mm": "false at 40 mm",
+    "found": ("found", ".3f"),
+    "converged_right_end": ("right end", ".3f"),
+    "converged_false_end": ("false end", ".3f"),
+    "converged_false_starts": ("false starts", ".3f"),
+    "converged_false_strains": ("false strains", ".4f"),
+    "coverage": ("cover", ".3f"),
+    "coverage_40_mm": ("cover 40 mm", ".3f"),
+    "right_before": ("right before", ".3f"),
+    "again_40_mm": ("again in 40 mm", ".3f"),
+    "false_40_mm": ("false at 40 mm", ".3f"),
 }
-_OTHERS = {
-    "error_80_mm": "80 mm",
-    "error_160_mm": "160 mm",
-    "travel_to_convergence_mm": "to conv., mm",
-    "travel_again_mm": "to again, mm",
-    "choosing_s": "choosing, s",
-    "update_us": "update, us",
+_COLUMNS = _SHARES | {
+    "error_80_mm": ("80 mm", ".2f"),
+    "error_160_mm": ("160 mm", ".2f"),
+    "travel_to_convergence_mm": ("to conv., mm", ".1f"),
+    "travel_again_mm": ("to again, mm", ".1f"),
+    "choosing_s": ("choosing, s", ".1f"),
+    "update_us": ("update, us", ".0f"),
 }
 _LOWEST_IS_WORST = ("found", "converged_right_end", "right_before", "again_40_mm")
 _HONEST = (0.90, 0.99)
@@ -347,71 +340,59 @@ def totals(rows: Sequence[Row]) -> list[Row]:
     answer = []
     for kind in KINDS:
         own = [row for row in rows if row["kind"] == kind]
-        for name, summary in (("all", _typical), ("worst", _worst)):
+        for over, summary in (("all", _typical), ("worst", _worst)):
             if own:
                 values = {
-                    key: summary(key, [row[key] for row in own if row[key] is not None])
+                    key: summary(key, _known(key, [row[key] for row in own]))
                     for key in own[0]
-                    if key in _SHARES or key in _OTHERS
+                    if key in _COLUMNS
                 }
-                answer.append({"kind": kind, "over": name, "rows": len(own), **values})
+                answer.append({"kind": kind, "over": over, "rows": len(own), **values})
     return answer
+
+
+def _known(key: str, values: list[float | None]) -> list[float]:
+    """Values that count: a travel that is not known is infinite."""
+    if key.startswith("travel"):
+        return [np.inf if value is None else value for value in values]
+    return [value for value in values if value is not None]
 
 
 def _typical(key: str, values: list[float]) -> float | None:
     if not values:
         return None
-    return float(np.mean(values) if key in _SHARES else np.median(values))
+    return _finite(float(np.mean(values) if key in _SHARES else np.median(values)))
 
 
 def _worst(key: str, values: list[float]) -> float | None:
+    if not values:
+        return None
     if key.startswith("coverage"):
-        return max(values, key=lambda share: max(_HONEST[0] - share, share - _HONEST[1]), default=None)
-    return (min if key in _LOWEST_IS_WORST else max)(values, default=None)
+        return max(values, key=lambda share: max(_HONEST[0] - share, share - _HONEST[1]))
+    return _finite((min if key in _LOWEST_IS_WORST else max)(values))
 
 
-def show(rows: Sequence[Row], console: Console) -> None:
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def show(rows: Sequence[Row]) -> None:
     """Print the rows, and below them the totals of each kind with what is asked for."""
-    columns = [key for key in rows[0] if key in _SHARES or key in _OTHERS]
-    table = Table()
-    for heading in ("map", "recording", "kind", "starts"):
-        table.add_column(heading, no_wrap=True)
-    for key in columns:
-        table.add_column({**_SHARES, **_OTHERS}[key], justify="right", min_width=7)
-    for row in rows:
-        names = [row["map"], row["recording"], row["kind"], str(row["starts"])]
-        table.add_row(*names, *(_text(key, row[key]) for key in columns))
-    table.add_section()
-    for row in totals(rows):
-        names = [row["kind"], row["over"], "", str(row["rows"]) if row["over"] == "all" else ""]
-        table.add_row(*names, *(_text(key, row[key]) for key in columns))
-        if row["over"] == "worst":
-            asked = [_ASKED[row["kind"]].get(key, "") for key in columns]
-            table.add_row("", "asked for", "", "", *asked, end_section=True)
-    console.print(table)
-
-
-def _text(key: str, value: float | None) -> str:
-    if value is None:
-        return "-"
-    if key in _SHARES:
-        return f"{value:.4f}" if key == "converged_false_strains" else f"{value:.3f}"
-    return f"{value:.0f}" if key == "update_us" else f"{value:.2f}"
+    labelled = [
+        {**row, "map": f"{row['kind']}: {row['over']}", "recording": f"{row['rows']} rows"}
+        for row in totals(rows)
+    ]
+    print_rows(
+        ("map", "recording", "kind", "starts"),
+        _COLUMNS,
+        rows,
+        labelled,
+        lambda row: _ASKED[row["kind"]] if row["over"] == "worst" else None,
+    )
 
 
 def _matching(patterns: Sequence[str]) -> Callable[[Condition], bool]:
     return lambda condition: any(fnmatch(condition.name, pattern) for pattern in patterns)
-
-
-def measure(pairs: Sequence[Pair], jobs: int, *arguments: Any) -> Iterator[list[Row]]:
-    """The rows of each map as they are finished, a process for each of ``jobs``."""
-    by_map: dict[Condition, list[Pair]] = {}
-    for pair in pairs:
-        by_map.setdefault(pair.map, []).append(pair)
-    calls = [joblib.delayed(measure_map)(mapped, own, *arguments) for mapped, own in by_map.items()]
-    with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
-        results = joblib.Parallel(return_as="generator_unordered", batch_size=1)(calls)
-        yield from track(results, "maps", total=len(calls), console=Console(stderr=True))
 
 
 def main() -> None:
@@ -449,16 +430,17 @@ def main() -> None:
         parser.error("expected a map and a recording, found none that match")
     configuration = load_configuration(None if given.configuration == "default" else given.configuration)
     perturbation = Perturbation(given.every, given.resample, given.speed, given.scale, given.offset)
+    by_map: dict[Condition, list[Pair]] = {}
+    for pair in pairs:
+        by_map.setdefault(pair.map, []).append(pair)
+    common = configuration, perturbation, given.starts, given.kidnap
+    calls = [(mapped, own, *common) for mapped, own in by_map.items()]
     rows: list[Row] = []
-    for own in measure(pairs, given.jobs, configuration, perturbation, given.starts, given.kidnap):
+    for own in in_parallel(measure_map, calls, given.jobs, "maps"):
         rows = sorted(rows + own, key=lambda row: (KINDS.index(row["kind"]), row["map"], row["recording"]))
         if given.json is not None:
-            document = {"arguments": vars(given), "rows": rows, "totals": totals(rows)}
-            with whole_file(given.json) as unfinished:
-                unfinished.write_text(json.dumps(document, indent=2, default=str) + "\n")
-    console = Console()
-    console.width = max(console.width, 220)  # also where the output is a file
-    show(rows, console)
+            write_rows(given.json, vars(given), rows, totals(rows))
+    show(rows)
 
 
 if __name__ == "__main__":

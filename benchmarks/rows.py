@@ -1,0 +1,78 @@
+"""Benchmarks of accuracy as rows of named measures: made in parallel, written as JSON, printed as a table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import joblib
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from tactile_localizer.io.whole_file import whole_file
+
+Row = dict[str, Any]
+
+_LEAST_WIDTH = 220
+"""Columns of the terminal, also where the output is a file."""
+
+
+def in_parallel(
+    function: Callable[..., list[Row]], arguments: Sequence[tuple[Any, ...]], jobs: int, what: str
+) -> Iterator[list[Row]]:
+    """Rows of each call as it is finished, in any order, ``jobs`` processes of one thread at a time."""
+    calls = [joblib.delayed(function)(*each) for each in arguments]
+    with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
+        results = joblib.Parallel(return_as="generator_unordered", batch_size=1)(calls)
+        yield from track(results, what, total=len(calls), console=Console(stderr=True))
+
+
+def write_rows(path: Path, arguments: Mapping[str, Any], rows: Sequence[Row], totals: Sequence[Row]) -> None:
+    """Write ``arguments``, ``rows`` and ``totals``."""
+    document = {"arguments": dict(arguments), "rows": rows, "totals": totals}
+    with whole_file(path) as unfinished:
+        unfinished.write_text(json.dumps(document, indent=2, default=str) + "\n")
+
+
+def print_rows(
+    names: Sequence[str],
+    columns: Mapping[str, tuple[str, str]],
+    rows: Sequence[Row],
+    totals: Sequence[Row],
+    asked: Callable[[Row], Mapping[str, str] | None],
+) -> None:
+    """Print rows, and totals below them.
+
+    Parameters
+    ----------
+    names : keys of what tells rows apart
+    columns : heading and format of each measure, by key; those that no row has are left out
+    rows, totals : ``None`` where something is not known
+    asked : what is asked for of a total, by key; printed below it
+    """
+    shown = {key: column for key, column in columns.items() if any(key in row for row in rows)}
+    table = Table()
+    for name in names:
+        table.add_column(name, no_wrap=True)
+    for heading, _ in shown.values():
+        table.add_column(heading, justify="right", min_width=6)
+
+    def texts(row: Row) -> list[str]:
+        measured = ["-" if row.get(key) is None else f"{row[key]:{form}}" for key, (_, form) in shown.items()]
+        return [*(str(row.get(name, "")) for name in names), *measured]
+
+    for row in rows:
+        table.add_row(*texts(row))
+    table.add_section()
+    for row in totals:
+        table.add_row(*texts(row))
+        if limits := asked(row):
+            blank = [""] * (len(names) - 1)
+            limit = [limits.get(key, "") for key in shown]
+            table.add_row("asked for", *blank, *limit, end_section=True)
+    console = Console()
+    console.width = max(console.width, _LEAST_WIDTH)
+    console.print(table)
