@@ -378,17 +378,12 @@ def _finite(value: float) -> float | None:
 
 def show(rows: Sequence[Row]) -> None:
     """Print the rows, and below them the totals of each kind with what is asked for."""
+    every = totals(rows)
     labelled = [
-        {**row, "map": f"{row['kind']}: {row['over']}", "recording": f"{row['rows']} rows"}
-        for row in totals(rows)
+        {**row, "map": f"{row['kind']}: {row['over']}", "recording": f"{row['rows']} rows"} for row in every
     ]
-    print_rows(
-        ("map", "recording", "kind", "starts"),
-        _COLUMNS,
-        rows,
-        labelled,
-        lambda row: _ASKED[row["kind"]] if row["over"] == "worst" else None,
-    )
+    asked = [_ASKED[row["kind"]] if row["over"] == "worst" else {} for row in every]
+    print_rows(("map", "recording", "kind", "starts"), _COLUMNS, rows, labelled, asked)
 
 
 def _matching(patterns: Sequence[str]) -> Callable[[Condition], bool]:

@@ -172,16 +172,11 @@ def totals(rows: Sequence[Row]) -> list[Row]:
 def show(rows: Sequence[Row]) -> None:
     """Print the rows, and below them the totals with what is asked for."""
     every = totals(rows)
-    last = {row["over"]: row for row in every}
-    labelled = [{**row, "seed": row["over"] if row["over"] != "seed" else row["seed"]} for row in every]
-    asked = {id(new): row for new, row in zip(labelled, every, strict=True)}
-    print_rows(
-        ("seed", "feature", "sweeps"),
-        _COLUMNS,
-        rows,
-        labelled,
-        lambda row: _ASKED[row["over"]] if asked[id(row)] is last[row["over"]] else None,
-    )
+    labelled = [{**row, "seed": row.get("seed", row["over"])} for row in every]
+    groups = [row["over"] for row in every]
+    ends = [over != following for over, following in zip(groups, [*groups[1:], ""], strict=True)]
+    asked = [_ASKED[over] if end else {} for over, end in zip(groups, ends, strict=True)]
+    print_rows(("seed", "feature", "sweeps"), _COLUMNS, rows, labelled, asked)
 
 
 def main() -> None:

@@ -42,7 +42,7 @@ def print_rows(
     columns: Mapping[str, tuple[str, str]],
     rows: Sequence[Row],
     totals: Sequence[Row],
-    asked: Callable[[Row], Mapping[str, str] | None],
+    asked: Sequence[Mapping[str, str]],
 ) -> None:
     """Print rows, and totals below them.
 
@@ -51,7 +51,7 @@ def print_rows(
     names : keys of what tells rows apart
     columns : heading and format of each measure, by key; those that no row has are left out
     rows, totals : ``None`` where something is not known
-    asked : what is asked for of a total, by key; printed below it
+    asked : what is asked for of each total, by key; printed below it where there is any
     """
     shown = {key: column for key, column in columns.items() if any(key in row for row in rows)}
     table = Table()
@@ -67,9 +67,9 @@ def print_rows(
     for row in rows:
         table.add_row(*texts(row))
     table.add_section()
-    for row in totals:
+    for row, limits in zip(totals, asked, strict=True):
         table.add_row(*texts(row))
-        if limits := asked(row):
+        if limits:
             blank = [""] * (len(names) - 1)
             limit = [limits.get(key, "") for key in shown]
             table.add_row("asked for", *blank, *limit, end_section=True)
