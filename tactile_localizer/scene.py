@@ -7,16 +7,15 @@ Reading and writing scenes as YAML is :mod:`tactile_localizer.io.scene_file`'s.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import SceneError
-
-GAUGES = 8
-"""Strain voltages of one phalanx load cell."""
 
 AXIS_NAMES = ("x", "y", "yaw")
 """Axes that a scene may name: metres, metres, radians; palm relative to the material."""
@@ -29,6 +28,9 @@ LARGEST_POSITION = 1e3
 
 LARGEST_STRAIN = 1e10
 """V, or the strain's own unit: more than the counts of a 32-bit converter. Beyond it values are refused."""
+
+MOST_CHANNELS = 4096
+"""Channels that a phalanx may have: more than any tactile array has."""
 
 FLOAT = np.float64
 
@@ -80,10 +82,24 @@ class Axis:
 
 @dataclass(frozen=True)
 class Phalanx:
-    """A load cell and where it sits: ``offset`` from the palm on each axis of the scene, m (rad)."""
+    """A tactile sensor and where it sits.
+
+    Parameters
+    ----------
+    name : what messages and files call it
+    offset : from the palm on each axis of the scene, m (``yaw``: rad)
+    channels : values that the sensor gives at a time
+    """
 
     name: str
     offset: tuple[float, ...]
+    channels: int = DEFAULT_CHANNELS
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.channels <= MOST_CHANNELS:
+            raise SceneError(
+                f"phalanx {self.name}: expected 1 to {MOST_CHANNELS} channels, got {self.channels}"
+            )
 
 
 @dataclass(frozen=True)
@@ -113,7 +129,7 @@ class Scene:
     ----------
     name : what the scene is called in files and messages
     axes : one to three axes, in the order of the state vector
-    phalanges : the load cells in use, in the order of the strain vector (8 each)
+    phalanges : the tactile sensors in use, in the order of the strain vector
     feature : the region of the feature, in phalanx coordinates; ``None``: not known
     measurement : parameters of the measurement model, by name; what is missing is chosen from the
         scan by leave-one-sweep-out prediction
@@ -153,6 +169,11 @@ class Scene:
     def phalanx_names(self) -> tuple[str, ...]:
         """Names of the phalanges, in the order of the strain vector."""
         return tuple(phalanx.name for phalanx in self.phalanges)
+
+    @cached_property
+    def layout(self) -> ChannelLayout:
+        """The elements of the strain vector by phalanx."""
+        return ChannelLayout(tuple(phalanx.channels for phalanx in self.phalanges))
 
     @property
     def lower(self) -> np.ndarray:
@@ -206,22 +227,44 @@ class Scene:
                 raise SceneError(f"axis {axis!r} of scene {self.name!r}: expected one of {', '.join(names)}")
         return np.array([names.index(axis) for axis in self.axis_names], dtype=np.intp)
 
-    def channels(self, names: tuple[str, ...]) -> np.ndarray:
-        """Columns of this scene's phalanges in a strain vector of the phalanges ``names``, (8F,) int.
+    def rows(self, names: tuple[str, ...]) -> np.ndarray:
+        """Places of this scene's phalanges among the phalanges ``names``, (F,) int.
 
         Raises
         ------
         SceneError
-            The scene names a phalanx that the strain vector does not have.
+            The scene names a phalanx that is not among them.
         """
-        columns: list[int] = []
         for phalanx in self.phalanx_names:
             if phalanx not in names:
                 raise SceneError(
                     f"phalanx {phalanx!r} of scene {self.name!r}: expected one of {', '.join(names)}"
                 )
-            start = GAUGES * names.index(phalanx)
-            columns.extend(range(start, start + GAUGES))
+        return np.array([names.index(phalanx) for phalanx in self.phalanx_names], dtype=np.intp)
+
+    def channels(self, names: tuple[str, ...], counts: Sequence[int] = ()) -> np.ndarray:
+        """Columns of this scene's phalanges in a strain vector of the phalanges ``names``, (C,) int.
+
+        Parameters
+        ----------
+        names : phalanges of the strain vector
+        counts : channels of each of them; empty: the default for each
+
+        Raises
+        ------
+        SceneError
+            The scene names a phalanx that the strain vector does not have, or has with other channels.
+        """
+        layout = ChannelLayout.of(counts, len(names))
+        columns: list[int] = []
+        for phalanx, row in zip(self.phalanges, self.rows(names), strict=True):
+            if layout.counts[row] != phalanx.channels:
+                raise SceneError(
+                    f"phalanx {phalanx.name!r} of scene {self.name!r}: expected {phalanx.channels} channels, "
+                    f"got {layout.counts[row]}"
+                )
+            own = layout.slices[row]
+            columns.extend(range(own.start, own.stop))
         return np.array(columns, dtype=np.intp)
 
 

@@ -52,7 +52,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "an unknown entry of a phalanx": (
         {"phalanges": {"index": {"place": 1}}},
-        "phalanx index: expected offset, got 'place'",
+        "phalanx index: expected offset and channels, got 'place'",
     ),
     "an infinite offset": (
         {"phalanges": {"index": {"offset": {"x": ".inf"}}}},

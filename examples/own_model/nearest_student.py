@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import gammaln
 
 from tactile_localizer.core.measurement import MeasurementModel, checked
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 FREEDOM = 4.0
 """Degrees of freedom: the fewer, the less an outlier tells."""
@@ -23,17 +24,19 @@ class NearestStudent(MeasurementModel):
         self._position_std = np.broadcast_to(parameters.position_std, scene.dimension)
         self._strain_std = np.broadcast_to(parameters.strain_std, self._strain.shape[1])
         self._tree = cKDTree(positions / self._position_std)
-        half = 0.5 * (FREEDOM + GAUGES)
-        constant = math.lgamma(half) - math.lgamma(0.5 * FREEDOM) - 0.5 * GAUGES * math.log(FREEDOM * math.pi)
-        self._constants = constant - np.log(self._strain_std).reshape(-1, GAUGES).sum(axis=1)
+        self._layout = scene.layout
+        channels = np.array(self._layout.counts)
+        self._half = 0.5 * (FREEDOM + channels)
+        constant = gammaln(self._half) - gammaln(0.5 * FREEDOM) - 0.5 * channels * math.log(FREEDOM * math.pi)
+        self._constants = constant - self._layout.sum(np.log(self._strain_std))
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
-        """Log-density of ``strain`` (8F,), V, of the phalanges ``present`` at ``states`` (P, d): (P,)."""
-        strain, present = checked(strain, len(self._constants), present)
+        """Log-density of ``strain`` (C,), V, of the phalanges ``present`` at ``states`` (P, d): (P,)."""
+        strain, present = checked(strain, self._layout, present)
         _, nearest = self._tree.query(states / self._position_std)
         scaled = (strain - self._strain[nearest]) / self._strain_std
-        squared = np.sum(scaled.reshape(len(states), -1, GAUGES) ** 2, axis=2)
-        log_densities = self._constants - 0.5 * (FREEDOM + GAUGES) * np.log1p(squared / FREEDOM)
+        squared = self._layout.sum(scaled**2)
+        log_densities = self._constants - self._half * np.log1p(squared / FREEDOM)
         return log_densities[:, present].sum(axis=1)

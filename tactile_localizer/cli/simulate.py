@@ -9,8 +9,8 @@ import numpy as np
 
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.csv_columns import channel_names
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.scene import GAUGES
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
 from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, SimulatedScan, simulate_scan
@@ -58,7 +58,8 @@ def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
     ScanError
         The file cannot be written.
     """
-    strain_names = [f"{phalanx}_{gauge}" for phalanx in PHALANGES for gauge in range(1, GAUGES + 1)]
+    counts = zip(PHALANGES, scan.layout.counts, strict=True)
+    strain_names = [column for name, channels in counts for column in channel_names(name, channels)]
     header = ",".join(["stamp_s", "sweep", *AXES, *strain_names])
     table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain])
     formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names)]

@@ -32,7 +32,7 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.sweep_offset import SweepOffset
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
 
@@ -173,14 +173,16 @@ def _assembled(
         Recovery() if configuration.recovery == "evidence" else None,
         PhalanxHealth(scene, model, null),
         configuration.update_distance,
-        Correlation(float(parameters.correlation_length or 0.0), parameters.correlation_change, widths),
+        Correlation(
+            float(parameters.correlation_length or 0.0), parameters.correlation_change, widths, scene.layout
+        ),
         offset,
     )
 
 
 def _widths(scene: Scene, parameters: ModelParameters) -> np.ndarray:
-    """Kernel widths in strain, one a channel: (8F,), V."""
-    return np.broadcast_to(parameters.strain_std, GAUGES * len(scene.phalanges))
+    """Kernel widths in strain, one a channel: (C,), V."""
+    return np.broadcast_to(parameters.strain_std, scene.layout.size)
 
 
 def _largest(changes: list[float | None]) -> float | None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.special import gammaln
 
-from tactile_localizer.scene import GAUGES
+from tactile_localizer.channels import ChannelLayout
 
 _DEGREES_OF_FREEDOM = 3.0
 _SPREAD = 2.0
@@ -22,28 +23,34 @@ class Background:
 
     Parameters
     ----------
-    strain : (N, 8F) the scan's strains, V
-    strain_std : (8F,) kernel widths, V; a lower limit for the spread, where a scan has too few pairs to tell
+    strain : (N, C) the scan's strains, V
+    strain_std : (C,) kernel widths, V; a lower limit for the spread, where a scan has too few pairs to tell
+    layout : the channels by phalanx; ``None``: the default channels each
     """
 
-    def __init__(self, strain: np.ndarray, strain_std: np.ndarray) -> None:
+    def __init__(
+        self, strain: np.ndarray, strain_std: np.ndarray, layout: ChannelLayout | None = None
+    ) -> None:
+        self.layout = layout or ChannelLayout.default(strain.shape[1])
         self._mean = strain.mean(axis=0)
         self._scale = _SPREAD * np.hypot(_standard_deviation(strain, self._mean), strain_std)
         nu = _DEGREES_OF_FREEDOM
-        constant = math.lgamma((nu + GAUGES) / 2) - math.lgamma(nu / 2) - GAUGES / 2 * math.log(nu * math.pi)
-        self._constants = constant - np.log(self._scale).reshape(-1, GAUGES).sum(axis=1)
+        channels = np.array(self.layout.counts)
+        self._halves = (nu + channels) / 2
+        constant = gammaln(self._halves) - math.lgamma(nu / 2) - channels / 2 * math.log(nu * math.pi)
+        self._constants = constant - self.layout.sum(np.log(self._scale))
 
     def log_densities(self, strain: np.ndarray) -> np.ndarray:
-        """Log-density of each phalanx's strain, (F,), for a strain vector (8F,), V."""
+        """Log-density of each phalanx's strain, (F,), for a strain vector (C,), V."""
         nu = _DEGREES_OF_FREEDOM
-        scaled = ((strain - self._mean) / self._scale).reshape(-1, GAUGES)
+        scaled = (strain - self._mean) / self._scale
         # hypot-like scaling is not needed: |scaled| would have to pass 1e154 to overflow.
-        return self._constants - (nu + GAUGES) / 2 * np.log1p(np.sum(scaled**2, axis=1) / nu)
+        return self._constants - self._halves * np.log1p(self.layout.sum(scaled**2) / nu)
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Log-density of the strain (8F,) of the phalanges that are ``present`` (F,) bool."""
+        """Log-density of the strain (C,) of the phalanges that are ``present`` (F,) bool."""
         if not present.all():
-            strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+            strain = np.where(self.layout.expand(present), strain, 0.0)
         return float(self.log_densities(strain)[present].sum())
 
 

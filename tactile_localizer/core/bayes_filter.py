@@ -37,7 +37,7 @@ class BayesFilter(Protocol):
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres."""
 
     def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, credit: Credit) -> Marginal:
-        """Weigh the belief by the likelihood of ``strain`` (8F,) raised to ``exponent``.
+        """Weigh the belief by the likelihood of ``strain`` (C,) raised to ``exponent``.
 
         Parameters
         ----------

@@ -8,6 +8,8 @@ like.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -64,8 +66,8 @@ def with_interpolated_sweeps(scan: Scan, scene: Scene) -> Scan:
             states.append(thin.states[start] + share[:, None] * step)
             strain.append(thin.strain[start] + share[:, None] * (thin.strain[end] - thin.strain[start]))
             sweep.append(thin.sweep[start])
-    return Scan(
-        np.concatenate(states), np.concatenate(strain), np.concatenate(sweep), scan.axes, scan.phalanges
+    return replace(
+        scan, states=np.concatenate(states), strain=np.concatenate(strain), sweep=np.concatenate(sweep)
     )
 
 

@@ -7,7 +7,7 @@ from collections import deque
 
 import numpy as np
 
-from tactile_localizer.scene import GAUGES
+from tactile_localizer.channels import ChannelLayout
 
 _SPAN = 0.001
 """m of travel over which the change is taken. Noise changes at once: so it counts the same, however often
@@ -34,12 +34,20 @@ class Correlation:
     ----------
     length : m of travel that make one independent measurement
     change : root mean square change of the strain, in kernel widths, that makes one; ``None``: none does
-    strain_std : (8F,) kernel widths in strain, V
+    strain_std : (C,) kernel widths in strain, V
+    layout : the channels by phalanx; ``None``: the default channels each
     """
 
-    def __init__(self, length: float, change: float | None, strain_std: np.ndarray) -> None:
+    def __init__(
+        self,
+        length: float,
+        change: float | None,
+        strain_std: np.ndarray,
+        layout: ChannelLayout | None = None,
+    ) -> None:
         self._length = length
         self._change = change
+        self._layout = layout or ChannelLayout.default(len(strain_std))
         self._per_width = 1.0 / np.asarray(strain_std, dtype=np.float64)
         self.reset()
 
@@ -53,7 +61,7 @@ class Correlation:
 
         Parameters
         ----------
-        strain : (8F,) V
+        strain : (C,) V
         felt : (F,) bool, the phalanges that were felt
         travel : m since the last strain
         """
@@ -72,8 +80,8 @@ class Correlation:
         return min(1.0, math.hypot(way / self._length, by_change)) * travel / way
 
     def _widths(self, change: np.ndarray, felt: np.ndarray) -> float:
-        """Root mean square of a change (8F,), V, of phalanges ``felt`` (F,) both times, in kernel widths."""
+        """Root mean square of a change (C,), V, of phalanges ``felt`` (F,) both times, in kernel widths."""
         if not felt.any():
             return 0.0
-        widths = np.minimum(np.abs(change * self._per_width), _LARGEST_CHANGE)[np.repeat(felt, GAUGES)]
+        widths = np.minimum(np.abs(change * self._per_width), _LARGEST_CHANGE)[self._layout.expand(felt)]
         return math.sqrt(widths @ widths / len(widths))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.interpolation import interpolated
 from tactile_localizer.core.measurement import MeasurementModel, checked, positive
 from tactile_localizer.core.normal import Normal
@@ -14,7 +15,7 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import FLOOR, PhalanxKernels, dtype_of, training_pairs
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import SceneError
-from tactile_localizer.scene import GAUGES, Phalanx, Scene
+from tactile_localizer.scene import Phalanx, Scene
 
 
 class Featureless(MeasurementModel):
@@ -56,8 +57,8 @@ class Featureless(MeasurementModel):
         self._position_std = position_std
         self._evaluation = evaluation
         self._phalanges = []
-        for index, phalanx in enumerate(scene.phalanges):
-            columns = slice(GAUGES * index, GAUGES * (index + 1))
+        self._layout = scene.layout
+        for phalanx, columns in zip(scene.phalanges, self._layout.slices, strict=True):
             places = scene.placed(positions, phalanx)
             kernels = PhalanxKernels(
                 places,
@@ -67,6 +68,7 @@ class Featureless(MeasurementModel):
                 scene.wraps,
                 evaluation=evaluation,
                 dtype=dtype_of(precision),
+                layout=ChannelLayout((phalanx.channels,)),
             )
             off = _off_feature(places, strain[:, columns], scene, phalanx.name)
             self._phalanges.append(_PhalanxModel(scene, phalanx, kernels, off))
@@ -75,7 +77,7 @@ class Featureless(MeasurementModel):
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood`."""
-        strain, present = checked(strain, len(self._phalanges), present)
+        strain, present = checked(strain, self._layout, present)
         total = np.zeros(len(states))
         for phalanx, own in self._present(strain, present):
             total += phalanx.at_states(states, own, self._evaluation == "field")
@@ -85,7 +87,7 @@ class Featureless(MeasurementModel):
         self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood_on`."""
-        strain, present = checked(strain, len(self._phalanges), present)
+        strain, present = checked(strain, self._layout, present)
         total = np.zeros(tuple(len(coordinates) for coordinates in axes))
         for phalanx, own in self._present(strain, present):
             total += phalanx.on_axes(axes, own)
@@ -94,7 +96,7 @@ class Featureless(MeasurementModel):
     def _present(self, strain: np.ndarray, present: np.ndarray) -> list[tuple[_PhalanxModel, np.ndarray]]:
         return [
             (phalanx, own)
-            for phalanx, own, here in zip(self._phalanges, strain.reshape(-1, GAUGES), present, strict=True)
+            for phalanx, own, here in zip(self._phalanges, self._layout.split(strain), present, strict=True)
             if here
         ]
 
@@ -154,7 +156,7 @@ def _off_feature(positions: np.ndarray, strain: np.ndarray, scene: Scene, name: 
     """The Gaussian over all strains that a phalanx felt off the feature (Eq. 7)."""
     assert scene.feature is not None
     off = ~scene.feature.contains(positions)
-    if off.all() or np.count_nonzero(off) <= GAUGES:
+    if off.all() or np.count_nonzero(off) <= strain.shape[1]:
         side = "inside" if not off.all() else "outside"
         raise SceneError(
             f"scene {scene.name}: expected pairs of phalanx {name} on both sides of the feature region, "

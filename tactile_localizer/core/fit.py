@@ -34,7 +34,7 @@ def held_out_log_densities(
     together : (M,) nats, of all phalanges
     alone : (M, F) nats, of each phalanx by itself
     """
-    columns, channels = scene.columns(scan.axes), scene.channels(scan.phalanges)
+    columns, channels = scene.columns(scan.axes), scene.channels(scan.phalanges, scan.channels)
     sweep = divided(scan.sweep)
     numbers = np.unique(sweep[rows])
     single = np.eye(len(scene.phalanges), dtype=bool)

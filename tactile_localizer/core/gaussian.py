@@ -17,7 +17,7 @@ from tactile_localizer.core.normal import ridge
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import FLOOR, training_pairs
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _SHARES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
 _HELD_OUT = 600
@@ -69,7 +69,7 @@ class Gaussian(MeasurementModel):
         if neighbours < 1:
             raise ParameterError(f"neighbours: expected at least 1, got {neighbours}")
         positions, strain = training_pairs(scan, scene)
-        self._phalanges = len(scene.phalanges)
+        self._layout = scene.layout
         self._neighbours = min(neighbours, len(positions))
         self._independent = independent
         self._extent = scene.upper - scene.lower
@@ -80,14 +80,14 @@ class Gaussian(MeasurementModel):
         target = residual.T @ residual / len(residual)
         target += ridge(target, strain)
         self._target = target
-        self._background = Background(strain, np.sqrt(np.diag(target)))
+        self._background = Background(strain, np.sqrt(np.diag(target)), self._layout)
         self.shrinkage = self._choose_shrinkage(rows, held_out)
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood`."""
-        strain, present = checked(strain, self._phalanges, present)
+        strain, present = checked(strain, self._layout, present)
         _, nearest = self._tree.query(states / self._extent, k=self._neighbours)
         rows = self._index[nearest.reshape(len(states), self._neighbours)]
         total = np.zeros(len(states))
@@ -101,15 +101,17 @@ class Gaussian(MeasurementModel):
 
     def _factors(self, present: np.ndarray) -> list[np.ndarray]:
         """Channels of each factor of the density: one a phalanx, or all that are present together."""
-        columns = np.flatnonzero(np.repeat(present, GAUGES))
-        return list(columns.reshape(-1, GAUGES)) if self._independent else [columns]
+        if self._independent:
+            every = self._layout.split(np.arange(self._layout.size))
+            return [own for own, here in zip(every, present, strict=True) if here]
+        return [np.flatnonzero(self._layout.expand(present))]
 
     def _distance(
         self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray, share: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k).
 
-        ``strain`` is one vector (8F,), or one a row (P, 8F). In channels whitened by the target T the
+        ``strain`` is one vector (C,), or one a row (P, C). In channels whitened by the target T the
         covariance is lambda I plus a matrix of rank k, so k x k systems serve (Woodbury).
         """
         factor = np.linalg.cholesky(self._target[np.ix_(columns, columns)])
@@ -156,7 +158,7 @@ class Gaussian(MeasurementModel):
         return held_out - strain[neighbours].mean(axis=1), neighbours, held_out
 
     def _choose_shrinkage(self, rows: np.ndarray, held_out: np.ndarray) -> Shrinkage:
-        factors = self._factors(np.ones(self._phalanges, dtype=bool))
+        factors = self._factors(np.ones(self._layout.phalanges, dtype=bool))
         dimension = sum(len(columns) for columns in factors)
         expected = float(chi2.median(dimension))
 

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.kernel_grid import REACH, box
 from tactile_localizer.core.measurement import flatten_axes
 from tactile_localizer.core.pair_block import PairBlock
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import GAUGES
 
 EVALUATIONS = ("field", "truncated", "exact")
 _MARGIN = 3.0
@@ -42,12 +42,13 @@ class KernelSum:
     Parameters
     ----------
     positions : (N, d) where the pairs were felt, m (yaw: rad)
-    strain : (N, 8F) what was felt, V
+    strain : (N, C) what was felt, V
     position_std : (d,) square root of the diagonal of the paper's Sigma_x
-    strain_std : (8F,) square root of the diagonal of the paper's Sigma_z
+    strain_std : (C,) square root of the diagonal of the paper's Sigma_z
     wraps : (d,) bool, axes that are a full turn
     evaluation : one of :data:`EVALUATIONS`
     dtype : of the strains in memory: float64, or float32 for half the traffic
+    layout : the strains' channels by phalanx; ``None``: the default channels each
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class KernelSum:
         wraps: np.ndarray,
         evaluation: str = "field",
         dtype: Any = np.float64,
+        layout: ChannelLayout | None = None,
     ) -> None:
         if evaluation not in EVALUATIONS:
             raise ParameterError(f"evaluation {evaluation!r}: expected one of {', '.join(EVALUATIONS)}")
@@ -67,6 +69,7 @@ class KernelSum:
         self._strain_std = np.asarray(strain_std, dtype=np.float64)
         self._dtype = np.dtype(dtype)
         self._wraps = wraps
+        self._layout = layout or ChannelLayout.default(strain.shape[1])
         # Any point amid the strains will do: it keeps whitened strains short.
         self._centre = strain[:: max(1, len(strain) // _ROWS)].mean(axis=0)
         rows, unrolled = unroll(positions, wraps, REACH * self.position_std)
@@ -79,11 +82,11 @@ class KernelSum:
         self._strain = self._whitened(strain, rows)
         self._block: PairBlock | None = None
         self._held = 0.0
-        log_widths = np.log(self._strain_std).reshape(-1, GAUGES).sum(axis=1)
-        self._log_constants = -0.5 * GAUGES * math.log(2.0 * math.pi) - log_widths
+        log_widths = self._layout.sum(np.log(self._strain_std))
+        self._log_constants = -0.5 * math.log(2.0 * math.pi) * np.array(self._layout.counts) - log_widths
 
     def _whitened(self, strain: np.ndarray, order: np.ndarray) -> np.ndarray:
-        """Strains in units of the kernel widths, channels first, in the order of the positions: (8F, N)."""
+        """Strains in units of the kernel widths, channels first, in the order of the positions: (C, N)."""
         white = np.empty((strain.shape[1], len(order)), dtype=self._dtype)
         for start in range(0, len(order), _ROWS):
             part = strain[order[start : start + _ROWS]]
@@ -97,7 +100,7 @@ class KernelSum:
         present: np.ndarray,
         log_floor: float = -math.inf,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The sums at states (P, d), m, for a strain (8F,), V, of the phalanges ``present`` (F,) bool.
+        """The sums at states (P, d), m, for a strain (C,), V, of the phalanges ``present`` (F,) bool.
 
         A full-turn axis is periodic: any turn of it will do. ``log_floor``: logarithm of what will be added
         to the sums; pairs that are negligible beside it may be left out.
@@ -178,14 +181,15 @@ class KernelSum:
 
     def _make_block(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
         if np.isinf(lower).all() and np.isinf(upper).all():
-            return PairBlock(self._positions, self._strain, lower, upper)
+            return PairBlock(self._positions, self._strain, lower, upper, self._layout)
         first, last = np.searchsorted(self._positions[:, 0], [lower[0] - REACH, upper[0] + REACH])
         near = self._positions[first:last]
         keep = np.ones(len(near), dtype=bool)
         for coordinates, low, high in zip(near.T, lower - REACH, upper + REACH, strict=True):
             keep &= (coordinates >= low) & (coordinates <= high)
         rows = first + np.flatnonzero(keep)
-        return PairBlock(self._positions[rows], np.take(self._strain, rows, axis=1), lower, upper)
+        strain = np.take(self._strain, rows, axis=1)
+        return PairBlock(self._positions[rows], strain, lower, upper, self._layout)
 
 
 def unroll(positions: np.ndarray, wraps: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

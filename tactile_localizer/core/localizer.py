@@ -43,7 +43,7 @@ class Estimate(NamedTuple):
     log_marginal : log P(z_t | z_1:t-1) at the last update, nats
     log_featureless, log_unknown : how well that strain is explained as one of featureless material, and of
         material that was never scanned, nats
-    strain : (8F,) V, that strain without the sweep's offset
+    strain : (C,) V, that strain without the sweep's offset
     log_evidence : what that strain, tempered, adds to the evidence for the material that was scanned, nats
     weight : share of an independent measurement that this strain counted for; zero where it was not weighed
     trusted : (F,) bool, phalanges that are not stuck and do not contradict the others
@@ -153,7 +153,7 @@ class Localizer:
         ----------
         stamp_ns : of the strain; one before the last (a bag that loops) starts anew
         position : (d,) palm in any frame that is fixed while the sweep lasts; only its differences count
-        strain : (8F,) V
+        strain : (C,) V
         present : (F,) bool, phalanges to use; ``None``: all
 
         Raises
@@ -166,7 +166,7 @@ class Localizer:
             raise MeasurementError(
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"
             )
-        strain, here = checked(strain, len(self.scene.phalanges), present)
+        strain, here = checked(strain, self.scene.layout, present)
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self.reset()
         self._stamp_ns = stamp_ns

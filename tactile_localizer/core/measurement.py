@@ -7,8 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
-from tactile_localizer.scene import GAUGES
 
 _LARGEST = 1e100
 
@@ -22,7 +22,7 @@ class MeasurementModel(Protocol):
 
     Attributes
     ----------
-    blur : (8F,) widths to which the model blurs the strains that were scanned, V; ``None``: it does not
+    blur : (C,) widths to which the model blurs the strains that were scanned, V; ``None``: it does not
     """
 
     blur: np.ndarray | None = None
@@ -30,7 +30,7 @@ class MeasurementModel(Protocol):
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
-        """Log-density of ``strain`` (8F,), V, at each of ``states`` (P, d), m (yaw: rad): (P,), finite.
+        """Log-density of ``strain`` (C,), V, at each of ``states`` (P, d), m (yaw: rad): (P,), finite.
 
         ``present`` (F,) bool; ``None``: all phalanges.
 
@@ -48,7 +48,9 @@ class MeasurementModel(Protocol):
         return self.log_likelihood(flatten_axes(axes), strain, present).reshape(shape)
 
 
-def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def checked(
+    strain: np.ndarray, layout: ChannelLayout, present: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
     """The strain as float64 with absent phalanges at zero, and which are present.
 
     Raises
@@ -57,8 +59,9 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
         A wrong shape, no phalanx present, or NaN, infinity or numbers over 1e100 in a present phalanx.
     """
     strain = np.asarray(strain, dtype=np.float64)
-    if strain.shape != (GAUGES * phalanges,):
-        raise MeasurementError(f"strain: expected shape ({GAUGES * phalanges},), got {strain.shape}")
+    phalanges = layout.phalanges
+    if strain.shape != (layout.size,):
+        raise MeasurementError(f"strain: expected shape ({layout.size},), got {strain.shape}")
     if present is None:
         _require_usable(strain)
         return strain, np.ones(phalanges, dtype=bool)
@@ -67,7 +70,7 @@ def checked(strain: np.ndarray, phalanges: int, present: np.ndarray | None) -> t
     if present.shape != (phalanges,) or not felt:
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
     if felt < phalanges:
-        strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+        strain = np.where(layout.expand(present), strain, 0.0)
     _require_usable(strain)
     return strain, present
 

@@ -12,7 +12,7 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
 from tactile_localizer.core.sweep_spacing import nearest_of_other_sweeps
 from tactile_localizer.core.weights import log_mean
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _STATES = 48
 """States drawn evenly from the belief to ask what should be felt."""
@@ -32,11 +32,11 @@ class Namer:
     ----------
     scan, scene : the training pairs of one candidate
     position_std : (d,) kernel widths in position, m (yaw: rad), the same for all candidates
-    covariance : (8F, 8F) of the sweeps' differences, V^2, the same for all candidates
+    covariance : (C, C) of the sweeps' differences, V^2, the same for all candidates
     """
 
     def __init__(self, scan: Scan, scene: Scene, position_std: np.ndarray, covariance: np.ndarray) -> None:
-        alone = np.kron(np.eye(len(scene.phalanges)), np.ones((GAUGES, GAUGES)))
+        alone = scene.layout.same_phalanx
         # Without all phalanges, those that are left are explained each by itself.
         self._whiten = [np.linalg.inv(np.linalg.cholesky(c)) for c in (covariance * alone, covariance)]
         self._models = [self._model(scan, scene, position_std, each) for each in self._whiten]
@@ -44,7 +44,7 @@ class Namer:
     @staticmethod
     def _model(scan: Scan, scene: Scene, position_std: np.ndarray, whiten: np.ndarray) -> SumOfGaussians:
         white = training_pairs(scan, scene)[1] @ whiten.T
-        scan = Scan(scan.states, white, scan.sweep, scan.axes, scene.phalanx_names)
+        scan = Scan(scan.states, white, scan.sweep, scan.axes, scene.phalanx_names, scene.layout.counts)
         scan = with_interpolated_sweeps(scan, scene)
         return SumOfGaussians(scan, scene, position_std, np.ones(len(whiten)), precision="float32")
 
@@ -56,7 +56,7 @@ class Namer:
         Parameters
         ----------
         states, weights : (P, d) and (P,), the belief
-        strain, present : (8F,) V without the sweep's offset, and (F,) bool
+        strain, present : (C,) V without the sweep's offset, and (F,) bool
         """
         drawn = states[evenly(weights, _STATES)]
         together = int(present.all())
@@ -65,7 +65,7 @@ class Namer:
 
 
 def disagreement(candidates: Iterable[tuple[Scan, Scene]]) -> np.ndarray:
-    """Covariance (8F, 8F) of a strain on the feature about that of the sweep beside it, in all scans, V^2."""
+    """Covariance (C, C) of a strain on the feature about that of the sweep beside it, in all scans, V^2."""
     differences = []
     for scan, scene in candidates:
         positions, strain = training_pairs(scan, scene)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.credit import Credit
 from tactile_localizer.core.featureless_pairs import featureless_pairs
@@ -14,7 +15,7 @@ from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
 from tactile_localizer.core.weights import log_mean
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _LOG_2 = math.log(2.0)
 _FEWEST = 20
@@ -34,12 +35,12 @@ class NullModel:
 
     Parameters
     ----------
-    strain : (N, 8F) the scan, V
+    strain : (N, C) the scan, V
     sweep : (N,) int, sweep of each pair
     featureless : (N,) bool, pairs that are known not to touch the feature (the paper's Lambda)
     background : the broad background of the measurement model, a lower limit for the unknown
     unknown : log-density of a strain on unknown material; ``None``: the background alone
-    blur : (8F,) widths to which the measurement model blurs strains, V; ``None``: it does not
+    blur : (C,) widths to which the measurement model blurs strains, V; ``None``: it does not
     """
 
     def __init__(
@@ -54,8 +55,8 @@ class NullModel:
         if np.count_nonzero(featureless) < _FEWEST:
             featureless = np.ones(len(strain), dtype=bool)
         strain, sweep = strain[featureless], sweep[featureless]
-        self._background = background
-        self._unknown = unknown if unknown is not None else HeldOutFit.unknown(strain.shape[1] // GAUGES)
+        self._background, layout = background, background.layout
+        self._unknown = unknown if unknown is not None else HeldOutFit.unknown(layout.phalanges)
         numbers, index = np.unique(sweep, return_inverse=True)
         counts = np.bincount(index).astype(np.float64)
         means = (
@@ -72,11 +73,11 @@ class NullModel:
         known = within + ridge
         # The mean of a new sweep is as uncertain as those of the known ones differ, and a little more.
         new = within + between * (1.0 + 1.0 / len(numbers)) + ridge
-        self._featureless = _SweepsAndOneMore(means, known, self._centre, new)
+        self._featureless = _SweepsAndOneMore(layout, means, known, self._centre, new)
         self._blurred = None
         if blur is not None:
             self._blurred = _SweepsAndOneMore(
-                means, known + np.diag(blur**2), self._centre, new + np.diag(blur**2)
+                layout, means, known + np.diag(blur**2), self._centre, new + np.diag(blur**2)
             )
 
     @classmethod
@@ -90,14 +91,14 @@ class NullModel:
     ) -> NullModel:
         """That of a scan, with the scene's region to tell what is featureless.
 
-        ``strain_std`` (8F,): a lower limit for the spread of the background, V; the others as for the class.
+        ``strain_std`` (C,): a lower limit for the spread of the background, V; the others as for the class.
         """
         strain = training_pairs(scan, scene)[1]
-        background = Background(strain, strain_std)
+        background = Background(strain, strain_std, scene.layout)
         return cls(strain, scan.sweep, featureless_pairs(scan, scene), background, unknown, blur)
 
     def featureless(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Log-density of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material."""
+        """Log-density of a strain (C,), V, of the phalanges ``present`` (F,) on featureless material."""
         return self._featureless.log_density(strain, present)
 
     def credit(self, strain: np.ndarray, present: np.ndarray) -> Credit:
@@ -117,17 +118,24 @@ class NullModel:
 
 
 class _SweepsAndOneMore:
-    """Half known sweeps with means (K, 8F) and one covariance, half a new one."""
+    """Half known sweeps with means (K, C) and one covariance, half a new one."""
 
-    def __init__(self, means: np.ndarray, known: np.ndarray, centre: np.ndarray, new: np.ndarray) -> None:
-        self._means = means
+    def __init__(
+        self,
+        layout: ChannelLayout,
+        means: np.ndarray,
+        known: np.ndarray,
+        centre: np.ndarray,
+        new: np.ndarray,
+    ) -> None:
+        self._layout, self._means = layout, means
         self._known, self._new = Normal(np.zeros(len(centre)), known), Normal(centre, new)
         self._marginals: dict[bytes, tuple[Normal, Normal, np.ndarray, np.ndarray]] = {}
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         key = present.tobytes()
         if key not in self._marginals:
-            columns = np.repeat(present, GAUGES)
+            columns = self._layout.expand(present)
             known, new = (normal.marginal(columns) for normal in (self._known, self._new))
             self._marginals[key] = known, new, self._means[:, columns], columns
         known, new, means, columns = self._marginals[key]

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.kernel_grid import REACH, Density, KernelGrid, box
-from tactile_localizer.scene import GAUGES
 
 HEADROOM = 64.0
 """Logarithm of the nearest pair's weight, so that float32 still holds weights smaller by exp(-150)."""
@@ -31,18 +31,26 @@ class PairBlock:
     Parameters
     ----------
     positions : (M, d) where the pairs were felt
-    strain : (8F, M) whitened strains, channels first: the product with one measurement reads memory in order
+    strain : (C, M) whitened strains, channels first: the product with one measurement reads memory in order
     lower, upper : (d,) the box of states that this block serves; infinite where there are no more pairs
+    layout : the strains' channels by phalanx; ``None``: the default channels each
     """
 
     def __init__(
-        self, positions: np.ndarray, strain: np.ndarray, lower: np.ndarray, upper: np.ndarray
+        self,
+        positions: np.ndarray,
+        strain: np.ndarray,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        layout: ChannelLayout | None = None,
     ) -> None:
         self.lower, self.upper = lower, upper
         self.positions = positions
         self._strain = strain
-        by_phalanx = strain.reshape(len(strain) // GAUGES, GAUGES, len(positions))
-        self._half_squares = 0.5 * np.einsum("fcn,fcn->fn", by_phalanx, by_phalanx)
+        self._layout = layout or ChannelLayout.default(len(strain))
+        self._half_squares = 0.5 * np.stack(
+            [np.einsum("cn,cn->n", own, own) for own in (strain[mine] for mine in self._layout.slices)]
+        )
         self._half_square = self._half_squares.sum(axis=0)
         self._largest = 2.0 * float(self._half_square.max(initial=0.0))
 
@@ -84,7 +92,7 @@ class PairBlock:
 
         Parameters
         ----------
-        strain : (8F,) whitened
+        strain : (C,) whitened
         present : (F,) bool, the phalanges to count
         log_negligible : logarithm of a weight beside which the sum of all that are left out is below 1e-4
 
@@ -117,10 +125,10 @@ class PairBlock:
         felt = slice(None)
         half_square = self._half_square
         if not present.all():
-            strain = np.where(np.repeat(present, GAUGES), strain, 0.0)
+            strain = np.where(self._layout.expand(present), strain, 0.0)
             half_square = self._half_squares[present].sum(axis=0)
             first, last = np.flatnonzero(present)[[0, -1]]
-            felt = slice(GAUGES * first, GAUGES * (last + 1))
+            felt = slice(self._layout.slices[first].start, self._layout.slices[last].stop)
         dtype = self._strain.dtype
         size = float(strain @ strain)
         # z.z_n - ||z_n||^2 / 2 takes one pass over the strains but cancels. Where that could cost a hundredth
@@ -132,7 +140,7 @@ class PairBlock:
         if size + self._largest > _LARGEST_IN_FLOAT32:
             dtype = np.dtype(np.float64)
         exponents = np.zeros(len(self), dtype=dtype)
-        for channel in np.flatnonzero(np.repeat(present, GAUGES)):
+        for channel in np.flatnonzero(self._layout.expand(present)):
             difference = self._strain[channel].astype(dtype, copy=False) - dtype.type(strain[channel])
             difference *= difference
             exponents += difference

@@ -18,7 +18,7 @@ from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.resampling import evenly
 from tactile_localizer.core.weights import log_mean
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _STATES = 48
 """States drawn evenly from the belief to ask what a phalanx should feel."""
@@ -62,7 +62,7 @@ class PhalanxHealth:
     def hear(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
         """Take in what the load cells say, as they say it; arguments as :meth:`update`."""
         if self._last is not None:
-            same = present & (strain == self._last).reshape(-1, GAUGES).all(axis=1)
+            same = present & self._scene.layout.all(strain == self._last)
             others_change = (present & ~same).any()
             self._unchanged = np.where(same, self._unchanged + travel * others_change, 0.0)
             self.trusted = self._agree & (self._unchanged < self._STUCK)
@@ -80,7 +80,7 @@ class PhalanxHealth:
         Parameters
         ----------
         states, weights : (P, d) and (P,), the belief
-        strain, present : (8F,) V and (F,) bool
+        strain, present : (C,) V and (F,) bool
         travel : m since the last call
         """
         self._pending += travel

@@ -19,7 +19,7 @@ from scipy.stats import chi2
 from tactile_localizer.core.normal import Normal
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
-from tactile_localizer.scene import GAUGES, Region, Scene
+from tactile_localizer.scene import Region, Scene
 
 _CORE = 0.25
 """Share of a phalanx's strains that is surely featureless where a feature can be told at all."""
@@ -53,11 +53,11 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
     """Where the phalanges can touch the feature, from a scan of ``scene``."""
     positions, strain = training_pairs(scan, scene)
     cells, axes = [], []
-    for index, phalanx in enumerate(scene.phalanges):
-        own = without_offsets(strain[:, GAUGES * index : GAUGES * (index + 1)], scan.sweep)
+    for phalanx, columns in zip(scene.phalanges, scene.layout.slices, strict=True):
+        own = without_offsets(strain[:, columns], scan.sweep)
         cluster = featureless_cluster(own)
         squared = cluster.squared_distance(own)
-        touched, centres = _touched_cells(positions + np.asarray(phalanx.offset), squared)
+        touched, centres = _touched_cells(positions + np.asarray(phalanx.offset), squared, phalanx.channels)
         cells.append(touched)
         axes.append(centres)
     boxes = [box for box in map(_box, cells, axes) if box is not None]
@@ -72,7 +72,7 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
 
 
 def without_offsets(strain: np.ndarray, sweep: np.ndarray) -> np.ndarray:
-    """Strains (N, 8), V, of sweeps (N,) relative to the most common strain of their own sweep.
+    """Strains (N, c), V, of sweeps (N,) relative to the most common strain of their own sweep.
 
     A sweep whose most common strain is far from that of most sweeps may lie on the feature all along: it is
     taken relative to theirs.
@@ -86,12 +86,13 @@ def without_offsets(strain: np.ndarray, sweep: np.ndarray) -> np.ndarray:
 
 
 def featureless_cluster(strain: np.ndarray) -> Normal:
-    """Location and scatter of the tightest cluster of strains (N, 8), by the minimum covariance determinant.
+    """Location and scatter of the tightest cluster of strains (N, c), by the minimum covariance determinant.
 
     Concentration steps from several starts (Rousseeuw and Van Driessen, 1999) on a quarter of the samples.
     """
     sample = strain[np.unique(np.linspace(0, len(strain) - 1, _SUBSAMPLE).astype(int))]
-    size = max(GAUGES + 2, int(_CORE * len(sample)))
+    channels = strain.shape[1]
+    size = max(channels + 2, int(_CORE * len(sample)))
     if len(sample) <= size:
         return Normal.fitted(sample)
     spread = sample.std(axis=0)
@@ -105,24 +106,26 @@ def featureless_cluster(strain: np.ndarray) -> Normal:
         for _ in range(5):
             cluster = Normal.fitted(sample[rows])
             rows = np.argpartition(cluster.squared_distance(sample), size - 1)[:size]
-        determinant = float(np.linalg.slogdet(np.cov(scaled[rows].T) + 1e-12 * np.eye(GAUGES))[1])
+        determinant = float(np.linalg.slogdet(np.cov(scaled[rows].T) + 1e-12 * np.eye(channels))[1])
         if determinant < least:
             best, least = rows, determinant
     assert best is not None
     core = Normal.fitted(sample[best])
     # The innermost quarter is tighter than the whole cluster, by the ratio of its radius to a normal one's.
-    inner = float(np.quantile(core.squared_distance(sample), _CORE)) / float(chi2.ppf(_CORE, GAUGES))
+    inner = float(np.quantile(core.squared_distance(sample), _CORE)) / float(chi2.ppf(_CORE, channels))
     return Normal(core.mean, core.covariance * (inner or 1.0))
 
 
-def _touched_cells(positions: np.ndarray, squared: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+def _touched_cells(
+    positions: np.ndarray, squared: np.ndarray, channels: int
+) -> tuple[np.ndarray, list[np.ndarray]]:
     """Cells of phalanx positions in which most strains lie outside the cluster, without lone specks."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     size = np.maximum(high - low, 1e-300) / _CELLS
     place = np.minimum(((positions - low) / size).astype(int), _CELLS - 1)
     shape = (_CELLS,) * positions.shape[1]
     flat = np.ravel_multi_index(tuple(place.T), shape)
-    outside = np.bincount(flat, weights=squared > chi2.ppf(_INSIDE, GAUGES), minlength=_CELLS ** len(shape))
+    outside = np.bincount(flat, weights=squared > chi2.ppf(_INSIDE, channels), minlength=_CELLS ** len(shape))
     total = np.bincount(flat, minlength=_CELLS ** len(shape))
     touched = (outside > 0.5 * np.maximum(total, 1)).reshape(shape)
     # Cells that no sweep crossed belong with their neighbours.

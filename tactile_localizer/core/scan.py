@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import ScanError
-from tactile_localizer.scene import GAUGES
 
 
 @dataclass(frozen=True)
@@ -17,10 +18,11 @@ class Scan:
     Parameters
     ----------
     states : (N, d) palm positions relative to the material, m (yaw: rad)
-    strain : (N, 8F) strain voltages, V, 8 a phalanx in the order of ``phalanges``
+    strain : (N, C) strain voltages, V, the channels of each phalanx in the order of ``phalanges``
     sweep : (N,) int, number of the sweep that each pair belongs to
     axes : names of the d axes
     phalanges : names of the F phalanges
+    channels : channels of each phalanx, C in all; empty: the default for each
 
     Raises
     ------
@@ -33,6 +35,7 @@ class Scan:
     sweep: np.ndarray
     axes: tuple[str, ...]
     phalanges: tuple[str, ...]
+    channels: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.states)
@@ -40,7 +43,7 @@ class Scan:
             raise ScanError("scan: expected at least one state-measurement pair, found none")
         expected = {
             "states": (n, len(self.axes)),
-            "strain": (n, GAUGES * len(self.phalanges)),
+            "strain": (n, self.layout.size),
             "sweep": (n,),
         }
         for name, shape in expected.items():
@@ -51,12 +54,17 @@ class Scan:
             if not np.all(np.isfinite(getattr(self, name))):
                 raise ScanError(f"scan {name}: expected finite values, found NaN or infinity")
 
+    @cached_property
+    def layout(self) -> ChannelLayout:
+        """The elements of the strain vector by phalanx."""
+        return ChannelLayout.of(self.channels, len(self.phalanges))
+
     def __len__(self) -> int:
         return len(self.states)
 
     def select(self, keep: np.ndarray) -> Scan:
         """The pairs that ``keep`` (boolean mask or indices) names."""
-        return Scan(self.states[keep], self.strain[keep], self.sweep[keep], self.axes, self.phalanges)
+        return replace(self, states=self.states[keep], strain=self.strain[keep], sweep=self.sweep[keep])
 
     @property
     def sweep_numbers(self) -> np.ndarray:

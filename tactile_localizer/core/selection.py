@@ -36,7 +36,7 @@ from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.sweep_offset import SweepOffset, knows_offsets
 from tactile_localizer.core.sweep_spacing import base_widths, divided
 from tactile_localizer.errors import ScanError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 POSITION_FACTORS = (0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 """Shares of the sweeps' spacing, as those below of the sweeps' disagreement. Not wider: leaving a sweep out
@@ -95,7 +95,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a held-out sweep: displacements (T, d), travels (T,), strains (T, 8F), states (T, d).
+    """A stretch of a held-out sweep: displacements (T, d), travels (T,), strains (T, C), states (T, d).
 
     ``counted`` (T,) bool: where the belief is judged, which is on the feature.
     """
@@ -184,7 +184,7 @@ def held_out_segments(scan: Scan, scene: Scene, offset: bool = False) -> list[Se
     """
     motion = MotionModel(scene)
     sweep = divided(scan.sweep)
-    columns, channels = scene.columns(scan.axes), scene.channels(scan.phalanges)
+    columns, channels = scene.columns(scan.axes), scene.channels(scan.phalanges, scan.channels)
     numbers = np.unique(sweep)
     per_sweep = max(1, round(_SEGMENTS / len(numbers)))
     chosen = numbers[np.unique(np.linspace(0, len(numbers) - 1, _SEGMENTS).astype(int))]
@@ -220,9 +220,9 @@ def held_out_segments(scan: Scan, scene: Scene, offset: bool = False) -> list[Se
 
 
 def _corrected(strain: np.ndarray, travels: np.ndarray, offset: SweepOffset) -> np.ndarray:
-    """Strains (T, 8F) of a stretch without its offset, as the localizer learns it on the way."""
+    """Strains (T, C) of a stretch without its offset, as the localizer learns it on the way."""
     offset.reset()
-    present = np.ones(strain.shape[1] // GAUGES, dtype=bool)
+    present = np.ones(offset.layout.phalanges, dtype=bool)
     steps = zip(strain, np.maximum(travels, _STEP).tolist(), strict=True)
     return np.stack([offset.corrected(each, present, travel) for each, travel in steps])
 
@@ -261,8 +261,9 @@ def _evaluate(
         recorder = _Recorder(model)
         for length, change in CORRELATIONS:
             source = recorder if not recorder.maps else _Recorded(recorder.maps)
-            correlation = Correlation(length, change, strain_std)
-            results[length, change].append(_localize(segment, GridFilter(scene, source, cell), correlation))
+            correlation = Correlation(length, change, strain_std, scene.layout)
+            grid = GridFilter(scene, source, cell)
+            results[length, change].append(_localize(segment, scene, grid, correlation))
     trials = []
     for (length, change), parts in results.items():
         score, coverage = np.concatenate(parts).mean(axis=0)
@@ -286,9 +287,9 @@ class _Recorder(_Recorded):
         return self.maps[-1]
 
 
-def _localize(segment: Segment, grid: GridFilter, correlation: Correlation) -> np.ndarray:
+def _localize(segment: Segment, scene: Scene, grid: GridFilter, correlation: Correlation) -> np.ndarray:
     """After each strain, the score of the belief and whether its 95 % region holds the truth: (T, 2)."""
-    present = np.ones(segment.strain.shape[1] // GAUGES, dtype=bool)
+    present = np.ones(len(scene.phalanges), dtype=bool)
     radius = float(chi2.ppf(0.95, segment.states.shape[1]))
     results = np.empty((len(segment.strain), 2))
     for t, strain in enumerate(segment.strain):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.background import Background
 from tactile_localizer.core.interpolation import interpolated
 from tactile_localizer.core.kernel_grid import box
@@ -15,7 +16,7 @@ from tactile_localizer.core.measurement import MeasurementModel, checked, positi
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.weights import wrap_angle
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 FLOOR = 0.01
 """Share of the broad background in the density, at a typical density of the scan."""
@@ -35,8 +36,9 @@ class PhalanxKernels:
 
     Parameters
     ----------
-    positions, strain : (N, d) and (N, 8F) the pairs
-    position_std, strain_std : (d,) and (8F,) kernel widths
+    positions, strain : (N, d) and (N, C) the pairs
+    position_std, strain_std : (d,) and (C,) kernel widths
+    layout : the strains' channels by phalanx; ``None``: the default channels each
     """
 
     def __init__(
@@ -49,9 +51,12 @@ class PhalanxKernels:
         conditional: bool = True,
         evaluation: str = "field",
         dtype: Any = np.float64,
+        layout: ChannelLayout | None = None,
     ) -> None:
-        self.kernels = KernelSum(positions, strain, position_std, strain_std, wraps, evaluation, dtype)
-        self.background = Background(strain, strain_std)
+        self.kernels = KernelSum(
+            positions, strain, position_std, strain_std, wraps, evaluation, dtype, layout
+        )
+        self.background = Background(strain, strain_std, layout)
         self._conditional = conditional
         kernel = position_std * math.sqrt(2.0 * math.pi)
         low, high = box(positions)
@@ -111,8 +116,8 @@ class SumOfGaussians(MeasurementModel):
         precision: str = "float64",
     ) -> None:
         positions, strain = training_pairs(scan, scene)
-        self._phalanges = len(scene.phalanges)
-        self.blur = positive("strain_std", strain_std, GAUGES * self._phalanges)
+        self._layout = scene.layout
+        self.blur = positive("strain_std", strain_std, self._layout.size)
         self._kernels = PhalanxKernels(
             positions,
             strain,
@@ -122,13 +127,14 @@ class SumOfGaussians(MeasurementModel):
             conditional,
             evaluation,
             dtype_of(precision),
+            self._layout,
         )
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood`."""
-        strain, present = checked(strain, self._phalanges, present)
+        strain, present = checked(strain, self._layout, present)
         kernels = self._kernels.kernels
         if kernels.evaluation == "field":
             return interpolated(
@@ -143,12 +149,12 @@ class SumOfGaussians(MeasurementModel):
         self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood_on`."""
-        strain, present = checked(strain, self._phalanges, present)
+        strain, present = checked(strain, self._layout, present)
         return self._kernels.on_axes(axes, strain, present)
 
 
 def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The scan's positions (N, d) and strains (N, 8F) on the axes and phalanges that the scene names.
+    """The scan's positions (N, d) and strains (N, C) on the axes and phalanges that the scene names.
 
     Raises
     ------
@@ -158,7 +164,7 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     positions = _columns(scan.states, scene.columns(scan.axes))
     if scene.wraps.any():
         positions = np.where(scene.wraps, wrap_angle(positions), positions)
-    return positions, _columns(scan.strain, scene.channels(scan.phalanges))
+    return positions, _columns(scan.strain, scene.channels(scan.phalanges, scan.channels))
 
 
 def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from tactile_localizer.core.featureless_pairs import featureless_pairs
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.sum_of_gaussians import training_pairs
 from tactile_localizer.errors import SceneError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _FEWEST_PAIRS = 20
 _FEWEST_SWEEPS = 3
@@ -65,15 +65,17 @@ class SweepOffset:
         self._centre = means.mean(axis=0)
         offsets, deviations = means - self._centre, strain - means[index]
         self._known = dict(zip(numbers.tolist(), offsets, strict=True))
-        channels = [slice(start, start + GAUGES) for start in range(0, strain.shape[1], GAUGES)]
+        self.layout = layout = scene.layout
         shapes, variances = zip(
-            *(_diagonalised(deviations[:, own], offsets[:, own]) for own in channels), strict=True
+            *(_diagonalised(deviations[:, own], offsets[:, own]) for own in layout.slices), strict=True
         )
         self._shape = block_diag(*shapes)
         self._whiten = np.linalg.inv(self._shape)
         self._prior = _ANOTHER_DAY * np.concatenate(variances)
         volumes = [np.linalg.slogdet(shape)[1] for shape in shapes]
-        self._log_constants = -np.repeat(volumes, GAUGES) / GAUGES - 0.5 * math.log(2.0 * math.pi)
+        self._log_constants = -layout.expand(np.array(volumes) / layout.counts) - 0.5 * math.log(
+            2.0 * math.pi
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -85,44 +87,44 @@ class SweepOffset:
     def removed_from(self, scan: Scan, scene: Scene) -> Scan:
         """The scan without its sweeps' offsets; sweeps that never leave the feature keep theirs."""
         strain = scan.strain.copy()
-        channels = scene.channels(scan.phalanges)
+        channels = scene.channels(scan.phalanges, scan.channels)
         for number, offset in self._known.items():
             rows = np.flatnonzero(scan.sweep == number)
             strain[np.ix_(rows, channels)] -= offset
         return dataclasses.replace(scan, strain=strain)
 
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Of a strain (8F,), V, of the phalanges ``present`` (F,) on featureless material, nats.
+        """Of a strain (C,), V, of the phalanges ``present`` (F,) on featureless material, nats.
 
         With what is known of the present sweep's offset so far: at first, that of any sweep.
         """
         innovation = self._innovation(strain)
         variance = 1.0 + self._variance
         terms = self._log_constants - 0.5 * (innovation * innovation / variance + np.log(variance))
-        return float(terms.reshape(-1, GAUGES)[present].sum())
+        return float(terms[self.layout.expand(present)].sum())
 
     def corrected(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
         """Learn from a strain, where it is featureless, and return it without the offset.
 
         Parameters
         ----------
-        strain : (8F,) V
+        strain : (C,) V
         present : (F,) bool, the phalanges that were felt
         travel : m since the last strain
         """
         innovation = self._innovation(strain)
-        squares = (innovation * innovation / (1.0 + self._variance)).reshape(-1, GAUGES).mean(axis=1)
+        squares = self.layout.sum(innovation * innovation / (1.0 + self._variance)) / self.layout.counts
         featureless = present & (squares < _GATE)
         if featureless.any():
             noise = max(1.0, _LENGTH / travel)
-            gain = np.repeat(featureless, GAUGES) * self._variance / (self._variance + noise)
+            gain = self.layout.expand(featureless) * self._variance / (self._variance + noise)
             self._offset = self._offset + gain * innovation
             self._variance = (1.0 - gain) * self._variance
             self._volts = self._shape @ self._offset
         return strain - self._volts
 
     def _innovation(self, strain: np.ndarray) -> np.ndarray:
-        """What differs from featureless material, in deviations of its noise, the offset known: (8F,)."""
+        """What differs from featureless material, in deviations of its noise, the offset known: (C,)."""
         return np.asarray(self._whiten @ (strain - self._centre) - self._offset)
 
 
@@ -140,14 +142,14 @@ def _counted(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _diagonalised(deviations: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A with W = A A^T and B = A diag(v) A^T, of one phalanx: (8, 8) and v (8,)."""
+    """A with W = A A^T and B = A diag(v) A^T, of one phalanx: (c, c) and v (c,) for its c channels."""
     within = deviations.T @ deviations / len(deviations)
     between = offsets.T @ offsets / len(offsets)
     tiny = 1e-12 * max(float(within.trace()), float(between.trace())) + 1e-30
     within += np.diag(_RIDGE * (np.diag(within) + np.diag(between)) + tiny)
     # As many sweeps as there are channels say little of how channels go together: as if so many more had been
     # seen in which they do not (the mean of an inverse Wishart posterior).
-    doubt = GAUGES / (GAUGES + len(offsets))
+    doubt = offsets.shape[1] / (offsets.shape[1] + len(offsets))
     between = (1.0 - doubt) * between + doubt * np.diag(np.diag(between))
     variances, vectors = eigh(between, within)
     return np.linalg.inv(vectors.T), np.maximum(variances, 0.0)

@@ -42,14 +42,14 @@ def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.nd
 
 
 def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Kernel widths of the right order: the sweeps' spacing (d,) and their disagreement (8F,).
+    """Kernel widths of the right order: the sweeps' spacing (d,) and their disagreement (C,).
 
     In m (yaw: rad) and V. The spacing is the median distance from a pair to the nearest one of another
     sweep, in shares of the scene's extents; the disagreement the median difference of their strains, a
     channel.
     """
     own, nearest, distance = nearest_of_other_sweeps(scan, scene)
-    strain = scan.strain[:, scene.channels(scan.phalanges)]
+    strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
     spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
     # A channel on which most sweeps agree to the last digit still has some width.
     spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)

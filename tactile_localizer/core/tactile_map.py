@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 DEFAULT_NEIGHBOURS = 8
 """Neighbours that a node of the grid is interpolated from; the paper's k."""
@@ -31,9 +33,10 @@ class TactileMap:
     ----------
     axes : names of the axes, one or two
     nodes : by axis, the palm positions of the grid's nodes, m (yaw: rad), ascending
-    values : (n1, 8F) or (n1, n2, 8F) strain voltages, V; NaN where no pair is near enough
-    background : (8F,) strain of featureless material: the median over the scan's pairs, V
+    values : (n1, C) or (n1, n2, C) strain voltages, V; NaN where no pair is near enough
+    background : (C,) strain of featureless material: the median over the scan's pairs, V
     phalanges : names of the F phalanges
+    channels : channels of each phalanx; empty: the default for each
     """
 
     axes: tuple[str, ...]
@@ -41,11 +44,16 @@ class TactileMap:
     values: np.ndarray
     background: np.ndarray
     phalanges: tuple[str, ...]
+    channels: tuple[int, ...] = ()
+
+    @cached_property
+    def layout(self) -> ChannelLayout:
+        """The channels by phalanx."""
+        return ChannelLayout.of(self.channels, len(self.phalanges))
 
     def phalanx(self, name: str) -> np.ndarray:
-        """The eight elements of a phalanx less their background, (..., 8), V."""
-        start = GAUGES * self.phalanges.index(name)
-        columns = slice(start, start + GAUGES)
+        """The channels of a phalanx less their background, (..., channels), V."""
+        columns = self.layout.slices[self.phalanges.index(name)]
         return self.values[..., columns] - self.background[columns]
 
     @property
@@ -95,10 +103,11 @@ def make_map(
     grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
     scan = Scan(
         scan.states[:, scene.columns(scan.axes)[:shown]] * scale,
-        scan.strain[:, scene.channels(scan.phalanges)],
+        scan.strain[:, scene.channels(scan.phalanges, scan.channels)],
         scan.sweep,
         scene.axis_names[:shown],
         scene.phalanx_names,
+        scene.layout.counts,
     )
     distance = sweep_distance(scan, step)
     cell = max(step, distance / 2)
@@ -113,6 +122,7 @@ def make_map(
         values=values.reshape(*counts, -1),
         background=np.median(scan.strain, axis=0),
         phalanges=scan.phalanges,
+        channels=scan.channels,
     )
 
 

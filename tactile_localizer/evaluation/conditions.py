@@ -96,7 +96,7 @@ def recording_of(scan: SimulatedScan) -> Recording:
             stamp_ns=scan.stamp_ns[part],
             position=scan.odometry[part],
             strain=scan.strain[part],
-            status=missing_status(scan.strain[part]),
+            status=missing_status(scan.strain[part], scan.layout),
             truth=scan.truth[part],
         )
         for part in scan.slices()

@@ -74,4 +74,5 @@ def _scan(recording: Recording, scene: Scene) -> Scan:
         ),
         axes=recording.axes,
         phalanges=recording.phalanges,
+        channels=recording.channels,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -16,12 +17,15 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
 from tactile_localizer.evaluation.display import label_axis, legend_below, shown
-from tactile_localizer.scene import GAUGES, Phalanx, Region, Scene
+from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
 _NO_DATA = "0.82"
 _LINES = ("black", "tab:green", "tab:orange")
 _NEIGHBOURS = 4
+
+MOST_ELEMENTS = 48
+"""Elements of a phalanx that a picture shows at most."""
 
 
 def scan_figures(
@@ -58,7 +62,9 @@ def map_sheet(
     unit: str = "V",
     regions: Mapping[str, Region] | None = None,
 ) -> Figure:
-    """All eight elements of a phalanx over the palm's position, in one scale of colours.
+    """The elements of a phalanx over the palm's position, in one scale of colours.
+
+    Of more than :data:`MOST_ELEMENTS` those that vary most.
 
     Parameters
     ----------
@@ -69,15 +75,19 @@ def map_sheet(
     unit : of the strain
     regions : feature regions to outline, by label, in phalanx coordinates
     """
-    figure = Figure(figsize=(13, 7), layout="constrained")
-    plots = figure.subplots(2, 4, sharex=True, sharey=True)
-    for element, plot in enumerate(plots.flat):
-        row, column = divmod(element, 4)
+    elements = _shown_elements(tactile_map, phalanx)
+    rows = math.ceil(len(elements) / 4)
+    figure = Figure(figsize=(13, 3.5 * rows), layout="constrained")
+    plots = figure.subplots(rows, 4, sharex=True, sharey=True, squeeze=False)
+    for plot in plots.flat[len(elements) :]:
+        plot.set_axis_off()
+    for place, (element, plot) in enumerate(zip(elements, plots.flat, strict=False)):
+        row, column = divmod(place, 4)
         colours = _draw_element(plot, tactile_map, phalanx, element)
         _draw_paths(plot, scan)
         _outline(plot, regions, _phalanx(scene, phalanx), scene)
         plot.set_title(f"element {element + 1}", fontsize=10)
-        label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=row == 1)
+        label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=row == rows - 1)
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 3, label=column == 0)
     _colour_bar(figure, colours, plots, unit)
     legend_below(figure, plots.flat[0])
@@ -125,16 +135,17 @@ def profile_sheet(
     unit: str = "V",
     regions: Mapping[str, Region] | None = None,
 ) -> Figure:
-    """All eight elements of a phalanx along the one axis of the scene: every sweep, and the map in black.
+    """The elements of a phalanx along the one axis of the scene: every sweep, and the map in black.
 
     Parameters as for :func:`map_sheet`.
     """
-    figure = Figure(figsize=(13, 11), layout="constrained")
-    plots = figure.subplots(GAUGES, 1, sharex=True, sharey=True)
+    elements = _shown_elements(tactile_map, phalanx)
+    figure = Figure(figsize=(13, 1 + 1.25 * len(elements)), layout="constrained")
+    plots = figure.subplots(len(elements), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     axis = tactile_map.axes[0]
-    start = GAUGES * scan.phalanges.index(phalanx)
+    start = scan.layout.slices[scan.phalanges.index(phalanx)].start
     profile = tactile_map.phalanx(phalanx)
-    for element, plot in enumerate(plots):
+    for element, plot in zip(elements, plots, strict=True):
         column = start + element
         for number in scan.sweep_numbers:
             mine = scan.sweep == number
@@ -193,14 +204,14 @@ def neighbour_values(
     Parameters
     ----------
     scan, scene, phalanx, unit : as for :func:`map_sheet`
-    element : 0 to 7; by default the one that varies most
+    element : of the phalanx, from 0; by default the one that varies most
     sweep : number of the sweep; by default the one along which the element varies most
     k : neighbours of each point, one a sweep
     """
-    start = GAUGES * scan.phalanges.index(phalanx)
+    own = scan.layout.slices[scan.phalanges.index(phalanx)]
     if element is None:
-        element = int(np.argmax(scan.strain[:, start : start + GAUGES].std(axis=0)))
-    values = scan.strain[:, start + element]
+        element = int(np.argmax(scan.strain[:, own].std(axis=0)))
+    values = scan.strain[:, own.start + element]
     if sweep is None:
         sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
     mine = scan.sweep == sweep
@@ -255,7 +266,14 @@ def _telling_elements(tactile_map: TactileMap) -> list[tuple[str, int]]:
     first = int(np.argmax(values.std(axis=0)))
     same = values[:, first] @ values / max(float(values[:, first] @ values[:, first]), 1e-300)
     second = int(np.argmax((values - np.outer(values[:, first], same)).std(axis=0)))
-    return [(tactile_map.phalanges[column // GAUGES], column % GAUGES) for column in (first, second)]
+    places = [tactile_map.layout.place(column) for column in (first, second)]
+    return [(tactile_map.phalanges[phalanx], channel - 1) for phalanx, channel in places]
+
+
+def _shown_elements(tactile_map: TactileMap, phalanx: str) -> list[int]:
+    """Elements of a phalanx, from 0: all, or the :data:`MOST_ELEMENTS` that vary most."""
+    spread = np.nan_to_num(tactile_map.phalanx(phalanx)[tactile_map.covered]).std(axis=0)
+    return sorted(np.argsort(-spread, kind="stable")[:MOST_ELEMENTS].tolist())
 
 
 def _draw_paths(plot: Axes, scan: Scan) -> None:

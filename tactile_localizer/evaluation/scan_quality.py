@@ -15,7 +15,7 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import sweep_distance
 from tactile_localizer.evaluation.display import MM, shown
 from tactile_localizer.io.scans.sweep_info import SweepInfo
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _FEWEST = 50
 """Pairs below which the values of a gauge tell nothing of the gauge."""
@@ -97,8 +97,9 @@ def _unit(scan: Scan, unit: str) -> Iterator[str]:
     greatest = float(np.abs(scan.strain).max())
     if unit == "V" and greatest > _MOST_VOLTS:
         yield (
-            f"strain goes to {greatest:.4g} V: is it in V? (import: --column PHALANX=NAME1..8*0.001 for mV, "
-            "or strain_unit in the naming)"
+            f"strain goes to {greatest:.4g} V: is it in V? (import: --column "
+            f"PHALANX=NAME1..{scan.layout.counts[0]}*0.001 "
+            "for mV, or strain_unit in the naming)"
         )
 
 
@@ -179,7 +180,7 @@ def _gauges(scan: Scan) -> Iterator[str]:
     high, low = scan.strain.max(axis=0), scan.strain.min(axis=0)
     typical = float(np.median(high - low))
     for column in range(scan.strain.shape[1]):
-        name = f"{scan.phalanges[column // GAUGES]} element {column % GAUGES + 1}"
+        name = _element(scan, column)
         if high[column] - low[column] <= _DEAD * typical:
             yield f"{name}: seems dead, all values lie within {high[column] - low[column]:.3g}"
             continue
@@ -188,6 +189,12 @@ def _gauges(scan: Scan) -> Iterator[str]:
             share = float(np.mean(values == limit))
             if share > _AT_LIMIT:
                 yield f"{name}: seems saturated, {share:.1%} of the values are exactly {limit:.6g}"
+
+
+def _element(scan: Scan, column: int) -> str:
+    """A channel's name for people: the phalanx, and its number there."""
+    phalanx, channel = scan.layout.place(column)
+    return f"{scan.phalanges[phalanx]} element {channel}"
 
 
 def _disagreement(scan: Scan) -> Iterator[str]:
@@ -219,7 +226,7 @@ def _drift(scan: Scan) -> Iterator[str]:
     rest = medians - medians.mean(axis=0) - np.outer(order, slope)
     scatter = np.sqrt(np.sum(rest**2, axis=0) / (len(numbers) - 2))
     total = slope * (len(numbers) - 1)
-    for column in np.flatnonzero(np.abs(total) > _DRIFT * np.maximum(scatter, 1e-300)):
-        name = f"{scan.phalanges[column // GAUGES]} element {column % GAUGES + 1}"
+    for column in np.flatnonzero(np.abs(total) > _DRIFT * np.maximum(scatter, 1e-300)).tolist():
+        name = _element(scan, column)
         times = abs(total[column]) / max(scatter[column], 1e-300)
         yield f"{name}: drifts by {total[column]:+.3g} over the scan, {times:.0f} times its scatter"

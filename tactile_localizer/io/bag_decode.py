@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _LITTLE_ENDIAN = b"\x00\x01"
 _BODY = 4
@@ -29,7 +30,7 @@ _NANOSECONDS = 1_000_000_000
 class Strains(NamedTuple):
     """What n ``StrainVectors`` messages tell of a scene's phalanges, in their order.
 
-    ``stamp_ns`` (n,), ``values`` (n, 8F) V, ``status`` (n, F), and whether each ``fits`` (n,): one that does
+    ``stamp_ns`` (n,), ``values`` (n, C) V, ``status`` (n, F), and whether each ``fits`` (n,): one that does
     not has lengths that contradict each other.
     """
 
@@ -73,12 +74,13 @@ class StrainDecoder:
     def of_message(self, message: Any) -> Strains:
         """From one message object."""
         numbers = np.array([stamp_of(message)]), message.strain[None], message.status[None]
-        return self._strains(1, [(tuple(message.phalanges), np.zeros(1, int), *numbers)])
+        counts = tuple(map(int, getattr(message, "channels", ())))
+        return self._strains(1, [(tuple(message.phalanges), counts, np.zeros(1, int), *numbers)])
 
     def of_bytes(self, raws: Sequence[bytes]) -> Strains:
         """From the bytes of messages."""
         alike = (
-            (form.texts[1:], rows, _stamps(numbers), numbers["strain"], numbers["status"])
+            (form.texts[1:], form.counts, rows, _stamps(numbers), numbers["strain"], numbers["status"])
             for form, rows, numbers in _alike(raws, _strain_form)
         )
         return self._strains(len(raws), alike)
@@ -86,21 +88,26 @@ class StrainDecoder:
     def _strains(
         self,
         n: int,
-        alike: Iterable[tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
+        alike: Iterable[
+            tuple[tuple[str, ...], tuple[int, ...], np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+        ],
     ) -> Strains:
-        phalanges = len(self._scene.phalanges)
+        layout = self._scene.layout
         found = Strains(
             np.zeros(n, np.int64),
-            np.zeros((n, GAUGES * phalanges)),
-            np.zeros((n, phalanges), np.uint8),
+            np.zeros((n, layout.size)),
+            np.zeros((n, layout.phalanges), np.uint8),
             np.zeros(n, bool),
         )
-        for names, rows, stamp_ns, values, status in alike:
-            channels = self._scene.channels(names)
-            if values.shape[1] == GAUGES * len(names) == GAUGES * status.shape[1]:
+        for names, counts, rows, stamp_ns, values, status in alike:
+            if len(counts) not in (0, len(names)):
+                continue
+            felt, channels = self._scene.rows(names), self._scene.channels(names, counts)
+            size = ChannelLayout.of(counts, len(names)).size
+            if values.shape[1] == size and status.shape[1] == len(names):
                 found.stamp_ns[rows] = stamp_ns
                 found.values[rows] = values[:, channels]
-                found.status[rows] = status[:, channels[::GAUGES] // GAUGES]
+                found.status[rows] = status[:, felt]
                 found.fits[rows] = True
         return found
 
@@ -154,10 +161,11 @@ def stamp_of(message: Any) -> int:
 
 
 class _Form(NamedTuple):
-    """Where the numbers of a message are, its texts, and the bytes (indices) that tell this form."""
+    """Where a message's numbers are, its texts and channel counts, and the bytes that tell this form."""
 
     numbers: np.dtype[Any]
     texts: tuple[str, ...]
+    counts: tuple[int, ...]
     telling: np.ndarray
 
 
@@ -170,6 +178,7 @@ class _Walk:
         self._raw, self._at = raw, _BODY
         self._telling = [np.arange(2)]
         self._texts: list[str] = []
+        self._counts: tuple[int, ...] = ()
         self._fields: dict[str, tuple[Any, int]] = {}
 
     def header(self) -> None:
@@ -201,11 +210,18 @@ class _Walk:
             raise ValueError(f"CDR: expected at most {len(self._raw)} elements, got {found}")
         return int(found)
 
+    def counts(self) -> None:
+        """An array of ``uint16``, which belongs to the form; messages of earlier versions end before it."""
+        if self._at < len(self._raw):
+            size = 2 * self.count()
+            self._counts = struct.unpack_from(f"<{size // 2}H", self._raw, self._at)
+            self._tell(size)
+
     def form(self) -> _Form:
         """What was noted; raises ValueError where the message ends before its last number does."""
         names, (formats, offsets) = list(self._fields), zip(*self._fields.values(), strict=True)
         parts: Any = {"names": names, "formats": formats, "offsets": offsets, "itemsize": len(self._raw)}
-        return _Form(np.dtype(parts), tuple(self._texts), np.concatenate(self._telling))
+        return _Form(np.dtype(parts), tuple(self._texts), self._counts, np.concatenate(self._telling))
 
     def _tell(self, size: int) -> None:
         self._telling.append(np.arange(self._at, self._at + size))
@@ -222,6 +238,8 @@ def _strain_form(raw: bytes) -> _Form:
         walk.text()
     walk.numbers("strain", "<f8", walk.count())
     walk.numbers("status", "u1", walk.count())
+    walk.numbers("sequence", "<u4", walk.count())
+    walk.counts()
     return walk.form()
 
 

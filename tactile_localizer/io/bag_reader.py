@@ -28,6 +28,13 @@ _LITTLE_ENDIAN = b"\x00\x01"
 _LOT = 1024
 """Messages that are decoded at once."""
 
+_EARLIER = {
+    "tactile_localizer/msg/StrainVectors": (
+        "RIHS01_f1a83b22d4db4fe3d4f4952d7c8b923f86f3d1d6fa1f42eed56ed23fb9d74774"
+    )
+}
+"""Hash of the definition without ``channels``, by type: its messages are a beginning of today's."""
+
 MESSAGES = ("StrainVectors", "ScanStatus", "Posterior", "FeatureProbabilities")
 
 
@@ -126,7 +133,7 @@ def _read(path: Path, wanted: Mapping[str, Keep | Decoder], messages: BagMessage
             if (
                 isinstance(keep, Decoder)
                 and keep.kind == kind
-                and own.hash_rihs01(kind) == reader.typestore.hash_rihs01(kind)
+                and reader.typestore.hash_rihs01(kind) in (own.hash_rihs01(kind), _EARLIER.get(kind))
                 and all(raw[:2] == _LITTLE_ENDIAN for raw in raws if len(raw) > 1)
             ):
                 kept.append(keep.of_bytes(raws))

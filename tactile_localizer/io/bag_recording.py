@@ -113,7 +113,9 @@ def read_bag(
         spans = [WHOLE]
     whole = RecordedSweep(WHOLE.number, stamp_ns, position, strain, status, truth)
     sweeps = tuple(_sweep(whole, found, span) for span in spans)
-    return Recording(str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(notes))
+    return Recording(
+        str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(notes), scene.layout.counts
+    )
 
 
 def _sweep(whole: RecordedSweep, found: np.ndarray, span: Span) -> RecordedSweep:
@@ -123,7 +125,7 @@ def _sweep(whole: RecordedSweep, found: np.ndarray, span: Span) -> RecordedSweep
 
 
 def _strain_arrays(lots: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps (n,), strain (n, 8F) and status (n, F) of the scene's phalanges, as nodes take them."""
+    """Stamps (n,), strain (n, C) and status (n, F) of the scene's phalanges, as nodes take them."""
     stamp_ns, strain, status, fits = map(np.concatenate, zip(*lots, strict=True))
     _note(notes, int(np.sum(~fits)), len(fits), "strain vectors whose lengths do not fit")
     usable = _in_time(stamp_ns, np.flatnonzero(fits), "strain vectors", notes)

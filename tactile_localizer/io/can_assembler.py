@@ -29,7 +29,6 @@ from tactile_localizer.io.can_frames import FrameBatch
 from tactile_localizer.io.can_phase import CyclePhase
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
-from tactile_localizer.scene import GAUGES
 
 REACH = 8
 """Cycles over which a counter tells which cycle a frame belongs to; later frames are taken as they come."""
@@ -86,6 +85,7 @@ class CycleAssembler:
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
         self._no_counter = any(cell.span == 0 for cell in self._cells)
         self._channel = layout.channel
+        self._channels = protocol.channels
         self._cycles: list[Cycle] = []  # closed, not yet handed out
         self._voltage = np.empty((0, layout.channel.shape[1]))  # of the frames being fed
         self._strain = np.empty(0)
@@ -205,9 +205,7 @@ class CycleAssembler:
             self._cycle += 1 + ahead
             self._first_ns = stamp_ns
             self._awaited = len(self._cell_of)
-            self._strain = np.full(
-                len(self._cells) * GAUGES + 1, np.nan
-            )  # the last is for what has no channel
+            self._strain = np.full(self._channels.size + 1, np.nan)  # the last is for what has no channel
             self._phase.begin(pause_ns)
 
     @staticmethod
@@ -239,7 +237,7 @@ class CycleAssembler:
             else:
                 flags |= MISSING
                 cell.counts.missing += 1
-                self._strain[p * GAUGES : (p + 1) * GAUGES] = np.nan
+                self._strain[self._channels.slices[p]] = np.nan
             if flags:
                 cell.counts.saturated += flags & SATURATED != 0
                 cell.counts.faults += flags & FAULT != 0

@@ -14,7 +14,6 @@ from tactile_localizer.io.can_cycle import Cycle, PhalanxCounts
 from tactile_localizer.io.can_frames import ERROR, EXTENDED, REMOTE
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import SATURATED
-from tactile_localizer.scene import GAUGES
 
 _FOR_EVER_NS = 10**18
 
@@ -33,7 +32,7 @@ class MessageReport:
 
 @dataclass(frozen=True)
 class PhalanxReport:
-    """One phalanx: samples and what went wrong with them; ``lowest`` and ``highest`` (8,) V seen."""
+    """One phalanx: samples and what went wrong with them; ``lowest`` and ``highest`` (c,) V seen."""
 
     name: str
     counts: PhalanxCounts
@@ -59,7 +58,7 @@ class CanCheck:
         self._assembler = CycleAssembler(protocol, wait_s)
         self._frames: Counter[int] = Counter()  # by key
         self._lengths: dict[int, set[int]] = {}
-        channels = len(protocol.phalanges) * GAUGES
+        channels = protocol.channels.size
         self._lowest = np.full(channels, np.inf)
         self._highest = np.full(channels, -np.inf)
         self._saturated = np.zeros(channels, dtype=bool)
@@ -138,7 +137,7 @@ class CanCheck:
         ):
             if name in absent:
                 continue
-            own = slice(p * GAUGES, (p + 1) * GAUGES)
+            own = self._protocol.channels.slices[p]
             gauges = tuple((np.flatnonzero(self._saturated[own]) + 1).tolist())
             keys = self._protocol.layout.key[self._protocol.layout.phalanx == p]
             rate_hz = self._rate(min(self._frames[key] for key in keys.tolist()))

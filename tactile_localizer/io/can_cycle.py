@@ -15,7 +15,7 @@ class Cycle:
     Attributes
     ----------
     stamp_ns : receive time of the first frame, ns
-    strain : (8F,) V, row-major; NaN where missing
+    strain : (C,) V, row-major; NaN where missing
     status : (F,) uint8 bits of :mod:`~tactile_localizer.io.status`
     sequence : (F,) uint32, the load cell's counter, unwrapped; the cycle's number where it has none
     """

@@ -16,7 +16,6 @@ from tactile_localizer.io.can_cycle import Counts, Cycle
 from tactile_localizer.io.can_protocol import LoadCellProtocol
 from tactile_localizer.io.can_reader import LONGEST_WAIT_S, BusStatus, CanReader
 from tactile_localizer.io.tare import TareAverage
-from tactile_localizer.scene import GAUGES
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class LoadCellDriver:
         log: Callable[[str], None],
     ) -> None:
         self.protocol = protocol
-        self.offset = np.zeros(len(protocol.phalanges) * GAUGES)  # V, taken off each strain vector
+        self.offset = np.zeros(protocol.channels.size)  # V, taken off each strain vector
         self.latest: Cycle | None = None  # as the load cells sent it
         self._on_cycle = on_cycle
         self._assembler = CycleAssembler(protocol, settings.cycle_timeout_s)
@@ -99,7 +98,7 @@ class LoadCellDriver:
         self._reader.reconnect()
 
     def tare(self, duration_s: float, spread_limit: float, cancelled: Callable[[], bool]) -> np.ndarray:
-        """Average the load cells for ``duration_s`` and take that off from now on: the offset (8F,), V.
+        """Average the load cells for ``duration_s`` and take that off from now on: the offset (C,), V.
 
         Called in another thread than the receive thread, which goes on meanwhile.
 
@@ -108,7 +107,7 @@ class LoadCellDriver:
         MeasurementError
             Too few good samples came, or the hand moved: the offset stays as it was.
         """
-        average = TareAverage(self.protocol.phalanges, spread_limit)
+        average = TareAverage(self.protocol.phalanges, spread_limit, self.protocol.channels)
         self._average = average
         end_s = time.monotonic() + duration_s
         pause = threading.Event()

@@ -13,14 +13,14 @@ import cantools
 import numpy as np
 from cantools.database.can import Database, Message, Signal
 
+from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can_frames import EXTENDED, MAX_BYTES, wire_length
-from tactile_localizer.scene import GAUGES
 
 # cantools logs what is refused below in one line of our own.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
 
-GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(GAUGES))
+GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(DEFAULT_CHANNELS))
 """Default names of the gauge pairs' signals."""
 
 VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6}
@@ -35,7 +35,7 @@ class SignalNames:
 
     Parameters
     ----------
-    gauges : the 8 gauge pairs, in the order of the strain vector
+    gauges : the channels, in the order of the strain vector; a phalanx may have the first of them only
     counter, status : the rolling counter and the load cell's own status (0 is well); a layout may lack either
     """
 
@@ -44,8 +44,8 @@ class SignalNames:
     status: str = "status"
 
     def __post_init__(self) -> None:
-        if len(set(self.gauges)) != GAUGES:
-            raise CanError(f"gauge signals: expected {GAUGES} different names, got {', '.join(self.gauges)}")
+        if not self.gauges or len(set(self.gauges)) < len(self.gauges):
+            raise CanError(f"gauge signals: expected different names, got {', '.join(self.gauges) or 'none'}")
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,7 @@ class Layout:
     float_bits : (M, S) width of an IEEE float signal, 0: integer
     scale, offset, volts : (M, S) physical value = (raw * scale + offset) * volts
     lowest, highest : (M, S - 2) V, ends of the range, where a gauge is saturated
+    channels : the strain vector's channels by phalanx
     """
 
     key: np.ndarray
@@ -84,6 +85,7 @@ class Layout:
     volts: np.ndarray
     lowest: np.ndarray
     highest: np.ndarray
+    channels: ChannelLayout
 
 
 def load_dbc(path: str | Path) -> Database:
@@ -164,16 +166,19 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
         share an identifier.
     """
     rows = []
+    counts: list[int] = []
     for index, (phalanx, own) in enumerate(zip(phalanges, messages, strict=True)):
-        gauges = [name.replace("{phalanx}", phalanx) for name in names.gauges]
+        gauges = _gauges_of(phalanx, own, names)
+        first = sum(counts)
+        counts.append(len(gauges))
         counter, status = (name.replace("{phalanx}", phalanx) for name in (names.counter, names.status))
         _check(phalanx, own, gauges, counter)
         for message in own:
             by_name = {signal.name: signal for signal in message.signals}
-            here = [(8 * index + g, by_name[name]) for g, name in enumerate(gauges) if name in by_name]
+            here = [(first + g, by_name[name]) for g, name in enumerate(gauges) if name in by_name]
             rows.append((index, message, here, by_name.get(counter), by_name.get(status)))
     width = max(len(row[2]) for row in rows)
-    layout = _empty_layout(len(rows), width)
+    layout = _empty_layout(len(rows), width, ChannelLayout(tuple(counts)))
     for m, (index, message, here, counter_signal, status_signal) in enumerate(rows):
         layout.key[m] = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
         layout.length[m] = wire_length(message.length)
@@ -193,6 +198,14 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
         if len(shared) > 1:
             raise CanError(f"frame 0x{key & 0x1FFFFFFF:X}: expected one message, found {', '.join(shared)}")
     return layout
+
+
+def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) -> list[str]:
+    """Names of the phalanx's gauges: all up to the last that its messages have, but at least one."""
+    gauges = [name.replace("{phalanx}", phalanx) for name in names.gauges]
+    found = {signal.name for message in messages for signal in message.signals}
+    last = max((number for number, name in enumerate(gauges, start=1) if name in found), default=1)
+    return gauges[:last]
 
 
 def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], counter: str) -> None:
@@ -225,7 +238,7 @@ def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], cou
             )
 
 
-def _empty_layout(messages: int, gauges: int) -> Layout:
+def _empty_layout(messages: int, gauges: int, channels: ChannelLayout) -> Layout:
     def table(dtype: type, *more: int, columns: int = gauges + 2) -> np.ndarray:
         return np.zeros((messages, columns, *more), dtype=dtype)
 
@@ -246,6 +259,7 @@ def _empty_layout(messages: int, gauges: int) -> Layout:
         volts=np.ones((messages, gauges)),
         lowest=np.full((messages, gauges), -np.inf),
         highest=np.full((messages, gauges), np.inf),
+        channels=channels,
     )
 
 

@@ -11,6 +11,7 @@ import can
 import numpy as np
 from cantools.database.can import Signal
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.io.can_frames import ERROR, REMOTE, FrameBatch, wire_length
 from tactile_localizer.io.can_layout import (
     VOLTS,
@@ -109,6 +110,11 @@ class LoadCellProtocol:
         return cls(phalanges, own, names or SignalNames())
 
     @property
+    def channels(self) -> ChannelLayout:
+        """The strain vector's channels by phalanx."""
+        return self.layout.channels
+
+    @property
     def message_names(self) -> tuple[str, ...]:
         """Name of each message, in the order of :attr:`layout`."""
         return tuple(message.name for own in self._messages for message in own)
@@ -164,7 +170,7 @@ class LoadCellProtocol:
             return raw, value * layout.scale[slot] + layout.offset[slot]
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
-        """Which gauges of ``strain`` (8F,), V, as decoded, stand at an end of their range: (8F,) bool."""
+        """Which gauges of ``strain`` (C,), V, as decoded, stand at an end of their range: (C,) bool."""
         layout, used = self.layout, self.layout.channel >= 0
         lowest, highest = np.empty(len(strain)), np.empty(len(strain))
         lowest[layout.channel[used]] = layout.lowest[used]
@@ -179,7 +185,7 @@ class LoadCellProtocol:
         Parameters
         ----------
         phalanx : index of the phalanx
-        strain : (8,) V; a voltage out of the range is cut to its end, as an amplifier does
+        strain : (c,) V, its channels; a voltage out of the range is cut to its end, as an amplifier does
         sequence : number of the sample; its low bits become the counter
         status : the load cell's own status, 0 is well
         stamp_s : time stamp of the frames, s

@@ -4,11 +4,11 @@ A naming maps the package's own names to recorded ones::
 
     stamp_s: timestamp * 0.001      # name * factor to the package's unit
     x: position_mm * 0.001
-    index: gauge1..8                # a phalanx: eight columns
+    index: gauge1..8                # a phalanx: a column per channel
     middle: [a, b, c, d, e, f, g, h]
     strain_unit: counts             # volts where it is left out
 
-What it leaves out has the standard name: ``stamp_s``, ``sweep``, the axis, ``<phalanx>_1..8``.
+What it leaves out has the standard name: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import yaml
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Phalanx, Scene
 
 _RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
 
@@ -53,10 +53,10 @@ class ColumnNaming:
         """Columns of ``stamp_s``, ``sweep`` or an axis."""
         return self.columns.get(quantity, Columns((quantity,)))
 
-    def of_phalanx(self, phalanx: str) -> Columns:
-        """The eight columns of a phalanx."""
-        standard = Columns(tuple(f"{phalanx}_{gauge}" for gauge in range(1, GAUGES + 1)))
-        return self.columns.get(phalanx, standard)
+    def of_phalanx(self, phalanx: Phalanx) -> Columns:
+        """The columns of a phalanx, one per channel."""
+        standard = Columns(channel_names(phalanx.name, phalanx.channels))
+        return self.columns.get(phalanx.name, standard)
 
     def check(self, scene: Scene) -> None:
         """Check that the naming speaks of this scene.
@@ -64,19 +64,25 @@ class ColumnNaming:
         Raises
         ------
         ScanError
-            It names a quantity that the scene does not have, or a phalanx with other than 8 columns.
+            It names a quantity that the scene does not have, or another number of columns than a phalanx has.
         """
+        channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
         known = ("stamp_s", "sweep", *scene.axis_names, *scene.phalanx_names)
         for quantity, columns in self.columns.items():
             if quantity not in known:
                 raise ScanError(
                     f"column naming {quantity!r}: expected one of {', '.join(known)}, strain_unit"
                 )
-            expected = GAUGES if quantity in scene.phalanx_names else 1
+            expected = channels.get(quantity, 1)
             if len(columns.names) != expected:
                 raise ScanError(
                     f"column naming {quantity!r}: expected {expected} columns, got {len(columns.names)}"
                 )
+
+
+def channel_names(phalanx: str, channels: int) -> tuple[str, ...]:
+    """The standard names of a phalanx's columns: ``index_1``, ``index_2``, ..."""
+    return tuple(f"{phalanx}_{channel}" for channel in range(1, channels + 1))
 
 
 def load_naming(path: str | Path) -> ColumnNaming:

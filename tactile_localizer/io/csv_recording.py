@@ -1,6 +1,6 @@
 """Recordings in CSV: one row a sample, one sweep a file or as a column says.
 
-Standard columns: ``stamp_s, sweep, <axis>..., <phalanx>_1..<phalanx>_8`` in SI units; other names and
+Standard columns: ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units; other names and
 units by a :class:`~tactile_localizer.io.csv_columns.ColumnNaming`, position from constant speed where
 nothing recorded it. A row that cannot be used is counted and said, never fatal.
 """
@@ -70,7 +70,14 @@ def read_csv(
 def _read_file(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> Recording:
     rows = _read_rows(path, scene, naming, speed)
     sweeps = tuple(_sweep(number, samples, scene, speed) for number, samples in rows.by_sweep.items())
-    return Recording(str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(rows.notes(path)))
+    return Recording(
+        str(path),
+        scene.axis_names,
+        scene.phalanx_names,
+        sweeps,
+        tuple(rows.notes(path)),
+        scene.layout.counts,
+    )
 
 
 @dataclass(frozen=True)
@@ -178,9 +185,12 @@ class _Picker:
     def of(
         cls, path: Path, header: list[str], scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]
     ) -> _Picker:
+        channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
+
         def find(quantity: str, name: str) -> int:
             if header.count(name) != 1:
-                hint = f"--column {quantity}=NAME{'1..8' * (quantity in scene.phalanx_names)}"
+                several = f"1..{channels[quantity]}" if quantity in channels else ""
+                hint = f"--column {quantity}=NAME{several}"
                 found = ", ".join(header) or "no header"
                 article = "one" if name in header else "a"
                 raise ScanError(f"{path}: expected {article} column {name!r} (or {hint}), found {found}")
@@ -188,7 +198,7 @@ class _Picker:
 
         stamp = naming.of("stamp_s")
         axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in speed}
-        wanted = {**axes, **{phalanx: naming.of_phalanx(phalanx) for phalanx in scene.phalanx_names}}
+        wanted = {**axes, **{phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}}
         sweep = naming.of("sweep").names[0]
         has_sweep = sweep in header or "sweep" in naming.columns
         return cls(
@@ -237,4 +247,5 @@ def _sweep(
     )
     strain = values[:, len(recorded) :]
     strain[~np.isfinite(strain)] = math.nan
-    return RecordedSweep(number, stamp_ns, near_bounds(scene.axes, position), strain, missing_status(strain))
+    status = missing_status(strain, scene.layout)
+    return RecordedSweep(number, stamp_ns, near_bounds(scene.axes, position), strain, status)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
-from tactile_localizer.scene import GAUGES, LARGEST_STRAIN, Scene
+from tactile_localizer.scene import LARGEST_STRAIN, Scene
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class RecordedSweep:
     number : the sweep's number in its source
     stamp_ns : (n,) int64 stamps, ns
     position : (n, d) measured palm positions, m (yaw: rad)
-    strain : (n, 8F) strain voltages, V; NaN where missing
+    strain : (n, C) strain voltages, V; NaN where missing
     status : (n, F) uint8 status bits, one a phalanx
     truth : (n, d) true palm positions where they are known apart from ``position``
     gaps : strain samples left out because no pose was near enough in time
@@ -66,6 +68,7 @@ class Recording:
     phalanges : names of the F phalanges, in the order of the strain columns
     sweeps : the sweeps, in the order of the source
     notes : one line for each thing in the source that could not be used
+    channels : channels of each phalanx, C in all; empty: the default for each
     """
 
     source: str
@@ -73,13 +76,14 @@ class Recording:
     phalanges: tuple[str, ...]
     sweeps: tuple[RecordedSweep, ...]
     notes: tuple[str, ...] = field(default=())
+    channels: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         for sweep in self.sweeps:
             n = len(sweep)
             expected = {
                 "position": (n, len(self.axes)),
-                "strain": (n, GAUGES * len(self.phalanges)),
+                "strain": (n, self.layout.size),
                 "status": (n, len(self.phalanges)),
             }
             if sweep.truth is not None:
@@ -91,6 +95,11 @@ class Recording:
                         f"{self.source} sweep {sweep.number} {name}: expected shape {shape}, got {found}"
                     )
 
+    @cached_property
+    def layout(self) -> ChannelLayout:
+        """The elements of the strain vector by phalanx."""
+        return ChannelLayout.of(self.channels, len(self.phalanges))
+
     def __len__(self) -> int:
         return sum(map(len, self.sweeps))
 
@@ -100,7 +109,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
 
     Parameters
     ----------
-    recordings : at least one, all of the same axes and phalanges
+    recordings : at least one, all of the same axes, phalanges and channels
     """
     sweeps: list[RecordedSweep] = []
     for sweep in (sweep for recording in recordings for sweep in recording.sweeps):
@@ -113,6 +122,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
         phalanges=recordings[0].phalanges,
         sweeps=tuple(sweeps),
         notes=tuple(note for recording in recordings for note in recording.notes),
+        channels=recordings[0].channels,
     )
 
 
@@ -124,8 +134,8 @@ def select(recording: Recording, scene: Scene) -> Recording:
     SceneError
         The recording lacks one of them.
     """
-    columns, channels = scene.columns(recording.axes), scene.channels(recording.phalanges)
-    rows = channels[::GAUGES] // GAUGES
+    columns, rows = scene.columns(recording.axes), scene.rows(recording.phalanges)
+    channels = scene.channels(recording.phalanges, recording.channels)
     sweeps = tuple(
         replace(
             sweep,
@@ -136,22 +146,28 @@ def select(recording: Recording, scene: Scene) -> Recording:
         )
         for sweep in recording.sweeps
     )
-    return replace(recording, axes=scene.axis_names, phalanges=scene.phalanx_names, sweeps=sweeps)
+    return replace(
+        recording,
+        axes=scene.axis_names,
+        phalanges=scene.phalanx_names,
+        sweeps=sweeps,
+        channels=scene.layout.counts,
+    )
 
 
-def missing_status(strain: np.ndarray) -> np.ndarray:
+def missing_status(strain: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     """Status bits of strain rows that carry none: MISSING where a phalanx has values that are not finite.
 
     Parameters
     ----------
-    strain : (n, 8F) strain voltages, V
+    strain : (n, C) strain voltages, V
+    layout : its channels by phalanx
 
     Returns
     -------
     (n, F) uint8
     """
-    finite = np.isfinite(strain).reshape(len(strain), -1, GAUGES).all(axis=2)
-    return np.where(finite, OK, MISSING).astype(np.uint8)
+    return np.where(layout.all(np.isfinite(strain)), OK, MISSING).astype(np.uint8)
 
 
 def usable(status: np.ndarray) -> np.ndarray:
@@ -190,7 +206,7 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
     ----------
     scene : its bounds count
     position : (n, d) palm positions, m (yaw: rad)
-    strain : (n, 8F) strain voltages, V
+    strain : (n, C) strain voltages, V
     status : (n, F) status bits
 
     Returns

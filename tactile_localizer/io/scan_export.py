@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.csv_columns import channel_names
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.scene import GAUGES
 
 FORMATS = (".csv", ".npz")
 
@@ -22,8 +22,8 @@ def export_scan(store: ScanStore, path: str | Path) -> None:
     """Write the pairs of all sweeps that are not dropped, in the form that the file's name asks for.
 
     CSV has the standard columns, which ``import csv`` reads back to the same scan. The npz holds
-    ``stamp_ns`` (N,), ``states`` (N, d), ``strain`` (N, 8F), ``sweep`` (N,), ``axes``, ``phalanges``,
-    and ``scene`` as JSON.
+    ``stamp_ns`` (N,), ``states`` (N, d), ``strain`` (N, C), ``sweep`` (N,), ``axes``, ``phalanges``,
+    ``channels`` (F,), and ``scene`` as JSON.
 
     Raises
     ------
@@ -47,7 +47,8 @@ def export_scan(store: ScanStore, path: str | Path) -> None:
 
 
 def _write_csv(recording: Recording, path: Path) -> None:
-    strain = [f"{name}_{gauge}" for name in recording.phalanges for gauge in range(1, GAUGES + 1)]
+    counts = zip(recording.phalanges, recording.layout.counts, strict=True)
+    strain = [column for name, channels in counts for column in channel_names(name, channels)]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["stamp_s", "sweep", *recording.axes, *strain])
@@ -73,5 +74,6 @@ def _write_npz(recording: Recording, scene: str, path: Path) -> None:
         sweep=np.concatenate([np.full(len(sweep), sweep.number) for sweep in sweeps]),
         axes=np.array(recording.axes),
         phalanges=np.array(recording.phalanges),
+        channels=np.array(recording.layout.counts),
         scene=np.array(scene),
     )

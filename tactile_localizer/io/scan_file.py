@@ -60,7 +60,7 @@ CREATE TABLE batch (
     last_ns INTEGER NOT NULL,
     stamp_ns BLOB NOT NULL,               -- int64 (pairs,)
     states BLOB NOT NULL,                 -- float64 (pairs, axes): m, rad
-    strain BLOB NOT NULL,                 -- float64 (pairs, 8 x phalanges)
+    strain BLOB NOT NULL,                 -- float64 (pairs, channels of all phalanges)
     seal BLOB NOT NULL DEFAULT x''        -- checksum of the other columns
 );
 CREATE TABLE history (id INTEGER PRIMARY KEY, at TEXT NOT NULL, what TEXT NOT NULL, detail TEXT NOT NULL);

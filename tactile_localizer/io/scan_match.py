@@ -21,6 +21,7 @@ def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
         ("lower bounds", tuple(found.lower), tuple(expected.lower)),
         ("upper bounds", tuple(found.upper), tuple(expected.upper)),
         ("phalanges", found.phalanx_names, expected.phalanx_names),
+        ("channels", found.layout.counts, expected.layout.counts),
         ("phalanx offsets", _offsets(found), _offsets(expected)),
         ("name", (found.name,), (expected.name,)),
     ):

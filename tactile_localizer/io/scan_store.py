@@ -200,7 +200,7 @@ class ScanStore(ScanReader):
         ----------
         stamp_ns : (n,) int64 stamps, ns
         states : (n, d) palm positions, m (yaw: rad), finite
-        strain : (n, 8F) strain voltages, V, finite
+        strain : (n, C) strain voltages, V, finite
 
         Raises
         ------

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import SceneError
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.resources import resource_path
@@ -100,10 +101,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
             }
             for axis in scene.axes
         },
-        "phalanges": {
-            phalanx.name: {"offset": dict(zip(names, map(float, phalanx.offset), strict=True))}
-            for phalanx in scene.phalanges
-        },
+        "phalanges": {phalanx.name: _phalanx_to_dict(phalanx, names) for phalanx in scene.phalanges},
     }
     if scene.feature is not None:
         content["feature"] = {
@@ -114,6 +112,12 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     if scene.measurement:
         content["measurement"] = dict(scene.measurement)
     return content
+
+
+def _phalanx_to_dict(phalanx: Phalanx, axes: tuple[str, ...]) -> dict[str, Any]:
+    content: dict[str, Any] = {"offset": dict(zip(axes, map(float, phalanx.offset), strict=True))}
+    # The default is left out, so that earlier versions read the scenes that they can use.
+    return content if phalanx.channels == DEFAULT_CHANNELS else {**content, "channels": phalanx.channels}
 
 
 def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
@@ -152,12 +156,16 @@ def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
     entry = _mapping(value or {}, f"phalanx {name}")
     offset = _mapping(entry.get("offset") or {}, f"phalanx {name} offset")
     for key in entry:
-        if key != "offset":
-            raise SceneError(f"phalanx {name}: expected offset, got {key!r}")
+        if key not in ("offset", "channels"):
+            raise SceneError(f"phalanx {name}: expected offset and channels, got {key!r}")
     for axis in offset:
         if axis not in axes:
             raise SceneError(f"phalanx {name} offset: expected axes of {', '.join(axes)}, got {axis!r}")
-    return Phalanx(name, tuple(_number(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes))
+    channels = entry.get("channels", DEFAULT_CHANNELS)
+    if isinstance(channels, bool) or not isinstance(channels, int):
+        raise SceneError(f"phalanx {name} channels: expected a whole number, got {channels!r}")
+    places = tuple(_number(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
+    return Phalanx(name, places, channels)
 
 
 def _region(value: Any, axes: tuple[str, ...]) -> Region:

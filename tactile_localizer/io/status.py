@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 OK = 0
-"""All 8 voltages arrived and are good."""
+"""All voltages arrived and are good."""
 MISSING = 1
 """At least one frame did not arrive; the voltages are NaN."""
 SATURATED = 2

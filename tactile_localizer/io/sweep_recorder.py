@@ -17,7 +17,7 @@ from tactile_localizer.io.recording import screen
 from tactile_localizer.io.scan_store import ScanStore
 
 Felt = tuple[np.ndarray, np.ndarray]
-"""Strain voltages (8F,), V, and status bits (F,)."""
+"""Strain voltages (C,), V, and status bits (F,)."""
 
 _BEFORE_ALL_NS = -1
 _BATCH = 256

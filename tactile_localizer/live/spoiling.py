@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes.stamps import from_ns, to_ns
-from tactile_localizer.scene import GAUGES
 
 
 def stuck() -> Callable[[StrainVectors], None]:
@@ -19,25 +19,32 @@ def stuck() -> Callable[[StrainVectors], None]:
 
     def spoil(message: StrainVectors) -> None:
         if not first:
-            first.extend(message.strain[:GAUGES])
-        message.strain[:GAUGES] = _array(message, first)
+            first.extend(message.strain[: _first(message)])
+        message.strain[: _first(message)] = _array(message, first)
 
     return spoil
 
 
 def swapped(message: StrainVectors) -> None:
     """The first phalanx's gauges are wired in reverse order."""
-    message.strain[:GAUGES] = _array(message, message.strain[:GAUGES][::-1])
+    message.strain[: _first(message)] = _array(message, message.strain[: _first(message)][::-1])
 
 
 def scaled(message: StrainVectors) -> None:
     """The first phalanx's amplifier has another gain."""
-    message.strain[:GAUGES] = _array(message, [2.5 * volts for volts in message.strain[:GAUGES]])
+    message.strain[: _first(message)] = _array(
+        message, [2.5 * volts for volts in message.strain[: _first(message)]]
+    )
 
 
 def not_finite(message: StrainVectors) -> None:
     """A strain is NaN, and the status says that all is well."""
     message.strain[3] = np.nan
+
+
+def _first(message: StrainVectors) -> int:
+    """Channels of the first phalanx."""
+    return ChannelLayout.of(message.channels, len(message.phalanges)).counts[0]
 
 
 def _array(message: StrainVectors, values: Sequence[float]) -> Any:

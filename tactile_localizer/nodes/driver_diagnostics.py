@@ -14,7 +14,6 @@ from tactile_localizer.io.can_cycle import PhalanxCounts
 from tactile_localizer.io.can_driver import LoadCellDriver
 from tactile_localizer.io.can_protocol import FrameKind
 from tactile_localizer.io.can_reader import OPEN
-from tactile_localizer.scene import GAUGES
 
 _SUSPECT = (FrameKind.ERROR, FrameKind.WRONG_LENGTH, FrameKind.OUT_OF_ORDER, FrameKind.DUPLICATE)
 
@@ -94,7 +93,7 @@ class DriverDiagnostics:
         gauges = np.zeros(0, dtype=np.intp)
         if latest is not None:
             saturated = self._driver.protocol.saturated(latest.strain)
-            gauges = np.flatnonzero(saturated[GAUGES * i : GAUGES * (i + 1)]) + 1
+            gauges = np.flatnonzero(saturated[self._driver.protocol.channels.slices[i]]) + 1
         age_s = max(0.0, time.time() - own.last_ns * 1e-9) if own.last_ns else None
         lost = own.drops - before.drops
         level, message = DiagnosticStatus.OK, "well"

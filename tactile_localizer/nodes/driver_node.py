@@ -43,7 +43,9 @@ PARAMETERS = (
     Parameter("phalanges", ["index", "middle"], "Names of the load cells, in the order of the strain vector"),
     Parameter("dbc", "loadcells.dbc", "CAN database: a path, or a file in the package's config directory"),
     Parameter(
-        "gauge_signals", list(GAUGE_SIGNALS), "DBC signals of the 8 gauge pairs; {phalanx} is its name"
+        "gauge_signals",
+        list(GAUGE_SIGNALS),
+        "DBC signals of the channels, in order; {phalanx} is its name",
     ),
     Parameter("counter_signal", "counter", "DBC signal of the rolling counter, where the DBC has one"),
     Parameter(
@@ -127,14 +129,14 @@ class DriverNode(ManagedNode):
         self._use_sim_time = self.get_parameter("use_sim_time").value
         self._tare_file = _tare_path(parameters["tare_file"], self.get_namespace())
         self._driver = LoadCellDriver(protocol, settings, self._publish, self.get_logger().warning)
-        self._driver.offset = load_tare(self._tare_file, phalanges)
+        self._driver.offset = load_tare(self._tare_file, phalanges, protocol.channels)
         self._diagnostics = DriverDiagnostics(
             self._driver,
             self.get_fully_qualified_name().lstrip("/"),
             str(bus),
             parameters["stale_timeout_s"],
         )
-        self._message = StrainVectors(phalanges=phalanges)
+        self._message = StrainVectors(phalanges=phalanges, channels=protocol.channels.counts)
         self._message.header.frame_id = parameters["frame_id"]
         options = QoSOverridingOptions.with_default_policies()
         self._strain = self.create_publisher(
@@ -206,6 +208,7 @@ class DriverNode(ManagedNode):
             strain=array("d", self._driver.offset.tobytes()),
             status=bytes(len(phalanges)),
             sequence=[0] * len(phalanges),
+            channels=self._driver.protocol.channels.counts,
         )
         message.header.stamp = self.get_clock().now().to_msg()
         self._offset.publish(message)
@@ -239,7 +242,7 @@ class DriverNode(ManagedNode):
 
     def _new_offset(self, driver: LoadCellDriver, response: Trigger.Response) -> Trigger.Response:
         self._publish_offset()
-        store_tare(self._tare_file, driver.protocol.phalanges, driver.offset)
+        store_tare(self._tare_file, driver.protocol.phalanges, driver.offset, driver.protocol.channels)
         response.success = True
         response.message = f"offset of up to {np.abs(driver.offset).max():.4g} V, stored in {self._tare_file}"
         self.get_logger().info(f"Tare: {response.message}")

@@ -21,7 +21,8 @@ def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
     """A map as points where each phalanx was on the material, one thin layer a phalanx.
 
     Fields: x, y, z (m); ``felt``, how far the strain is from that of featureless material (norm over the
-    eight elements), to colour by; ``element_1`` to ``element_8``; ``phalanx``, its number in the scene.
+    channels), to colour by; ``element_1``, ``element_2``, ..., NaN where a phalanx has fewer channels than
+    another; ``phalanx``, its number in the scene.
 
     Parameters
     ----------
@@ -36,7 +37,8 @@ def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
         elements = tactile_map.phalanx(phalanx.name)[tactile_map.covered]
         felt = np.linalg.norm(elements, axis=1)
         places.append(nodes + offset)
-        values.append(np.column_stack([np.full(len(nodes), -number * _LAYER_M), felt, elements]))
+        unused = np.full((len(nodes), max(scene.layout.counts) - phalanx.channels), np.nan)
+        values.append(np.column_stack([np.full(len(nodes), -number * _LAYER_M), felt, elements, unused]))
     columns = np.concatenate(values).T
     fields = {"z": columns[0], "felt": columns[1]}
     fields |= {f"element_{element}": column for element, column in enumerate(columns[2:], start=1)}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.msg import StrainVectors
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 
 _RESTART = 1_000_000
 """Cycles. A longer step of the load cells' counter is not a loss: they, or the driver, have started anew."""
@@ -28,11 +29,12 @@ class StrainReader:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._names: tuple[str, ...] | None = None
+        self._counts: tuple[int, ...] = ()
         self._sequence: int | None = None
         self.lost = 0
 
     def read(self, message: StrainVectors) -> tuple[np.ndarray, np.ndarray]:
-        """Strain voltages (8F,), V, and status bits (F,) uint8.
+        """Strain voltages (C,), V, and status bits (F,) uint8.
 
         Raises
         ------
@@ -42,19 +44,28 @@ class StrainReader:
             The lengths of its arrays do not fit each other.
         """
         self._count(max(message.sequence, default=None))
-        names = tuple(message.phalanges)
-        if names != self._names:
-            self._channels = self._scene.channels(names)
-            self._rows = self._channels[::GAUGES] // GAUGES
-            self._names = names
-        n = len(names)
-        if len(message.strain) != GAUGES * n or len(message.status) != n:
+        names, counts = tuple(message.phalanges), tuple(message.channels)
+        if names != self._names or counts != self._counts:
+            self._look_up(names, counts)
+        n, size = len(names), self._size
+        if len(message.strain) != size or len(message.status) != n:
             raise MeasurementError(
-                f"strain vector of {n} phalanges: expected {GAUGES * n} voltages and {n} status values, "
+                f"strain vector of {n} phalanges: expected {size} voltages and {n} status values, "
                 f"got {len(message.strain)} and {len(message.status)}"
             )
         strain = np.asarray(message.strain, dtype=np.float64)[self._channels]
         return strain, np.asarray(message.status, dtype=np.uint8)[self._rows]
+
+    def _look_up(self, names: tuple[str, ...], counts: tuple[int, ...]) -> None:
+        """Find the scene's phalanges in messages of ``names`` with ``counts`` channels."""
+        if counts and len(counts) != len(names):
+            raise MeasurementError(
+                f"strain vector of {len(names)} phalanges: expected as many channel counts, or none, "
+                f"got {len(counts)}"
+            )
+        self._channels, self._rows = self._scene.channels(names, counts), self._scene.rows(names)
+        self._size = ChannelLayout.of(counts, len(names)).size
+        self._names, self._counts = names, counts
 
     def _count(self, sequence: int | None) -> None:
         if sequence is not None and self._sequence is not None and 0 < sequence - self._sequence < _RESTART:

@@ -19,7 +19,7 @@ _TIMES_KEPT = 4096
 _BEFORE_ALL_NS = -1
 
 Felt = tuple[np.ndarray, np.ndarray]
-"""Strain voltages (8F,), V, and status bits (F,)."""
+"""Strain voltages (C,), V, and status bits (F,)."""
 
 
 @dataclass
@@ -105,7 +105,7 @@ class Tracker:
         return min(("strain", "palm_pose"), key=lambda topic: self._newest_ns.get(topic, -1))
 
     def add_strain(self, stamp_ns: int, strain: np.ndarray, status: np.ndarray) -> list[Estimate]:
-        """Take in a strain vector (8F,), V, and status bits (F,); returns the estimates that it completes."""
+        """Take in a strain vector (C,), V, and status bits (F,); returns the estimates that it completes."""
         newest_ns = self.pairing.newest_ns
         self.leaps += newest_ns is not None and stamp_ns - newest_ns > self._patience_s * NANOSECONDS
         return self._take("strain", stamp_ns, self.pairing.add_strain(stamp_ns, (strain, status)))

@@ -10,7 +10,6 @@ import numpy as np
 
 from tactile_localizer.errors import CanError, ParameterError
 from tactile_localizer.io.can_protocol import LoadCellProtocol
-from tactile_localizer.scene import GAUGES
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class CanLoadCells:
 
         Parameters
         ----------
-        strain : (8F,) V, in the order of the protocol's phalanges
+        strain : (C,) V, in the order of the protocol's phalanges
 
         Raises
         ------
@@ -76,7 +75,7 @@ class CanLoadCells:
         for phalanx, name in enumerate(self._protocol.phalanges):
             if name in faults.silent:
                 continue
-            own = strain[GAUGES * phalanx : GAUGES * (phalanx + 1)]
+            own = strain[self._protocol.channels.slices[phalanx]]
             status = int(name in faults.faulty)
             for frame in self._protocol.encode(phalanx, own, self._sequence, status):
                 if self._rng.random() >= faults.drop:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.sim.hand import PHALANGES
@@ -53,6 +54,11 @@ class SimulatedScan:
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
+
+    @property
+    def layout(self) -> ChannelLayout:
+        """The strain's channels by phalanx."""
+        return ChannelLayout.default(self.strain.shape[1])
 
     def to_scan(self) -> Scan:
         """The training pairs: each strain with the position that the arm reported for it."""

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.scans import scan, scene, strain_at
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.kernel_sum import KernelSum
 from tactile_localizer.core.pair_block import HEADROOM
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import GAUGES
 
 WIDTHS = np.array([0.003, 0.003, 0.15])
 BOTH = np.ones(2, bool)
@@ -22,7 +22,7 @@ def kernel_sum(evaluation, dimension=2, pairs=400, full_turn=False, widths=WIDTH
         made.states,
         made.strain,
         widths[:dimension],
-        np.full(2 * GAUGES, 0.05),
+        np.full(2 * DEFAULT_CHANNELS, 0.05),
         of.wraps,
         evaluation,
         **options,
@@ -32,7 +32,7 @@ def kernel_sum(evaluation, dimension=2, pairs=400, full_turn=False, widths=WIDTH
 def written_out(states, positions, strain, measured, widths, strain_std=0.05):
     """Both sums as the paper writes them, pair by pair, log-scale included."""
     sums, density = np.zeros(len(states)), np.zeros(len(states))
-    constant = -GAUGES * math.log(2 * math.pi) - 2 * GAUGES * math.log(strain_std)
+    constant = -DEFAULT_CHANNELS * math.log(2 * math.pi) - 2 * DEFAULT_CHANNELS * math.log(strain_std)
     for place, felt in zip(positions, strain, strict=True):
         near = np.exp(-0.5 * np.sum(((states - place) / widths) ** 2, axis=1))
         density += near
@@ -113,9 +113,9 @@ def test_pairs_beyond_a_full_turn_are_taken_back_into_it():
     """A phalanx that is turned against the palm has its pairs beyond pi."""
     rng = np.random.default_rng(0)
     positions = rng.random((300, 1)) * 2 * math.pi - math.pi
-    strain = rng.standard_normal((300, GAUGES))
+    strain = rng.standard_normal((300, DEFAULT_CHANNELS))
     plain, turned = (
-        KernelSum(positions + shift, strain, np.array([0.3]), np.ones(GAUGES), np.array([True]))
+        KernelSum(positions + shift, strain, np.array([0.3]), np.ones(DEFAULT_CHANNELS), np.array([True]))
         for shift in (0.0, 2.5)
     )
     states = np.linspace(-math.pi, math.pi, 50)[:, None]

@@ -8,8 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.measurement import checked, flatten_axes, positive
 from tactile_localizer.errors import MeasurementError, ParameterError
+
+TWO = ChannelLayout((8, 8))
 
 
 @given(strain=arrays(np.float64, 16), present=st.none() | arrays(np.bool_, 2))
@@ -18,9 +21,9 @@ def test_a_strain_is_either_finite_and_far_from_overflow_or_refused(strain, pres
     good = counted.any() and (np.abs(strain[np.repeat(counted, 8)]) < 1e100).all()
     if not good:
         with pytest.raises(MeasurementError):
-            checked(strain, 2, present)
+            checked(strain, TWO, present)
         return
-    found, here = checked(strain, 2, present)
+    found, here = checked(strain, TWO, present)
     np.testing.assert_array_equal(here, counted)
     assert np.isfinite(found).all()
     np.testing.assert_array_equal(found[np.repeat(here, 8)], strain[np.repeat(here, 8)])
@@ -29,18 +32,18 @@ def test_a_strain_is_either_finite_and_far_from_overflow_or_refused(strain, pres
 @pytest.mark.parametrize("wrong", [np.zeros(15), np.zeros((16, 1)), 1.0, []])
 def test_a_strain_of_another_shape_is_refused(wrong):
     with pytest.raises(MeasurementError, match=r"strain: expected shape \(16,\), got"):
-        checked(wrong, 2, None)
+        checked(wrong, TWO, None)
 
 
 def test_a_strain_that_is_no_array_is_taken_as_one():
-    found, _ = checked([1] * 8, 1, None)
+    found, _ = checked([1] * 8, ChannelLayout((8,)), None)
     assert found.dtype == np.float64
 
 
 def test_the_strain_that_was_given_is_not_changed():
     strain = np.full(16, np.nan)
     strain[:8] = 1.0
-    checked(strain, 2, np.array([True, False]))
+    checked(strain, TWO, np.array([True, False]))
     assert np.isnan(strain[8:]).all()
 
 

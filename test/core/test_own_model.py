@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from support.scans import scan, scene
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.assembly import build_localizer, build_model, with_parameters
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import GAUGES
 
 OWN = """
 import numpy as np
@@ -51,7 +51,7 @@ def test_it_is_made_of_scan_scene_and_parameters() -> None:
 
 def test_a_whole_grid_is_evaluated_by_its_points_where_the_model_knows_nothing_better() -> None:
     axes = [np.linspace(0.0, 0.02, 3), np.linspace(0.02, 0.04, 5)]
-    made, strain = model("slopes_of_ones_own:Slope"), np.zeros(2 * GAUGES)
+    made, strain = model("slopes_of_ones_own:Slope"), np.zeros(2 * DEFAULT_CHANNELS)
     on_grid = made.log_likelihood_on(axes, strain)
     assert on_grid.shape == (3, 5)
     assert on_grid[1, 3] == made.log_likelihood(np.array([[axes[0][1], axes[1][3]]]), strain)[0]
@@ -64,7 +64,7 @@ def test_both_filters_believe_what_it_says(kind: str) -> None:
         SCAN, with_parameters(SCENE, PARAMETERS), configuration, np.random.default_rng(1)
     )
     for step in range(4):
-        estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * GAUGES))
+        estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * DEFAULT_CHANNELS))
     assert estimate.mean == pytest.approx([0.01, 0.03], abs=0.003)
 
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.kernel_grid import REACH
 from tactile_localizer.core.pair_block import HEADROOM, PairBlock
-from tactile_localizer.scene import GAUGES
 
 
 def block_of(positions: np.ndarray, strain: np.ndarray) -> PairBlock:
@@ -29,8 +29,8 @@ def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
 def test_strain_kernels_do_not_cancel_or_underflow(seed, scale, away, dtype):
     """Measurements at any distance from strains of any size: the differences of log-weights are kept."""
     rng = np.random.default_rng(seed)
-    strain = (scale * rng.standard_normal((2 * GAUGES, 30))).astype(dtype)
-    measured = strain[:, 3].astype(float) + rng.standard_normal(2 * GAUGES) + away * scale
+    strain = (scale * rng.standard_normal((2 * DEFAULT_CHANNELS, 30))).astype(dtype)
+    measured = strain[:, 3].astype(float) + rng.standard_normal(2 * DEFAULT_CHANNELS) + away * scale
     _, weights, log_scale = block_of(rng.random((30, 2)), strain).strain_weights(measured, np.ones(2, bool))
     squared = np.sum((strain.astype(float) - measured[:, None]) ** 2, axis=0)
     assert np.log(weights.max()) == pytest.approx(HEADROOM, abs=0.02)
@@ -46,8 +46,8 @@ def test_strain_kernels_do_not_cancel_or_underflow(seed, scale, away, dtype):
 def test_strains_of_float32_are_compared_in_float32_and_as_exactly():
     """Real scans are tens of kernel widths wide: the difference of squares is too coarse in float32."""
     rng = np.random.default_rng(0)
-    strain = 60.0 * rng.standard_normal((2 * GAUGES, 500))
-    measured = strain[:, 7] + rng.standard_normal(2 * GAUGES)
+    strain = 60.0 * rng.standard_normal((2 * DEFAULT_CHANNELS, 500))
+    measured = strain[:, 7] + rng.standard_normal(2 * DEFAULT_CHANNELS)
     positions = rng.random((500, 2))
     present = np.ones(2, bool)
     _, exact, scale = block_of(positions, strain).strain_weights(measured, present)
@@ -60,12 +60,14 @@ def test_strains_of_float32_are_compared_in_float32_and_as_exactly():
 @given(seed=st.integers(0, 2**32 - 1))
 def test_an_absent_phalanx_is_as_if_it_were_not_there(seed):
     rng = np.random.default_rng(seed)
-    positions, strain = rng.random((20, 2)), rng.standard_normal((2 * GAUGES, 20))
-    measured = rng.standard_normal(2 * GAUGES)
+    positions, strain = rng.random((20, 2)), rng.standard_normal((2 * DEFAULT_CHANNELS, 20))
+    measured = rng.standard_normal(2 * DEFAULT_CHANNELS)
     both = block_of(positions, strain).strain_weights(
         np.where(np.arange(16) < 8, measured, 0.0), np.array([True, False])
     )
-    alone = block_of(positions, strain[:GAUGES]).strain_weights(measured[:GAUGES], np.ones(1, bool))
+    alone = block_of(positions, strain[:DEFAULT_CHANNELS]).strain_weights(
+        measured[:DEFAULT_CHANNELS], np.ones(1, bool)
+    )
     np.testing.assert_allclose(both[1], alone[1], rtol=1e-9)
     assert both[2] == pytest.approx(alone[2], abs=1e-9)
 
@@ -73,8 +75,8 @@ def test_an_absent_phalanx_is_as_if_it_were_not_there(seed):
 @given(seed=st.integers(0, 2**32 - 1), log_floor=st.floats(-60.0, -5.0))
 def test_pairs_left_out_beside_a_floor_are_together_less_than_a_ten_thousandth_of_it(seed, log_floor):
     rng = np.random.default_rng(seed)
-    positions, strain = 3.0 * rng.random((400, 2)), 4.0 * rng.standard_normal((2 * GAUGES, 400))
-    measured = strain[:, 5] + rng.standard_normal(2 * GAUGES)
+    positions, strain = 3.0 * rng.random((400, 2)), 4.0 * rng.standard_normal((2 * DEFAULT_CHANNELS, 400))
+    measured = strain[:, 5] + rng.standard_normal(2 * DEFAULT_CHANNELS)
     block, present = block_of(positions, strain), np.ones(2, bool)
     _, weights, log_scale = block.strain_weights(measured, present)
     pairs, few, few_scale = block.strain_weights(measured, present, log_floor)
@@ -92,7 +94,7 @@ def test_the_direct_sum_is_the_sum_written_out(seed, dimension):
     rng = np.random.default_rng(seed)
     positions, weights = rng.random((50, dimension)) * 4, rng.random((50, 2))
     states = rng.random((9, dimension)) * 4
-    block = block_of(positions, rng.standard_normal((GAUGES, 50)))
+    block = block_of(positions, rng.standard_normal((DEFAULT_CHANNELS, 50)))
     np.testing.assert_allclose(
         block.direct_sum(states, weights), kernel(states, positions) @ weights, rtol=1e-10
     )

@@ -7,15 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.bags import SCENE, pose, strain, write_bag
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.bag_decode import PoseDecoder, StrainDecoder
 from tactile_localizer.io.bag_reader import read_messages, typestore
-from tactile_localizer.scene import GAUGES, Axis, Phalanx, Scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 STORE = typestore()
 STRAIN, POSE = StrainDecoder.kind, PoseDecoder.kind
@@ -38,31 +40,37 @@ def nanoseconds(stamp: tuple[int, int]) -> int:
     return stamp[0] * 10**9 + stamp[1]
 
 
-def felt_by(phalanges: list[str]) -> Scene:
-    wanted = tuple(Phalanx(name, (0.0,)) for name in reversed(phalanges))
+def felt_by(phalanges: list[str], counts: list[int]) -> Scene:
+    every = zip(phalanges, counts, strict=True)
+    wanted = tuple(Phalanx(name, (0.0,), count) for name, count in every)[::-1]
     return Scene("sheet", AXES[:1], wanted or (Phalanx("none", (0.0,)),))
 
 
+@pytest.mark.parametrize("channels", [(), (19, 1, 6, 400)])
 @given(names.filter(bool), st.lists(st.tuples(stamps, frames, st.integers(-1, 1)), max_size=12))
 def test_strains_are_what_was_written_whatever_they_are_among(
-    phalanges: list[str], written: list[tuple[tuple[int, int], str, int]]
+    channels: tuple[int, ...], phalanges: list[str], written: list[tuple[tuple[int, int], str, int]]
 ) -> None:
     n = len(phalanges)
-    raws, values = [], np.random.default_rng(0).normal(size=(len(written), GAUGES * n + 1))
+    channels = channels[:n]
+    counts = list(channels) or [DEFAULT_CHANNELS] * n
+    size = sum(counts)
+    raws, values = [], np.random.default_rng(0).normal(size=(len(written), size + 1))
     for (stamp, frame, odd), own in zip(written, values, strict=True):
         message = STORE.types[STRAIN](
             header=header(stamp, frame),
             phalanges=phalanges,
-            strain=own[: GAUGES * n + odd],
+            strain=own[: size + odd],
             status=np.arange(n, dtype=np.uint8),
             sequence=np.zeros(n, np.uint32),
+            channels=np.array(channels, np.uint16),
         )
         raws.append(bytes(STORE.serialize_cdr(message, STRAIN)))
-    scene = felt_by(phalanges)
+    scene = felt_by(phalanges, counts)
     found = StrainDecoder(scene).of_bytes(raws)
     fits = np.array([odd == 0 for _, _, odd in written], dtype=bool)
     np.testing.assert_array_equal(found.fits, fits)
-    expected = values[:, scene.channels(phalanges)]
+    expected = values[:, scene.channels(phalanges, counts)]
     np.testing.assert_array_equal(found.values[fits], expected[fits])
     np.testing.assert_array_equal(found.stamp_ns[fits], [nanoseconds(s) for s, _, odd in written if not odd])
     assert (found.status[fits] == np.arange(n)[::-1]).all()

@@ -1,17 +1,25 @@
 """Bags are read as they were felt: whatever their storage, and damaged ones as far as they go."""
 
+import dataclasses
 import shutil
 import sqlite3
 import zipfile
+from unittest import mock
 
 import numpy as np
 import pytest
-from support.bags import MS, SCENE, START, pose, posterior, slide, status, strain, write_bag, x_at
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from support.bags import MS, SCENE, START, STORE, pose, posterior, slide, status, strain, write_bag, x_at
 
 from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.core.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.io.bag_decode import StrainDecoder
 from tactile_localizer.io.bag_recording import BagTopics, read_bag
+from tactile_localizer.io.scan_import import import_recording
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 FELT_MS = np.arange(20, 2001, 5)
@@ -275,3 +283,50 @@ def test_a_phalanx_that_the_bag_lacks_is_named(tmp_path):
     thumb = Scene("sheet", (Axis("x", 0.0, 1.0),), (Phalanx("thumb", (0.0,)),))
     with pytest.raises(SceneError, match="phalanx 'thumb' of scene 'sheet': expected one of middle, index"):
         read_bag(whole(tmp_path / "bag"), thumb)
+
+
+def test_messages_from_before_channel_counts_are_read_from_their_bytes(tmp_path, monkeypatch):
+    text = resource_path("msg/StrainVectors.msg").read_text(encoding="utf-8")
+    earlier = get_typestore(Stores.ROS2_JAZZY)
+    kind = "tactile_localizer/msg/StrainVectors"
+    earlier.register(get_types_from_msg(text[: text.index("uint16[] channels")], kind))
+    fields = {name: value for name, value in vars(strain(20)).items() if name != "channels"}
+    writer = Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    with writer:
+        felt = writer.add_connection("/strain", kind, typestore=earlier)
+        told = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
+        for stamp_ms in range(5, 101, 5):
+            message = earlier.types[kind](**{**fields, **_of(strain(stamp_ms))})
+            writer.write(felt, START + stamp_ms * MS, earlier.serialize_cdr(message, kind))
+            raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
+            writer.write(told, START + stamp_ms * MS, raw)
+    one_by_one = mock.Mock()
+    monkeypatch.setattr(StrainDecoder, "of_message", one_by_one)
+    (sweep,) = read_bag(tmp_path / "bag", SCENE).sweeps
+    assert_felt(sweep, np.arange(5, 101, 5))
+    one_by_one.assert_not_called()
+
+
+def _of(message):
+    return {name: getattr(message, name) for name in ("header", "strain", "sequence")}
+
+
+def test_phalanges_with_other_channels_are_read_and_kept_in_a_scan(tmp_path):
+    scene = dataclasses.replace(
+        SCENE, phalanges=(Phalanx("index", (0.0, 0.01), 19), Phalanx("middle", (0.0, -0.01), 6))
+    )
+    happened = []
+    for topic, stamp_ms, message in slide(0, 200):
+        if topic == "strain":
+            values = np.arange(25.0) * 1000 + stamp_ms
+            message = strain(stamp_ms, strain=values, channels=np.array([6, 19], np.uint16))
+        happened.append((topic, stamp_ms, message))
+    recording = read_bag(write_bag(tmp_path / "bag", happened), scene)
+    (sweep,) = recording.sweeps
+    assert sweep.strain.shape[1] == 25
+    np.testing.assert_array_equal(sweep.strain[:, 0], sweep.strain[:, 24] + 1000.0)
+    import_recording(recording, scene, tmp_path / "scan.db", what="import", detail={})
+    with ScanStore.open(tmp_path / "scan.db") as store:
+        assert store.scene.layout.counts == (19, 6)
+        assert store.load().layout == scene.layout
+        np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)

@@ -139,7 +139,8 @@ class ScanReader:
         _, states, strain, sweep = self._arrays(at_most)
         if not len(states):
             raise ScanError(f"{self.path}: expected at least one state-measurement pair, found none")
-        return Scan(states, strain, sweep, self.scene.axis_names, self.scene.phalanx_names)
+        scene = self.scene
+        return Scan(states, strain, sweep, scene.axis_names, scene.phalanx_names, scene.layout.counts)
 
     def batches(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
         """The same pairs in parts, so that a long scan takes no more memory than a short one.
@@ -211,16 +212,19 @@ class ScanReader:
                     stamp_ns=stamp_ns[mine],
                     position=states[mine],
                     strain=strain[mine],
-                    status=missing_status(strain[mine]),
+                    status=missing_status(strain[mine], self.scene.layout),
                     gaps=infos[int(number)].gaps,
                 )
             )
-        return Recording(str(self.path), self.scene.axis_names, self.scene.phalanx_names, tuple(sweeps))
+        scene, counts = self.scene, self.scene.layout.counts
+        return Recording(
+            str(self.path), scene.axis_names, scene.phalanx_names, tuple(sweeps), channels=counts
+        )
 
     @property
     def _channels(self) -> int:
         """Channels of a strain vector."""
-        return len(self.scene.channels(self.scene.phalanx_names))
+        return self.scene.layout.size
 
     @property
     def _columns(self) -> str:

@@ -61,7 +61,7 @@ class _Found:
     @property
     def width(self) -> tuple[int, int]:
         """Number of axes and of strain channels."""
-        return self.scene.dimension, len(self.scene.channels(self.scene.phalanx_names))
+        return self.scene.dimension, self.scene.layout.size
 
 
 def repair(path: str | Path, scene: Scene | None = None) -> RepairReport:

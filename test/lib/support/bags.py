@@ -48,6 +48,7 @@ def strain(stamp_ms: int, phalanges: tuple[str, ...] = ("middle", "index"), **ch
         "strain": np.arange(8.0 * n) * 1000 + stamp_ms,
         "status": np.zeros(n, dtype=np.uint8),
         "sequence": np.full(n, stamp_ms, dtype=np.uint32),
+        "channels": np.zeros(0, dtype=np.uint16),
     }
     return _T[TYPES["strain"]](**{**values, **changes})
 

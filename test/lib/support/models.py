@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tactile_localizer.scene import GAUGES
+from tactile_localizer.channels import DEFAULT_CHANNELS
 
 
 class LinearModel:
@@ -24,7 +24,7 @@ class LinearModel:
 
     def log_likelihood(self, states, strain, present=None):
         self.evaluated.append(np.array(states))
-        here = np.ones(len(strain), bool) if present is None else np.repeat(present, GAUGES)
+        here = np.ones(len(strain), bool) if present is None else np.repeat(present, DEFAULT_CHANNELS)
         residual = (np.asarray(states) @ self.gain.T - strain)[:, here] / self.std
         constant = -0.5 * here.sum() * math.log(2 * math.pi * self.std**2)
         return constant - 0.5 * np.sum(residual**2, axis=1)

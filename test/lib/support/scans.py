@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.scan import Scan
-from tactile_localizer.scene import GAUGES, Axis, Phalanx, Region, Scene
+from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SIDE = 0.05
 """Extent of a metric axis, m."""
@@ -32,7 +33,7 @@ def scene(
 
 def strain_at(states: np.ndarray, phalanges: int = 2) -> np.ndarray:
     """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, (N, 8F)."""
-    channel = np.arange(GAUGES * phalanges)
+    channel = np.arange(DEFAULT_CHANNELS * phalanges)
     scale = np.array([2.0 * math.pi / SIDE, 2.0 * math.pi / SIDE, 1.0])[: states.shape[1]]
     phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[
         : states.shape[1]
@@ -46,7 +47,7 @@ def scan(
     """Pairs at uniform positions within the bounds of the scene ``of``, in equal sweeps."""
     states = of.lower + rng.random((pairs, of.dimension)) * (of.upper - of.lower)
     phalanges = len(of.phalanges)
-    strain = strain_at(states, phalanges) + noise * rng.standard_normal((pairs, GAUGES * phalanges))
+    strain = strain_at(states, phalanges) + noise * rng.standard_normal((pairs, DEFAULT_CHANNELS * phalanges))
     return Scan(states, strain, np.arange(pairs) * sweeps // pairs, of.axis_names, of.phalanx_names)
 
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
-from tactile_localizer.scene import GAUGES, Scene
+from tactile_localizer.scene import Scene
 from tactile_localizer.sim import SimulatedScan, SimulatedSweep, simulate_scan, simulate_sweep
 
 START_NS = 1_700_000_000_000_000_000
@@ -103,7 +104,7 @@ class SlidingHand:
         message = self._Strain()
         set_stamp(message, self.offset_ns + int(self.strain_ns[k]))
         message.phalanges = list(self._phalanges)
-        message.strain = self.sweep.strain[k, : GAUGES * len(self._phalanges)].tolist()
+        message.strain = self.sweep.strain[k, : DEFAULT_CHANNELS * len(self._phalanges)].tolist()
         message.status = [0] * len(self._phalanges)
         message.sequence = [k] * len(self._phalanges)
         for name, value in changes.items():

@@ -1,0 +1,112 @@
+"""Phalanges with any number of channels, and not all the same number."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support.scans import SIDE, axes
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.kernel_sum import KernelSum
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.tactile_map import make_map
+from tactile_localizer.errors import MeasurementError, SceneError
+from tactile_localizer.scene import Phalanx, Region, Scene
+
+COUNTS = (19, 6, 1)
+GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
+
+
+def scene(counts=COUNTS, feature=None):
+    names = ("index", "middle", "ring")
+    phalanges = (
+        Phalanx(name, (0.0, 0.01 * f), n) for f, (name, n) in enumerate(zip(names, counts, strict=False))
+    )
+    return Scene("test", axes(2), tuple(phalanges), feature, GIVEN)
+
+
+def strain_at(states, size):
+    channel = np.arange(size)
+    return 0.3 * np.sin(
+        2 * np.pi / SIDE * states @ np.stack([1 + channel % 2, 1 + channel % 3]) + 0.7 * channel
+    )
+
+
+def scan(of, pairs=1200):
+    rng = np.random.default_rng(0)
+    states = of.lower + rng.random((pairs, 2)) * (of.upper - of.lower)
+    strain = strain_at(states, of.layout.size) + 0.02 * rng.standard_normal((pairs, of.layout.size))
+    sweep = np.arange(pairs) * 10 // pairs
+    return Scan(states, strain, sweep, of.axis_names, of.phalanx_names, of.layout.counts)
+
+
+@pytest.mark.parametrize("counts", [COUNTS, (16, 16), (6,)])
+@pytest.mark.parametrize("model", ["sum_of_gaussians", "gaussian", "gaussian_independent", "featureless"])
+def test_every_model_localizes_with_any_channels(counts, model):
+    of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "featureless" else None)
+    localizer = build_localizer(
+        scan(of), of, Configuration(model=model, filter="grid"), np.random.default_rng(1)
+    )
+    present = np.ones(len(counts), bool)
+    for n in range(40):
+        truth = np.array([0.01, 0.02]) + n * np.array([0.0006, 0.0002])
+        present[-1] = n % 5 != 0 or len(counts) == 1
+        felt = strain_at(truth[None], of.layout.size)[0]
+        estimate = localizer.update(n * 10**7, truth + 3.0, felt, present)
+    assert np.linalg.norm(estimate.mean - truth) < 0.002
+
+
+@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
+def test_absent_phalanges_drop_out_of_the_kernel_sum(evaluation):
+    of = scene()
+    made = scan(of)
+    widths = np.full(2, 0.003), np.full(26, 0.06)
+    every = KernelSum(made.states, made.strain, *widths, of.wraps, evaluation, layout=of.layout)
+    only = of.layout.slices[1]
+    alone = KernelSum(
+        made.states, made.strain[:, only], widths[0], widths[1][only], of.wraps, "exact",
+        layout=dataclasses.replace(of.layout, counts=(6,)),
+    )  # fmt: skip
+    states, felt = made.states[:50], made.strain[7]
+    sums, _, scale = every.at_states(states, felt, np.array([False, True, False]))
+    expected, _, own_scale = alone.at_states(states, felt[only], np.ones(1, bool))
+    np.testing.assert_allclose(np.log(sums) + scale, np.log(expected) + own_scale, atol=0.02)
+
+
+def test_the_order_of_phalanges_does_not_matter():
+    of = scene()
+    turned = dataclasses.replace(of, phalanges=of.phalanges[::-1])
+    made = scan(of)
+    felt = made.strain[3]
+    columns = turned.channels(made.phalanges, made.channels)
+    one = SumOfGaussians(made, of, 0.003, 0.06).log_likelihood(made.states[:9], felt)
+    other = SumOfGaussians(made, turned, 0.003, 0.06).log_likelihood(made.states[:9], felt[columns])
+    np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+def test_an_independent_gaussian_is_the_product_over_phalanges():
+    of = scene()
+    made = scan(of)
+    model = Gaussian(made, of, neighbours=60, independent=True)
+    assert [len(columns) for columns in model._factors(np.array([True, False, True]))] == [19, 1]
+
+
+def test_a_strain_of_another_length_is_refused():
+    of = scene()
+    localizer = build_localizer(scan(of), of, Configuration(), np.random.default_rng(1))
+    with pytest.raises(MeasurementError, match=r"expected shape \(26,\), got \(24,\)"):
+        localizer.update(0, np.zeros(2), np.zeros(24))
+
+
+def test_a_scan_of_other_channels_is_refused():
+    with pytest.raises(SceneError, match="'index' of scene 'test': expected 8 channels, got 19"):
+        SumOfGaussians(scan(scene()), scene((8, 6, 1)), 0.003, 0.06)
+
+
+def test_maps_have_the_channels_of_each_phalanx():
+    of = scene()
+    tactile_map = make_map(scan(of), of, nodes=20)
+    assert [tactile_map.phalanx(name).shape[-1] for name in of.phalanx_names] == [19, 6, 1]
