@@ -26,6 +26,12 @@ DEFAULT_MOTION_STD = 0.003
 LARGEST_POSITION = 1e3
 """m or rad: positions, bounds and offsets beyond this are taken for damage or a wrong unit and refused."""
 
+SMALLEST_EXTENT = 1e-6
+"""m or rad: least distance between an axis's bounds."""
+
+MOST_PHALANGES = 100
+"""Phalanges that a scene may have: more than any hand."""
+
 LARGEST_STRAIN = 1e10
 """V, or the strain's own unit: more than the counts of a 32-bit converter. Beyond it values are refused."""
 
@@ -68,6 +74,16 @@ class Axis:
             )
         if not (math.isfinite(self.motion_std) and self.motion_std >= 0):
             raise SceneError(f"axis {self.name}: expected motion_std >= 0, got {self.motion_std}")
+        if max(abs(self.lower), abs(self.upper), self.motion_std) > LARGEST_POSITION:
+            raise SceneError(
+                f"axis {self.name}: expected at most {LARGEST_POSITION:g} m or rad, "
+                f"got [{self.lower}, {self.upper}] and motion_std {self.motion_std}"
+            )
+        if self.extent < SMALLEST_EXTENT:
+            raise SceneError(
+                f"axis {self.name}: expected bounds at least {SMALLEST_EXTENT:g} apart, "
+                f"got [{self.lower}, {self.upper}]"
+            )
 
     @property
     def extent(self) -> float:
@@ -147,11 +163,18 @@ class Scene:
         _require_unique("axis", [axis.name for axis in self.axes])
         if not self.phalanges:
             raise SceneError(f"scene {self.name}: expected at least one phalanx, got none")
+        if len(self.phalanges) > MOST_PHALANGES:
+            raise SceneError(
+                f"scene {self.name}: expected at most {MOST_PHALANGES} phalanges, got {len(self.phalanges)}"
+            )
         _require_unique("phalanx", [phalanx.name for phalanx in self.phalanges])
         d = len(self.axes)
         for phalanx in self.phalanges:
-            if len(phalanx.offset) != d or not np.all(np.isfinite(phalanx.offset)):
-                raise SceneError(f"phalanx {phalanx.name}: expected {d} finite offsets, got {phalanx.offset}")
+            if len(phalanx.offset) != d or not np.all(np.abs(phalanx.offset) <= LARGEST_POSITION):
+                raise SceneError(
+                    f"phalanx {phalanx.name}: expected {d} offsets of at most {LARGEST_POSITION:g} m or rad, "
+                    f"got {phalanx.offset}"
+                )
         if self.feature is not None and not len(self.feature.lower) == len(self.feature.upper) == d:
             raise SceneError(f"scene {self.name}: expected a feature region of {d} axes, got {self.feature}")
 

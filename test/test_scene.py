@@ -32,9 +32,12 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "bounds that are words": (
         {"axes": {"x": {"bounds": ["here", "there"]}}},
-        "expected a number, got 'here'",
+        "expected a finite number, got 'here'",
     ),
-    "bounds that are switches": ({"axes": {"x": {"bounds": [False, True]}}}, "expected a number, got False"),
+    "bounds that are switches": (
+        {"axes": {"x": {"bounds": [False, True]}}},
+        "expected a finite number, got False",
+    ),
     "more than a turn": ({"axes": {"yaw": {"bounds": [-4, 4]}}}, "axis yaw: expected at most a full turn"),
     "a negative motion": (
         {"axes": {"x": {"bounds": [0, 1], "motion_std": -1}}},
@@ -56,7 +59,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "an infinite offset": (
         {"phalanges": {"index": {"offset": {"x": ".inf"}}}},
-        "phalanx index: expected 2 finite offsets",
+        "phalanx index offset x: expected a finite number, got inf",
     ),
     "a region that ends before it begins": (
         {"feature": {"x": [0.04, 0.01]}},
@@ -64,7 +67,27 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a region without a beginning": (
         {"feature": {"x": [float("nan"), 0.01]}},
-        r"feature x: expected lower < upper, got \[nan, 0.01\]",
+        "feature x: expected a number, got nan",
+    ),
+    "a bound that is far away": (
+        {"axes": {"x": {"bounds": [0, 1e300]}}},
+        "axis x bounds: expected -1000 to 1000",
+    ),
+    "bounds at one place": ({"axes": {"x": {"bounds": [0, 1e-9]}}}, "axis x: expected bounds at least 1e-06"),
+    "phalanges without names": (
+        {"phalanges": [["index"]]},
+        "phalanges: expected text of 1 to 100 characters",
+    ),
+    "a phalanx twice": ({"phalanges": ["index", "index"]}, "phalanges: expected each name once"),
+    "more phalanges than a hand has": ({"phalanges": [f"p{n}" for n in range(101)]}, "expected at most 100"),
+    "a name that is a list": ({"name": [1]}, "scene name: expected text"),
+    "a width that is a word": (
+        {"measurement": {"position_std": "wide"}},
+        "measurement position_std: expected a",
+    ),
+    "widths in a list of lists": (
+        {"measurement": {"strain_std": [[1]]}},
+        "measurement strain_std: expected a",
     ),
     "a region on an axis that is not there": (
         {"feature": {"y": [0, 1]}},
@@ -117,6 +140,53 @@ def test_phalanges_may_be_a_list_of_names_and_numbers_may_lack_their_dot() -> No
     assert scene_to_dict(scene)["phalanges"]["index"] == {"offset": {"x": 0.0}}
 
 
+def test_numbers_may_have_an_exponent_without_a_dot_and_be_parts_of_a_turn(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        """
+        axes: {x: {bounds: [-5e-3, .5], motion_std: 3e-3}, yaw: {bounds: [-pi, pi], motion_std: pi/180}}
+        phalanges: {index: {offset: {x: 1e-2, yaw: -pi/2}}, thumb: {}}
+        feature: {yaw: [-.inf, 0.25*pi]}
+        measurement: {position_std: [3e-3, .1], strain_std: 2e-2, neighbours: 8, interpolate: true}
+        """
+    )
+    scene = load_scene(path)
+    assert [(axis.lower, axis.upper) for axis in scene.axes] == [(-0.005, 0.5), (-math.pi, math.pi)]
+    assert scene.wraps.tolist() == [False, True]
+    assert scene.axes[1].motion_std == pytest.approx(math.radians(1))
+    assert scene.phalanges[0].offset == (0.01, -math.pi / 2)
+    assert scene.feature == Region((-math.inf, -math.inf), (math.inf, 0.25 * math.pi))
+    assert scene.measurement == {
+        "position_std": [0.003, 0.1], "strain_std": 0.02, "neighbours": 8, "interpolate": True
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("measurement", "reason"),
+    [
+        ("position_std: [1e-3, 1e-3, 1e-3]", "measurement position_std: expected one number or 2, got 3"),
+        ("strain_std: [1, 2, 3]", "measurement strain_std: expected one number or 8, got 3"),
+        ("strain_std: -1", "measurement strain_std: expected 1e-12 to 1e"),
+        ("strain_std: .nan", "measurement strain_std: expected a finite number, got nan"),
+        ("position_std: 1e300", "measurement position_std: expected -1000 to 1000"),
+        ("neighbours: 2.5", "measurement neighbours: expected a whole number, got 2.5"),
+        ("neighbours: 0", "measurement neighbours: expected 1 to 10000, got 0"),
+        ("interpolate: 1", "measurement interpolate: expected true or false, got 1"),
+        ("wide: 1", "measurement 'wide': expected one of position_std"),
+    ],
+)
+def test_parameters_of_the_model_that_cannot_be_used_are_refused_when_the_scene_is_read(
+    tmp_path: Path, measurement: str, reason: str
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "axes: {x: {bounds: [0, 1]}, y: {bounds: [0, 1]}}\nphalanges: [index]\n"
+        f"measurement: {{{measurement}}}"
+    )
+    with pytest.raises(SceneError, match=f"{path}: {reason}"):
+        load_scene(path)
+
+
 def test_a_region_without_a_limit_on_an_axis_contains_all_of_it() -> None:
     region = scene_from_dict(GOOD).feature
     assert region is not None
@@ -128,7 +198,10 @@ def test_a_region_without_a_limit_on_an_axis_contains_all_of_it() -> None:
     [
         ({"axes": (Axis("x", 0, 1), Axis("x", 0, 2))}, "axis 'x': expected once, found 2 times"),
         ({"phalanges": (Phalanx("index", (0.0, 0.0)),) * 2}, "phalanx 'index': expected once"),
-        ({"phalanges": (Phalanx("index", (0.0,)),)}, "phalanx index: expected 2 finite offsets"),
+        (
+            {"phalanges": (Phalanx("index", (0.0,)),)},
+            "phalanx index: expected 2 offsets of at most 1000 m or rad",
+        ),
         ({"feature": Region((0.0,), (1.0,))}, "expected a feature region of 2 axes"),
     ],
 )

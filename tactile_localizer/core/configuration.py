@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from tactile_localizer.core.kernel_sum import EVALUATIONS
 from tactile_localizer.core.own_model import SEPARATOR
 from tactile_localizer.core.resampling import RESAMPLERS
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.quantity import is_number, number, whole_number
 
 MODELS = ("sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
@@ -25,6 +27,20 @@ _CHOICES = {
     "resampling": tuple(RESAMPLERS),
     "recovery": RECOVERIES,
 }
+
+
+RANGES: dict[str, tuple[float, float]] = {
+    "particles": (1, 10_000_000),
+    "cell": (0.01, 10.0),
+    "resample_below": (0.01, 1.0),
+    "random_particles": (0, 10_000_000),
+    "update_distance": (1e-6, 1.0),
+    "convergence_std": (1e-6, 1.0),
+    "convergence_yaw_std": (1e-6, 10.0),
+    "convergence_evidence": (1e-3, 1e6),
+    "convergence_travel": (0.0, 1.0),
+}
+"""Least and largest value of each number, in its unit."""
 
 
 @dataclass(frozen=True)
@@ -84,17 +100,9 @@ class Configuration:
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")
-        for name in (
-            "cell",
-            "update_distance",
-            "convergence_std",
-            "convergence_yaw_std",
-            "convergence_evidence",
-        ):
-            if not getattr(self, name) > 0:
-                raise ParameterError(f"{name}: expected a positive number, got {getattr(self, name)}")
-        if self.convergence_travel < 0:
-            raise ParameterError(f"convergence_travel: expected at least 0 m, got {self.convergence_travel}")
+        for name, (lower, upper) in RANGES.items():
+            if not lower <= getattr(self, name) <= upper:
+                raise ParameterError(f"{name}: expected {lower:g} to {upper:g}, got {getattr(self, name)}")
         if self.recovery == "constant" and self.filter == "grid":
             raise ParameterError("recovery constant: expected filter particle, got grid")
 
@@ -115,9 +123,11 @@ class Configuration:
                 hint = f"; did you mean {close[0]}?" if close else f", one of {', '.join(fields)}"
                 raise ParameterError(f"parameter {name!r}: expected a known name{hint}")
             kind = type(fields[name].default)
-            if kind is float and isinstance(value, int) and not isinstance(value, bool):
-                value = float(value)
+            if kind is float and is_number(value):
+                value = number(value, name)
+            if kind is int and is_number(value):
+                value = whole_number(value, name)
             if type(value) is not kind:
-                raise ParameterError(f"{name}: expected {kind.__name__}, got {value!r}")
+                raise ParameterError(f"{name}: expected {kind.__name__}, got {reprlib.repr(value)}")
             checked[name] = value
         return cls(**checked)

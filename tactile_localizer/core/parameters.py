@@ -10,6 +10,18 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.quantity import number, whole_number
+from tactile_localizer.scene import LARGEST_POSITION, LARGEST_STRAIN, Scene
+
+_SMALLEST = 1e-12
+"""Least width: far below the resolution of any sensor; squares of its reciprocal can still be summed."""
+_LARGEST = {
+    "position_std": LARGEST_POSITION,
+    "strain_std": LARGEST_STRAIN,
+    "correlation_length": LARGEST_POSITION,
+    "correlation_change": 1e6,
+}
+_MOST_NEIGHBOURS = 10_000
 
 
 @dataclass(frozen=True)
@@ -43,22 +55,41 @@ class ModelParameters:
         Raises
         ------
         ParameterError
-            An unknown name, or a value that is not positive.
+            An unknown name, or a value out of its range.
         """
         names = [field.name for field in dataclasses.fields(cls)]
-        for name in values:
+        checked: dict[str, Any] = {}
+        for name, value in values.items():
+            what = f"measurement {name}"
             if name not in names:
                 raise ParameterError(f"measurement {name!r}: expected one of {', '.join(names)}")
-        parameters = cls(**values)
-        for name, value in values.items():
-            if name not in ("interpolate", "sweep_offset"):
-                _require_positive(name, value)
-            elif not isinstance(value, bool):
-                raise ParameterError(f"measurement {name}: expected true or false, got {value!r}")
-        if not isinstance(parameters.neighbours, int):
-            raise ParameterError(
-                f"measurement neighbours: expected a whole number, got {parameters.neighbours!r}"
-            )
+            if name in ("interpolate", "sweep_offset"):
+                if not isinstance(value, bool):
+                    raise ParameterError(f"{what}: expected true or false, got {value!r}")
+                checked[name] = value
+            elif name == "neighbours":
+                checked[name] = whole_number(value, what, lower=1, upper=_MOST_NEIGHBOURS)
+            else:
+                checked[name] = _positive(value, what, _LARGEST[name])
+        return cls(**checked)
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> ModelParameters:
+        """From a scene, with one kernel width for all, or one an axis or a channel.
+
+        Raises
+        ------
+        ParameterError
+            As :meth:`from_mapping`; or the number of widths does not fit the scene.
+        """
+        parameters = cls.from_mapping(scene.measurement)
+        for name, count in (
+            ("position_std", scene.dimension),
+            ("strain_std", len(scene.channels(scene.phalanx_names))),
+        ):
+            width = getattr(parameters, name)
+            if isinstance(width, list) and len(width) not in (1, count):
+                raise ParameterError(f"measurement {name}: expected one number or {count}, got {len(width)}")
         return parameters
 
     @property
@@ -78,13 +109,15 @@ class ModelParameters:
         return {name: _plain(value) for name, value in vars(self).items() if value is not None}
 
 
-def _require_positive(name: str, value: Any) -> None:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterError(f"measurement {name}: expected numbers, got {value!r}") from None
-    if array.size == 0 or not (np.isfinite(array).all() and (array > 0).all()):
-        raise ParameterError(f"measurement {name}: expected positive numbers, got {value!r}")
+def _positive(value: Any, what: str, largest: float) -> Any:
+    """One positive number, or a list of them."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        if not value:
+            raise ParameterError(f"{what}: expected a number or a list of numbers, got none")
+        return [number(each, what, lower=_SMALLEST, upper=largest) for each in value]
+    return number(value, what, lower=_SMALLEST, upper=largest)
 
 
 def _plain(value: Any) -> Any:

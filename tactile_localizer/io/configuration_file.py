@@ -9,14 +9,14 @@ A file names what differs from the defaults::
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.resources import given_or_shipped
 
 PRESETS = ("fast", "balanced", "accurate")
@@ -44,18 +44,15 @@ def load_configuration(source: str | Path | None = None, **overrides: Any) -> Co
 def _read(source: str | Path) -> dict[str, Any]:
     path = _path(source)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
+        content = load_yaml(path, "a configuration file", ParameterError)
+    except FileNotFoundError:
         raise ParameterError(
-            f"{path}: expected a configuration file or one of {', '.join(PRESETS)}, {reason}"
+            f"{path}: expected a configuration file or one of {', '.join(PRESETS)}, found none"
         ) from None
-    except yaml.YAMLError as error:
-        raise ParameterError(f"{path}: expected YAML, {' '.join(str(error).split())}") from None
     content = {} if content is None else content
     if not isinstance(content, Mapping):
-        raise ParameterError(f"{path}: expected a mapping of names to values, got {content!r}")
-    values = {str(name): _number(value) for name, value in content.items()}
+        raise ParameterError(f"{path}: expected a mapping of names to values, got {reprlib.repr(content)}")
+    values = dict(content)
     try:
         Configuration.from_mapping(values)
     except ParameterError as error:
@@ -66,13 +63,3 @@ def _read(source: str | Path) -> dict[str, Any]:
 def _path(source: str | Path) -> Path:
     name = str(source)
     return given_or_shipped(f"{name}.yaml" if name in PRESETS else source, "config/presets")
-
-
-def _number(value: Any) -> Any:
-    # YAML reads 1e-3 (no dot) as text; take it as the number that it was meant to be.
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value

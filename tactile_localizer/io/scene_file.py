@@ -11,10 +11,15 @@ from typing import Any
 import yaml
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.errors import SceneError
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.errors import ParameterError, SceneError
 from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.quantity import number
 from tactile_localizer.resources import resource_path
-from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Region, Scene
+from tactile_localizer.scene import DEFAULT_MOTION_STD, LARGEST_POSITION, Axis, Phalanx, Region, Scene
+
+_LONGEST_NAME = 100
 
 _KEYS = ("name", "axes", "phalanges", "feature", "measurement")
 
@@ -29,21 +34,18 @@ def load_scene(path: str | Path) -> Scene:
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = load_yaml(path, "a scene file", SceneError)
     except FileNotFoundError:
         shipped = sorted(file.name for file in resource_path("config/scenes").iterdir())
         raise SceneError(
             f"{path}: expected a scene file or one of {', '.join(shipped)}, found none"
         ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise SceneError(f"{path}: expected a scene file, could not read it: {reason}") from None
-    except yaml.YAMLError as error:
-        raise SceneError(f"{path}: expected YAML, {' '.join(str(error).split())}") from None
     try:
-        return scene_from_dict(content)
-    except SceneError as error:
+        scene = scene_from_dict(content)
+        ModelParameters.of_scene(scene)
+    except (SceneError, ParameterError) as error:
         raise SceneError(f"{path}: {error}") from None
+    return scene
 
 
 def save_scene(scene: Scene, path: str | Path) -> None:
@@ -78,14 +80,16 @@ def scene_from_dict(content: Any) -> Scene:
     names = tuple(axis.name for axis in axes)
     raw = top.get("phalanges")
     if isinstance(raw, list):
-        raw = dict.fromkeys(raw)
-    phalanges = tuple(_phalanx(str(name), value, names) for name, value in _mapping(raw, "phalanges").items())
+        raw = dict.fromkeys(_names(raw, "phalanges"))
+    phalanges = tuple(
+        _phalanx(_name(name, "phalanx"), value, names) for name, value in _mapping(raw, "phalanges").items()
+    )
     return Scene(
-        name=str(top.get("name", "scene")),
+        name=_name(top.get("name", "scene"), "scene name"),
         axes=axes,
         phalanges=phalanges,
         feature=_region(top["feature"], names) if top.get("feature") is not None else None,
-        measurement=dict(_mapping(top.get("measurement") or {}, "measurement")),
+        measurement=_measurement(_mapping(top.get("measurement") or {}, "measurement")),
     )
 
 
@@ -126,20 +130,52 @@ def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
     return value
 
 
-def _number(value: Any, what: str) -> float:
-    # YAML reads 1e-3 (no dot) as text; take it as the number that it was meant to be.
+def _name(value: Any, what: str) -> str:
+    # A number in YAML may be meant as a name.
+    if isinstance(value, bool | list | Mapping) or not 1 <= len(str(value)) <= _LONGEST_NAME:
+        raise SceneError(
+            f"{what}: expected text of 1 to {_LONGEST_NAME} characters, got {reprlib.repr(value)}"
+        )
+    return str(value)
+
+
+def _names(values: list[Any], what: str) -> list[str]:
+    names = [_name(value, what) for value in values]
+    if len(set(names)) < len(names):
+        raise SceneError(f"{what}: expected each name once, got {reprlib.repr(names)}")
+    return names
+
+
+def _number(value: Any, what: str, *, finite: bool = True) -> float:
+    limit = LARGEST_POSITION if finite else math.inf
     try:
-        if isinstance(value, bool):
-            raise TypeError
-        return float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"{what}: expected a number, got {value!r}") from None
+        return number(value, what, lower=-limit, upper=limit, finite=finite)
+    except ParameterError as error:
+        raise SceneError(str(error)) from None
 
 
-def _interval(value: Any, what: str) -> tuple[float, float]:
+def _interval(value: Any, what: str, *, finite: bool = True) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
-        raise SceneError(f"{what}: expected [lower, upper], got {value!r}")
-    return _number(value[0], what), _number(value[1], what)
+        raise SceneError(f"{what}: expected [lower, upper], got {reprlib.repr(value)}")
+    return _number(value[0], what, finite=finite), _number(value[1], what, finite=finite)
+
+
+def _measurement(values: Mapping[Any, Any]) -> dict[str, Any]:
+    """Parameters of the measurement model with their numbers converted; what they mean is the model's."""
+    converted: dict[str, Any] = {}
+    for name, value in values.items():
+        what = f"measurement {name}"
+        if isinstance(value, bool):
+            converted[str(name)] = value
+        elif isinstance(value, list):
+            converted[str(name)] = [_plain_number(each, what) for each in value]
+        else:
+            converted[str(name)] = _plain_number(value, what)
+    return converted
+
+
+def _plain_number(value: Any, what: str) -> float | int:
+    return value if type(value) is int else _number(value, what)
 
 
 def _axis(name: Any, value: Any) -> Axis:
@@ -173,7 +209,10 @@ def _region(value: Any, axes: tuple[str, ...]) -> Region:
     for axis in entry:
         if axis not in axes:
             raise SceneError(f"feature: expected axes of {', '.join(axes)}, got {axis!r}")
-    limits = [_interval(entry[a], f"feature {a}") if a in entry else (-math.inf, math.inf) for a in axes]
+    limits = [
+        _interval(entry[a], f"feature {a}", finite=False) if a in entry else (-math.inf, math.inf)
+        for a in axes
+    ]
     for axis, (low, high) in zip(axes, limits, strict=True):
         if not low < high:
             raise SceneError(f"feature {axis}: expected lower < upper, got [{low}, {high}]")

@@ -5,7 +5,14 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from tactile_localizer.core.configuration import FILTERS, MODELS, PRECISIONS, RECOVERIES, Configuration
+from tactile_localizer.core.configuration import (
+    FILTERS,
+    MODELS,
+    PRECISIONS,
+    RANGES,
+    RECOVERIES,
+    Configuration,
+)
 from tactile_localizer.core.kernel_sum import EVALUATIONS
 from tactile_localizer.core.pairing import DEFAULT_PATIENCE_S
 from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
@@ -20,9 +27,8 @@ def _choice(name: str, description: str, choices: Any) -> Parameter:
     return Parameter(name, getattr(_DEFAULTS, name), description, choices=tuple(choices))
 
 
-def _number(
-    name: str, description: str, unit: str, lower: float, upper: float, live: bool = False
-) -> Parameter:
+def _number(name: str, description: str, unit: str = "", live: bool = False) -> Parameter:
+    lower, upper = RANGES[name]
     return Parameter(name, getattr(_DEFAULTS, name), description, unit, lower, upper, live=live)
 
 
@@ -33,39 +39,23 @@ def _plain(name: str, description: str) -> Parameter:
 CONFIGURATION = (
     _plain("model", f"Measurement model: {', '.join(MODELS)}, or one's own as module:Class"),
     _choice("filter", "Particles, or the exact recursion on the cells of a grid", FILTERS),
-    _number("particles", "How many particles; the paper has 75", "", 1, 10_000_000),
-    _number("cell", "Largest cell of the grid, in widths of the position kernel", "", 0.01, 10.0),
+    _number("particles", "How many particles; the paper has 75"),
+    _number("cell", "Largest cell of the grid, in widths of the position kernel"),
     _choice("evaluation", "How kernel sums are evaluated", EVALUATIONS),
     _choice("precision", "Of the strains in memory", PRECISIONS),
     _plain("conditional", "Sum of Gaussians in conditional form; false: the paper's joint form"),
     _choice("resampling", "Resampling scheme of the particle filter", RESAMPLERS),
-    _number(
-        "resample_below", "Effective share of the particles below which they are resampled", "", 0.01, 1.0
-    ),
+    _number("resample_below", "Effective share of the particles below which they are resampled"),
     _plain("adaptive", "Choose the number of particles by KLD sampling, up to particles"),
     _choice(
         "recovery", "Spread a contradicted belief; constant: random_particles at each update", RECOVERIES
     ),
-    _number("random_particles", "Of the constant recovery; the paper has 10", "", 0, 10_000_000),
-    _number("update_distance", "Travel between two weighed strains", "m", 1e-6, 1.0, live=True),
-    _number(
-        "convergence_std",
-        "The belief is narrow below this standard deviation an axis",
-        "m",
-        1e-6,
-        1.0,
-        live=True,
-    ),
-    _number("convergence_yaw_std", "The same for yaw", "rad", 1e-6, 10.0, live=True),
-    _number(
-        "convergence_evidence",
-        "Evidence needed before the position may be believed",
-        "nat",
-        1e-3,
-        1e6,
-        live=True,
-    ),
-    _number("convergence_travel", "Travel over which both must hold", "m", 0.0, 1.0, live=True),
+    _number("random_particles", "Of the constant recovery; the paper has 10"),
+    _number("update_distance", "Travel between two weighed strains", "m", live=True),
+    _number("convergence_std", "The belief is narrow below this standard deviation an axis", "m", live=True),
+    _number("convergence_yaw_std", "The same for yaw", "rad", live=True),
+    _number("convergence_evidence", "Evidence needed before the position may be believed", "nat", live=True),
+    _number("convergence_travel", "Travel over which both must hold", "m", live=True),
 )
 """One parameter for each field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 

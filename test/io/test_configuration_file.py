@@ -36,7 +36,7 @@ def test_an_empty_file_is_the_default(tmp_path) -> None:
     [
         ("modle: gaussian", "own.yaml: parameter 'modle': expected a known name; did you mean model?"),
         ("particles: many", "own.yaml: particles: expected int, got 'many'"),
-        ("cell: -1", "own.yaml: cell: expected a positive number, got -1.0"),
+        ("cell: -1", "own.yaml: cell: expected 0.01 to 10, got -1.0"),
         ("[1, 2]", "own.yaml: expected a mapping of names to values, got [1, 2]"),
         ("a: [", "own.yaml: expected YAML, "),
     ],
