@@ -85,7 +85,7 @@ class ModelParameters:
         parameters = cls.from_mapping(scene.measurement)
         for name, count in (
             ("position_std", scene.dimension),
-            ("strain_std", len(scene.channels(scene.phalanx_names))),
+            ("strain_std", scene.layout.size),
         ):
             width = getattr(parameters, name)
             if isinstance(width, list) and len(width) not in (1, count):

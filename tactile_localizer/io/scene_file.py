@@ -15,9 +15,17 @@ from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError, SceneError
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.io.yaml_file import load_yaml
-from tactile_localizer.quantity import number
+from tactile_localizer.quantity import number, whole_number
 from tactile_localizer.resources import resource_path
-from tactile_localizer.scene import DEFAULT_MOTION_STD, LARGEST_POSITION, Axis, Phalanx, Region, Scene
+from tactile_localizer.scene import (
+    DEFAULT_MOTION_STD,
+    LARGEST_POSITION,
+    MOST_CHANNELS,
+    Axis,
+    Phalanx,
+    Region,
+    Scene,
+)
 
 _LONGEST_NAME = 100
 
@@ -197,9 +205,11 @@ def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
     for axis in offset:
         if axis not in axes:
             raise SceneError(f"phalanx {name} offset: expected axes of {', '.join(axes)}, got {axis!r}")
-    channels = entry.get("channels", DEFAULT_CHANNELS)
-    if isinstance(channels, bool) or not isinstance(channels, int):
-        raise SceneError(f"phalanx {name} channels: expected a whole number, got {channels!r}")
+    what = f"phalanx {name} channels"
+    try:
+        channels = whole_number(entry.get("channels", DEFAULT_CHANNELS), what, lower=1, upper=MOST_CHANNELS)
+    except ParameterError as error:
+        raise SceneError(str(error)) from None
     places = tuple(_number(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
     return Phalanx(name, places, channels)
 
