@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from tactile_localizer.cli.recording_options import (
     add_bag_arguments,
@@ -12,12 +16,18 @@ from tactile_localizer.cli.recording_options import (
     naming_from_arguments,
     speed_from_arguments,
 )
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.errors import ScanError
+from tactile_localizer.evaluation.tables import Table
 from tactile_localizer.io.bag_recording import read_bag
+from tactile_localizer.io.csv_columns import naming_to_dict
+from tactile_localizer.io.csv_guess import Guess, guess_columns
 from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scan_import import import_recording
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
@@ -46,6 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for kind in (from_csv, from_bag):
         kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
         kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
+        kind.add_argument(
+            "--force", action="store_true", help="import even where less than half of the samples can be used"
+        )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -55,7 +68,13 @@ def run(args: argparse.Namespace) -> int:
     recording, detail, unit = read(args, scene)
     detail = {"files": args.files, **detail}
     report = import_recording(
-        recording, scene, args.output, what=f"import {args.kind}", detail=detail, strain_unit=unit
+        recording,
+        scene,
+        args.output,
+        what=f"import {args.kind}",
+        detail=detail,
+        strain_unit=unit,
+        force=args.force,
     )
     print(f"{args.output}: {report.sweeps} sweeps, {report.pairs} pairs")
     for note in report.notes:
@@ -65,8 +84,44 @@ def run(args: argparse.Namespace) -> int:
 
 def _read_csv(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:
     naming = naming_from_arguments(args)
-    speeds = speed_from_arguments(args.speed, scene)
-    return read_csv(args.files, scene, naming, speeds), {"speed": speeds}, naming.strain_unit
+    speed = {**naming.speed, **speed_from_arguments(args.speed, scene)}
+    naming = replace(naming, speed=speed)
+    naming.check(scene)
+    guess = guess_columns(args.files[0], scene, naming)
+    if guess.guessed:
+        _show(guess, scene, args)
+    recording = read_csv(args.files, scene, guess.naming)
+    return recording, {"speed": dict(guess.naming.speed)}, guess.naming.strain_unit
+
+
+def _show(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
+    """Print what the columns are taken for, and write it down for the next time."""
+    rows = []
+    for quantity, why in guess.guessed.items():
+        speed = guess.naming.speed.get(quantity)
+        if quantity in guess.naming.columns:
+            columns = guess.naming.columns[quantity]
+            first, last = columns.names[0], columns.names[-1]
+            names = first if len(columns.names) == 1 else f"{first} to {last} ({len(columns.names)})"
+            rows.append([quantity, names, f"{columns.scale}", why])
+        else:
+            rows.append([quantity, f"{speed:g} m/s x time", "", why])
+    print_tables(
+        [Table(f"{args.files[0]}: columns as understood", ["quantity", "columns", "factor", "by"], rows)]
+    )
+    path = Path(args.output).with_suffix(".columns.yaml")
+    content = yaml.safe_dump(
+        naming_to_dict(guess.naming), sort_keys=False, default_flow_style=None, width=100
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as unfinished:
+            unfinished.write_text(
+                f"# Columns of {Path(args.files[0]).name}, as guessed: check them.\n{content}"
+            )
+    except OSError as error:
+        raise ScanError(f"{path}: expected to write the columns, {error.strerror}") from None
+    print(f"{path}: these columns, to correct and use again with --columns {path}")
 
 
 def _read_bags(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:

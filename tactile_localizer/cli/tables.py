@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.box import SIMPLE
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as Shown
 
 from tactile_localizer.evaluation.tables import Table
@@ -22,12 +23,12 @@ def print_tables(tables: Sequence[Table]) -> None:
     terminal = Console(highlight=False, soft_wrap=True)
     for table in tables:
         words = [any(len(row[column]) > _WORDS for row in table.rows) for column in range(len(table.columns))]
-        shown = Shown(title=table.title, title_justify="left", box=SIMPLE)
+        shown = Shown(title=escape(table.title), title_justify="left", box=SIMPLE)
         for number, name in enumerate(table.columns):
-            shown.add_column(name, justify="left" if words[number] or number == 0 else "right")
+            shown.add_column(escape(name), justify="left" if words[number] or number == 0 else "right")
         for row in table.rows:
-            shown.add_row(*row)
+            shown.add_row(*map(escape, row))
         console = terminal if any(words) else Console(highlight=False, soft_wrap=True, width=_WIDEST)
         console.print(shown)
         if table.note:
-            terminal.print(f" {table.note}\n")
+            terminal.print(f" {escape(table.note)}\n")

@@ -187,7 +187,8 @@ def _gauges(scan: Scan) -> Iterator[str]:
         values = scan.strain[:, column]
         for limit in (low[column], high[column]):
             share = float(np.mean(values == limit))
-            if share > _AT_LIMIT:
+            # Many sensors give 0 where nothing is touched: that is rest, not the end of a range.
+            if share > _AT_LIMIT and limit != 0.0:
                 yield f"{name}: seems saturated, {share:.1%} of the values are exactly {limit:.6g}"
 
 

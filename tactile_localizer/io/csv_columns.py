@@ -7,12 +7,15 @@ A naming maps the package's own names to recorded ones::
     index: gauge1..8                # a phalanx: a column per channel
     middle: [a, b, c, d, e, f, g, h]
     strain_unit: counts             # volts where it is left out
+    speed: {x: 0.01}                # m/s, where no column has the position
 
-What it leaves out has the standard name: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
+A phalanx may also be ``{columns: [a, b, ...], scale: 0.001}``. What a naming leaves out has the
+standard name: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -44,10 +47,12 @@ class ColumnNaming:
     ----------
     columns : by quantity: ``stamp_s``, ``sweep``, an axis or a phalanx
     strain_unit : what the strain values are, for people
+    speed : by axis, m/s (rad/s), where the position is not a column
     """
 
     columns: Mapping[str, Columns] = field(default_factory=dict)
     strain_unit: str = "V"
+    speed: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, quantity: str) -> Columns:
         """Columns of ``stamp_s``, ``sweep`` or an axis."""
@@ -68,10 +73,13 @@ class ColumnNaming:
         """
         channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
         known = ("stamp_s", "sweep", *scene.axis_names, *scene.phalanx_names)
+        for axis in self.speed:
+            if axis not in scene.axis_names:
+                raise ScanError(f"speed of axis {axis!r}: expected one of {', '.join(scene.axis_names)}")
         for quantity, columns in self.columns.items():
             if quantity not in known:
                 raise ScanError(
-                    f"column naming {quantity!r}: expected one of {', '.join(known)}, strain_unit"
+                    f"column naming {quantity!r}: expected one of {', '.join(known)}, strain_unit, speed"
                 )
             expected = channels.get(quantity, 1)
             if len(columns.names) != expected:
@@ -116,7 +124,46 @@ def naming_from_dict(content: Mapping[Any, Any]) -> ColumnNaming:
     """
     entries = {str(quantity): value for quantity, value in content.items()}
     unit = str(entries.pop("strain_unit", "V"))
-    return ColumnNaming({quantity: _columns(quantity, value) for quantity, value in entries.items()}, unit)
+    speed = _speed(entries.pop("speed", {}))
+    columns = {quantity: _columns(quantity, value) for quantity, value in entries.items()}
+    return ColumnNaming(columns, unit, speed)
+
+
+def naming_to_dict(naming: ColumnNaming) -> dict[str, Any]:
+    """The YAML form of a naming, of plain mappings, lists, texts and numbers."""
+    content: dict[str, Any] = {
+        quantity: _columns_to_yaml(columns) for quantity, columns in naming.columns.items()
+    }
+    if naming.strain_unit != "V":
+        content["strain_unit"] = naming.strain_unit
+    if naming.speed:
+        content["speed"] = dict(naming.speed)
+    return content
+
+
+def _columns_to_yaml(columns: Columns) -> Any:
+    scale = "" if columns.scale == 1 else f" * {columns.scale}"
+    plain = not any(set("*,") & set(name) or _RANGE.match(name) for name in columns.names)
+    if len(columns.names) == 1 and plain:
+        return columns.names[0] + scale
+    match = re.match(r"^(.*?)(\d+)$", columns.names[0])
+    if match is not None and not set("*,") & set(match.group(1)):
+        first = int(match.group(2))
+        last = first + len(columns.names) - 1
+        if columns.names == tuple(f"{match.group(1)}{number}" for number in range(first, last + 1)):
+            return f"{match.group(1)}{first}..{last}{scale}"
+    names = list(columns.names)
+    return {"columns": names, "scale": float(columns.scale)} if scale else names
+
+
+def _speed(value: Any) -> dict[str, float]:
+    """The speeds of a naming, by axis."""
+    if not isinstance(value, Mapping) or not all(
+        isinstance(speed, int | float) and not isinstance(speed, bool) and math.isfinite(speed)
+        for speed in value.values()
+    ):
+        raise ScanError(f"column naming 'speed': expected m/s by axis, as in {{x: 0.01}}, got {value!r}")
+    return {str(axis): float(speed) for axis, speed in value.items()}
 
 
 def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
@@ -135,10 +182,21 @@ def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
         content[quantity.strip()] = value.split(",") if "," in value else value
     content.setdefault("strain_unit", base.strain_unit)
     own = naming_from_dict(content)
-    return ColumnNaming({**base.columns, **own.columns}, own.strain_unit)
+    return ColumnNaming({**base.columns, **own.columns}, own.strain_unit, {**base.speed, **own.speed})
 
 
 def _columns(quantity: str, value: Any) -> Columns:
+    if (
+        isinstance(value, Mapping)
+        and set(value) == {"columns", "scale"}
+        and isinstance(value["columns"], list)
+    ):
+        try:
+            return Columns(tuple(map(str, value["columns"])), Decimal(str(value["scale"])))
+        except InvalidOperation:
+            raise ScanError(
+                f"column naming {quantity!r}: expected a number as scale, got {value['scale']!r}"
+            ) from None
     if isinstance(value, list):
         return Columns(tuple(str(name).strip() for name in value))
     if not isinstance(value, str):

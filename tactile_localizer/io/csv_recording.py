@@ -2,16 +2,18 @@
 
 Standard columns: ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units; other names and
 units by a :class:`~tactile_localizer.io.csv_columns.ColumnNaming`, position from constant speed where
-nothing recorded it. A row that cannot be used is counted and said, never fatal.
+nothing recorded it. A row that cannot be used is counted and reported. Rows that run backwards in time are
+sorted by their stamps.
 """
 
 from __future__ import annotations
 
 import math
+import reprlib
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -20,15 +22,20 @@ import numpy as np
 from tactile_localizer.core.pose_buffer import near_bounds
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import ColumnNaming
-from tactile_localizer.io.csv_table import read_table
+from tactile_localizer.io.csv_table import listed, read_table
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
-from tactile_localizer.scene import Scene
+from tactile_localizer.io.unit_guess import ANGLES, LENGTHS, TIMES, fitting_unit, inside
+from tactile_localizer.scene import Axis, Scene
 
 _NOT_NUMBERS = "not numbers"
 _NOT_FINITE = "with a position that is not finite"
 _OUT_OF_ORDER = "with a stamp out of order"
+_TOO_LARGE = "with a stamp that is too large (in ms? --column stamp_s=NAME*0.001)"
 _MOST = 2**62
 _MOST_RADIANS = 4 * math.pi
+_BACKWARDS = 0.25
+"""Share of the steps between stamps that go back from which rows are sorted: one recording after another
+in a file has few such steps, rows in reverse or in no order have many."""
 
 
 def read_csv(
@@ -44,7 +51,8 @@ def read_csv(
     paths : the files; each is one sweep unless it has a column ``sweep``
     scene : names the axes and phalanges that are read
     naming : columns that do not have the standard names
-    speed : by axis, m/s (rad/s): position there is speed x (stamp - first stamp of the sweep)
+    speed : by axis, m/s (rad/s): position there is speed x (stamp - first stamp of the sweep); with a
+        negative speed, where the bounds lie above 0, the sweep runs back over the same stretch and ends at 0
 
     Returns
     -------
@@ -58,16 +66,14 @@ def read_csv(
         A file cannot be read, lacks a column, or has no row that can be used.
     """
     naming = naming or ColumnNaming()
+    naming = replace(naming, speed={**naming.speed, **(speed or {})})
     naming.check(scene)
-    speed = speed or {}
-    for axis in speed:
-        if axis not in scene.axis_names:
-            raise ScanError(f"speed of axis {axis!r}: expected one of {', '.join(scene.axis_names)}")
     files = [paths] if isinstance(paths, str | Path) else paths
-    return join([_read_file(Path(path), scene, naming, speed) for path in files])
+    return join([_read_file(Path(path), scene, naming) for path in files])
 
 
-def _read_file(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> Recording:
+def _read_file(path: Path, scene: Scene, naming: ColumnNaming) -> Recording:
+    speed = naming.speed
     rows = _read_rows(path, scene, naming, speed)
     sweeps = tuple(_sweep(number, samples, scene, speed) for number, samples in rows.by_sweep.items())
     return Recording(
@@ -75,8 +81,9 @@ def _read_file(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
         scene.axis_names,
         scene.phalanx_names,
         sweeps,
-        tuple(rows.notes(path)),
+        (*rows.notes(path), *_unit_notes(path, rows, scene, naming, speed)),
         scene.layout.counts,
+        rows.bad.total(),
     )
 
 
@@ -97,7 +104,7 @@ class _Rows:
     total: int = 0
     bad: Counter[str] = field(default_factory=Counter)
     first: dict[str, str] = field(default_factory=dict)  # by reason, where
-    degrees: float = 0.0  # the greatest yaw, where it is too great for radians
+    sorted_sweeps: list[int] = field(default_factory=list)
 
     def reject(self, reason: str, line: int, what: str = "") -> None:
         self.bad[reason] += 1
@@ -111,8 +118,8 @@ class _Rows:
     def notes(self, path: Path) -> Iterator[str]:
         if self.bad:
             yield f"{path}: left out {self.bad.total()} of {self.total} rows: {self.left_out()}"
-        if self.degrees:
-            yield f"{path}: yaw goes to {self.degrees:.4g}, radians? degrees: --column yaw=NAME*0.0174533"
+        if self.sorted_sweeps:
+            yield f"{path}: sorted {len(self.sorted_sweeps)} sweeps by their stamps, which run backwards"
 
 
 def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> _Rows:
@@ -124,6 +131,9 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
         rows.total += 1
         try:
             number, stamp_ns, values = picker.pick(cells)
+        except OverflowError:
+            rows.reject(_TOO_LARGE, line)
+            continue
         except (ValueError, ArithmeticError, IndexError):
             rows.reject(_NOT_NUMBERS, line, picker.culprit(cells))
             continue
@@ -137,15 +147,51 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
             + (f": {rows.left_out()}" if rows.bad else "")
         )
     for number, samples in rows.by_sweep.items():
+        stamps = np.array([sample.stamp_ns for sample in samples])
+        if len(samples) > 1 and np.mean(np.diff(stamps) < 0) >= _BACKWARDS:
+            samples = [samples[index] for index in np.argsort(stamps, kind="stable").tolist()]
+            rows.sorted_sweeps.append(number)
         kept = _longest_in_order([sample.stamp_ns for sample in samples])
         rows.by_sweep[number] = [samples[index] for index in kept]
         for index in sorted(set(range(len(samples))) - set(kept)):
             rows.reject(_OUT_OF_ORDER, samples[index].line)
-    if "yaw" in scene.axis_names and "yaw" not in speed:
-        column = [axis for axis in scene.axis_names if axis not in speed].index("yaw")
-        greatest = max(abs(sample.values[column]) for own in rows.by_sweep.values() for sample in own)
-        rows.degrees = greatest if greatest > _MOST_RADIANS else 0.0
     return rows
+
+
+def _unit_notes(
+    path: Path, rows: _Rows, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]
+) -> Iterator[str]:
+    """Units in which the positions of an axis that mostly lie outside its bounds would lie inside."""
+    recorded = [axis for axis in scene.axis_names if axis not in speed]
+    for axis in scene.axes:
+        if axis.name in speed:
+            parts = [_travelled(own, speed[axis.name], axis) for own in rows.by_sweep.values()]
+            found = fitting_unit(axis, np.concatenate(parts), TIMES)
+            quantity, name = "stamp_s", naming.of("stamp_s")
+        else:
+            column = recorded.index(axis.name)
+            values = np.array([sample.values[column] for own in rows.by_sweep.values() for sample in own])
+            if axis.name == "yaw" and _are_radians(axis, values):
+                continue
+            found = fitting_unit(axis, values, ANGLES if axis.name == "yaw" else LENGTHS)
+            quantity, name = axis.name, naming.of(axis.name)
+        if found is not None:
+            unit, factor = found
+            scale = f"{float(name.scale) * factor:.6g}"
+            yield f"{path}: {quantity} seems to be in {unit}: --column {quantity}={name.names[0]}*{scale}"
+
+
+def _are_radians(axis: Axis, values: np.ndarray) -> bool:
+    """Whether angles (n,) lie within few turns and, but for whole turns, mostly inside the bounds."""
+    wrapped = near_bounds((axis,), values[:, None])[:, 0]
+    return float(np.abs(values).max()) <= _MOST_RADIANS and inside(axis, wrapped) >= 0.5
+
+
+def _travelled(samples: Sequence[_Sample], speed: float, axis: Axis) -> np.ndarray:
+    """Positions from constant speed, (n,) m (rad): the lower end is 0 where the bounds lie above 0."""
+    stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
+    ends_at_zero = speed < 0 < axis.lower + axis.upper
+    return np.asarray(speed * (stamp_ns - stamp_ns[-1 if ends_at_zero else 0]) * 1e-9)
 
 
 def _longest_in_order(stamps: list[int]) -> list[int]:
@@ -191,7 +237,7 @@ class _Picker:
             if header.count(name) != 1:
                 several = f"1..{channels[quantity]}" if quantity in channels else ""
                 hint = f"--column {quantity}=NAME{several}"
-                found = ", ".join(header) or "no header"
+                found = listed(header) or "no header"
                 article = "one" if name in header else "a"
                 raise ScanError(f"{path}: expected {article} column {name!r} (or {hint}), found {found}")
             return header.index(name)
@@ -215,11 +261,13 @@ class _Picker:
         """Sweep number, stamp in ns, values; raises what ``float`` and ``Decimal`` raise."""
         # A binary float would lose up to 0.2 us of a stamp that counts from 1970.
         stamp_ns = int((Decimal(row[self.stamp_index]) * self.nanoseconds).to_integral_value())
-        number = 1 if self.sweep_index is None else int(float(row[self.sweep_index]))
-        if abs(stamp_ns) > _MOST or abs(number) > _MOST:
+        number = 1.0 if self.sweep_index is None else float(row[self.sweep_index])
+        if not abs(number) <= _MOST:
+            raise ValueError
+        if abs(stamp_ns) > _MOST:
             raise OverflowError
         values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=True)]
-        return number, stamp_ns, values
+        return int(number), stamp_ns, values
 
     def culprit(self, row: list[str]) -> str:
         """Which cell of a row that could not be picked is to blame."""
@@ -230,7 +278,7 @@ class _Picker:
             try:
                 int(float(row[index])) if index in sweep else float(row[index])
             except (ValueError, OverflowError):
-                return f", {self.columns[index]} {row[index]!r}"
+                return f", {listed([self.columns[index]])} {reprlib.repr(row[index])}"
         return ""
 
 
@@ -241,9 +289,11 @@ def _sweep(
     values = np.array([sample.values for sample in samples])
     recorded = [axis for axis in scene.axis_names if axis not in speed]
     columns = dict(zip(recorded, values.T, strict=False))
-    elapsed_s = (stamp_ns - stamp_ns[0]) * 1e-9
     position = np.column_stack(
-        [columns[axis] if axis in columns else speed[axis] * elapsed_s for axis in scene.axis_names]
+        [
+            columns[axis.name] if axis.name in columns else _travelled(samples, speed[axis.name], axis)
+            for axis in scene.axes
+        ]
     )
     strain = values[:, len(recorded) :]
     strain[~np.isfinite(strain)] = math.nan

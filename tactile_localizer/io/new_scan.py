@@ -29,7 +29,7 @@ def new_scan(path: str | Path, scene: Scene, *, strain_unit: str = "V") -> Itera
     """
     path = Path(path)
     if path.exists():
-        raise ScanError(f"{path}: expected no file of this name yet, found one")
+        raise ScanError(f"{path}: expected no file of this name yet, found one; name another, or remove it")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         folder = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)

@@ -69,6 +69,7 @@ class Recording:
     sweeps : the sweeps, in the order of the source
     notes : one line for each thing in the source that could not be used
     channels : channels of each phalanx, C in all; empty: the default for each
+    lost : samples of the source that could not be read; the notes say why
     """
 
     source: str
@@ -77,6 +78,7 @@ class Recording:
     sweeps: tuple[RecordedSweep, ...]
     notes: tuple[str, ...] = field(default=())
     channels: tuple[int, ...] = ()
+    lost: int = 0
 
     def __post_init__(self) -> None:
         for sweep in self.sweeps:
@@ -123,6 +125,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
         sweeps=tuple(sweeps),
         notes=tuple(note for recording in recordings for note in recording.notes),
         channels=recordings[0].channels,
+        lost=sum(recording.lost for recording in recordings),
     )
 
 

@@ -14,6 +14,9 @@ from tactile_localizer.io.new_scan import new_scan
 from tactile_localizer.io.recording import Recording, Screening, screen
 from tactile_localizer.scene import Scene
 
+_NAMED = 10
+"""Sweeps that a message names at most."""
+
 
 @dataclass(frozen=True)
 class ImportReport:
@@ -38,10 +41,11 @@ def import_recording(
     what: str,
     detail: dict[str, Any],
     strain_unit: str = "V",
+    force: bool = False,
 ) -> ImportReport:
     """Make a scan file of a recording.
 
-    The file appears under its name only when it is complete.
+    The file appears under its name only when it is complete, and holds at least half of the samples.
 
     Parameters
     ----------
@@ -50,14 +54,22 @@ def import_recording(
     path : must not exist yet
     what, detail : entry of the file's history
     strain_unit : what the strain values are, for people
+    force : make the scan even where less than half of the samples can be used
 
     Raises
     ------
     ScanError
-        The file exists or cannot be written, or no sample can be used.
+        The file exists or cannot be written, or no sample, or without ``force`` less than half, can be used.
     """
     screenings = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
     notes = (*recording.notes, *_left_out(recording, scene, screenings))
+    kept = sum(int(np.count_nonzero(screening.keep)) for screening in screenings)
+    total = len(recording) + recording.lost + sum(sweep.gaps for sweep in recording.sweeps)
+    if kept and 2 * kept < total and not force:
+        raise ScanError(
+            f"{recording.source}: expected to keep at least half of {total} samples, would keep {kept} "
+            f"(--force makes the scan all the same): {'; '.join(notes)}"
+        )
     with new_scan(path, scene, strain_unit=strain_unit) as store:
         for sweep, screening in zip(recording.sweeps, screenings, strict=True):
             keep = screening.keep
@@ -96,7 +108,8 @@ def _left_out(recording: Recording, scene: Scene, screenings: Sequence[Screening
         if not screening.keep.any()
     ]
     if empty:
-        yield f"left out {len(empty)} of {len(recording.sweeps)} sweeps whole: {', '.join(map(str, empty))}"
+        numbers = ", ".join(map(str, empty[:_NAMED])) + (", ..." if len(empty) > _NAMED else "")
+        yield f"left out {len(empty)} of {len(recording.sweeps)} sweeps whole: {numbers}"
 
 
 def _reach(recording: Recording, scene: Scene) -> str:

@@ -7,8 +7,10 @@ import pytest
 from support.bags import SCENE, slide, write_bag
 
 from tactile_localizer.cli import main
+from tactile_localizer.io.csv_columns import load_naming
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 HEADER = ["stamp_s", "sweep", "x", "y", *(f"{p}_{g}" for p in ("index", "middle") for g in range(1, 9))]
 
@@ -107,3 +109,133 @@ def test_what_cannot_be_imported_is_refused_in_one_line(folder, capsys, argument
     assert message in printed.err
     assert printed.err.count("\n") == 1
     assert not (folder / "a.db").exists()
+
+
+LINE = Scene("line", (Axis("x", -0.001, 0.06),), (Phalanx("index", (0.0,)),))
+
+
+def import_table(folder, names, rows, scene=LINE, *more):
+    """Import a table of one's own; returns the exit status."""
+    save_scene(scene, folder / "line.yaml")
+    with (folder / "own.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([names, *rows])
+    return main(["import", "csv", "own.csv", "--scene", "line.yaml", "-o", "own.db", *more])
+
+
+def slid(n=100, channels=8, time=1.0, place=1.0):
+    """Rows of a slide over 50 mm in 5 s: time, position, channels."""
+    rng = np.random.default_rng(0)
+    return [[time * 0.05 * k, place * 0.0005 * k, *rng.normal(size=channels)] for k in range(n)]
+
+
+@pytest.mark.parametrize(
+    ("names", "factors", "scales"),
+    [
+        (["time_ms", "pos_x_mm"], (1e3, 1e3), (0.001, 0.001)),
+        (["Time (s)", "Position [in]"], (1, 39.37), (1, 0.0254)),
+        (["timestamp", "x_position"], (1e9, 1e2), (1e-9, 0.01)),
+        (["t", "tcp.x"], (1e3, 1), (0.001, 1)),
+    ],
+)
+def test_columns_are_guessed_shown_and_written_for_the_next_time(folder, capsys, names, factors, scales):
+    names = [*names, *(f"taxel{n}" for n in range(8))]
+    assert import_table(folder, names, slid(100, 8, *factors)) == 0
+    printed = capsys.readouterr().out
+    assert "taxel0 to taxel7 (8)" in printed
+    naming = load_naming("own.columns.yaml")
+    assert (float(naming.of("stamp_s").scale), float(naming.of("x").scale)) == pytest.approx(scales)
+    with ScanStore.open("own.db") as store:
+        recording = store.recording().sweeps[0]
+        np.testing.assert_allclose(recording.position[:, 0], 0.0005 * np.arange(100), atol=1e-6)
+        np.testing.assert_allclose(np.diff(recording.stamp_ns) * 1e-9, 0.05, atol=1e-6)
+    again = ["import", "csv", "own.csv", "--scene", "line.yaml", "--columns", "own.columns.yaml"]
+    assert main([*again, "-o", "again.db"]) == 0
+    assert capsys.readouterr().out == "again.db: 1 sweeps, 100 pairs\n"
+
+
+def test_a_wrench_and_a_constant_speed_are_guessed(folder, capsys):
+    scene = Scene("line", LINE.axes, (Phalanx("index", (0.0,), 6),))
+    names = ["time_s", "speed_mmps", *(f"index.{part}" for part in ("fx", "fy", "fz", "tx", "ty", "tz"))]
+    rows = [[row[0], 10.0, *row[2:]] for row in slid(channels=6)]
+    assert import_table(folder, names, rows, scene) == 0
+    assert "0.01 m/s x time" in capsys.readouterr().out
+    with ScanStore.open("own.db") as store:
+        np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("names", "channels", "messages"),
+    [
+        (["time_s"], 8, ["a position on x", "--speed M_PER_S where the hand moved at constant speed"]),
+        (["time_s", "x"], 19, ["write channels: 19 below index in the scene"]),
+        (["time_s", "x"], 6, ["write channels: 6 below index in the scene"]),
+        (["when", "x"], 8, ["time stamps (--column stamp_s=NAME"]),
+    ],
+)
+def test_what_is_missing_is_named_with_what_to_add(folder, capsys, names, channels, messages):
+    rows = [row[: len(names)] + row[2:] for row in slid(channels=channels)]
+    assert import_table(folder, [*names, *(f"e{n + 1}" for n in range(channels))], rows) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert all(message in error for message in messages)
+    assert not (folder / "own.db").exists()
+
+
+STANDARD = ["stamp_s", "x", *(f"index_{n}" for n in range(1, 9))]
+
+
+@pytest.mark.parametrize(
+    ("time", "place", "hint"),
+    [
+        (1, 1e3, "x seems to be in mm: --column x=x*0.001"),
+        (1, 1e2, "x seems to be in cm: --column x=x*0.01"),
+        (1, 39.37, "x seems to be in inches: --column x=x*0.0254"),
+    ],
+)
+def test_an_import_that_loses_most_rows_fails_and_guesses_the_unit(folder, capsys, time, place, hint):
+    rows = slid(100, 8, time, place)
+    assert import_table(folder, STANDARD, rows) == 2
+    error = capsys.readouterr().err
+    assert hint in error
+    assert error.count("\n") == 1
+    assert not (folder / "own.db").exists()
+    assert import_table(folder, STANDARD, rows, LINE, "--force") == 0
+    assert hint in capsys.readouterr().out
+
+
+def test_milliseconds_with_a_constant_speed_are_guessed(folder, capsys):
+    rows = [[row[0], *row[2:]] for row in slid(time=1e3)]
+    names = [STANDARD[0], *STANDARD[2:]]
+    assert import_table(folder, names, rows, LINE, "--speed", "0.01") == 2
+    assert "stamp_s seems to be in ms: --column stamp_s=stamp_s*0.001" in capsys.readouterr().err
+
+
+def test_stamps_too_large_for_seconds_say_so(folder, capsys):
+    rows = [[1.7e12 + 50 * k, *row[1:]] for k, row in enumerate(slid())]
+    assert import_table(folder, STANDARD, rows) == 2
+    assert "too large (in ms? --column stamp_s=NAME*0.001" in capsys.readouterr().err
+
+
+def test_degrees_are_guessed(folder, capsys):
+    turn = Scene("line", (Axis("yaw", -0.3, 0.3),), LINE.phalanges)
+    rows = [[row[0], -15 + 0.3 * k, *row[2:]] for k, row in enumerate(slid())]
+    assert import_table(folder, ["stamp_s", "yaw", *STANDARD[2:]], rows, turn) == 2
+    assert "yaw seems to be in degrees: --column yaw=yaw*0.0174533" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("order", ["reversed", "shuffled"])
+def test_rows_in_another_order_are_sorted_by_stamp(folder, capsys, order):
+    rows = slid()
+    rows = rows[::-1] if order == "reversed" else [rows[k] for k in np.random.default_rng(1).permutation(100)]
+    assert import_table(folder, STANDARD, rows) == 0
+    assert "sorted 1 sweeps by their stamps, which run backwards" in capsys.readouterr().out
+    with ScanStore.open("own.db") as store:
+        np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
+
+
+def test_a_negative_speed_runs_the_other_way_over_the_same_stretch(folder):
+    rows = [[row[0], *row[2:]] for row in slid()]
+    names = [STANDARD[0], *STANDARD[2:]]
+    assert import_table(folder, names, rows, LINE, "--speed", "-0.01") == 0
+    with ScanStore.open("own.db") as store:
+        np.testing.assert_allclose(store.load().states[:, 0], 0.0495 - 0.0005 * np.arange(100), atol=1e-9)

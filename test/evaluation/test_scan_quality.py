@@ -99,6 +99,12 @@ def test_a_saturated_gauge_is_named_with_its_limit(sound):
     assert finding.endswith(f"exactly {limit:.6g}")
 
 
+def test_a_sensor_that_rests_at_zero_is_not_taken_for_saturated(sound):
+    strain = sound.strain.copy()
+    strain[:, 0] = np.maximum(strain[:, 0] - np.quantile(strain[:, 0], 0.5), 0.0)
+    assert not any("saturated" in finding for finding in findings(changed(sound, strain), SCENE, []))
+
+
 def test_coarse_counts_are_not_taken_for_saturation(sound):
     assert findings(changed(sound, np.round(sound.strain * 200) / 200), SCENE, []) == []
 

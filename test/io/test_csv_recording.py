@@ -1,13 +1,20 @@
 """CSV recordings are read as they are; what cannot be used is counted and said."""
 
 import csv
+import gzip
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
+from tactile_localizer.io.csv_columns import (
+    ColumnNaming,
+    load_naming,
+    naming_from_dict,
+    naming_from_pairs,
+    naming_to_dict,
+)
 from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
@@ -72,12 +79,15 @@ def test_each_file_is_a_sweep_and_a_taken_number_gets_the_next_free_one(tmp_path
     assert [sweep.number for sweep in recording.sweeps] == [1, 2, 3, 4]
 
 
-def test_position_from_constant_speed_starts_at_zero_in_each_sweep(tmp_path):
+@pytest.mark.parametrize(
+    ("speed", "expected"), [(0.5, [0, 0.005, 0.01, 0.015]), (-0.5, [0.015, 0.01, 0.005, 0])]
+)
+def test_position_from_constant_speed_is_zero_at_the_lower_end_of_each_sweep(tmp_path, speed, expected):
     header = ["stamp_s", *GAUGES, "sweep"]
     rows = [[row[0], *row[2:], sweep] for sweep in (1, 2) for row in line_rows(4)]
-    recording = read_csv(write(tmp_path / "a.csv", header, rows), LINE, speed={"x": -0.5})
+    recording = read_csv(write(tmp_path / "a.csv", header, rows), LINE, speed={"x": speed})
     for sweep in recording.sweeps:
-        np.testing.assert_allclose(sweep.position[:, 0], [0, -0.005, -0.01, -0.015])
+        np.testing.assert_allclose(sweep.position[:, 0], expected, atol=1e-12)
 
 
 def test_columns_can_be_named_in_yaml_and_on_the_command_line(tmp_path):
@@ -107,8 +117,9 @@ def test_rows_that_are_no_numbers_or_go_back_in_time_are_counted_with_their_firs
     recording = read_csv(write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], rows), LINE)
     assert len(recording) == 4
     assert recording.notes == (
-        f"{tmp_path / 'a.csv'}: left out 6 of 10 rows: 4 not numbers (first: line 4, stamp_s 'late'), "
+        f"{tmp_path / 'a.csv'}: left out 6 of 10 rows: 3 not numbers (first: line 4, stamp_s 'late'), "
         "1 with a position that is not finite (first: line 7), "
+        "1 with a stamp that is too large (in ms? --column stamp_s=NAME*0.001) (first: line 9), "
         "1 with a stamp out of order (first: line 8)",
     )
 
@@ -177,7 +188,7 @@ def test_a_yaw_in_degrees_is_told(tmp_path):
     scene = Scene("turn", (Axis("yaw", -np.pi, np.pi),), (Phalanx("index", (0,)),))
     rows = [[row[0], 30 * n, *row[2:]] for n, row in enumerate(line_rows(5))]
     path = write(tmp_path / "a.csv", ["stamp_s", "yaw", *GAUGES], rows)
-    assert read_csv(path, scene).notes[0].startswith(f"{path}: yaw goes to 120, radians? degrees: ")
+    assert read_csv(path, scene).notes[0] == f"{path}: yaw seems to be in degrees: --column yaw=yaw*0.0174533"
 
 
 @pytest.mark.parametrize("label", ["s1", "1e30", "nan", "inf", ""])
@@ -196,7 +207,7 @@ def test_sweeps_that_are_not_numbered_are_told(tmp_path, label):
             b"stamp_s,x\n1,2\n",
             r"expected a column 'index_1' \(or --column index=NAME1..8\), found stamp_s, x",
         ),
-        (b"\xff\xfe\x00\x80" * 50, "expected a CSV file, not text in UTF-8"),
+        (b"\xff\xfd\x00\x80" * 50, "expected a CSV file, not text in UTF-8"),
         (("stamp_s,x," + ",".join(GAUGES) + "\n").encode(), "expected rows of numbers, found none in 0 rows"),
         (
             ("stamp_s,x," + ",".join(GAUGES) + "\na" + ",b" * 9).encode(),
@@ -256,3 +267,62 @@ def test_the_fabric_recordings_are_read_with_the_shipped_naming_and_scenes(data_
             assert len(sweep) > 2000
             assert 0.58 < sweep.position[-1, 0] < 0.60
             assert np.isfinite(sweep.strain).all()
+
+
+def test_a_row_with_more_cells_than_the_header_is_an_error(tmp_path):
+    rows = [[str(cell).replace(".", ",") for cell in row] for row in line_rows(4)]
+    path = tmp_path / "a.csv"
+    lines = [",".join(row) for row in [["stamp_s", "x", *GAUGES], *rows]]
+    path.write_text("\n".join(lines))
+    with pytest.raises(ScanError, match=r"line 2: expected 10 cells as in the header, found 20 .*semicolons"):
+        read_csv(path, LINE)
+
+
+def test_empty_cells_at_the_end_of_rows_do_no_harm(tmp_path):
+    path = write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], [[*row, "", " "] for row in line_rows(4)])
+    assert len(read_csv(path, LINE)) == 4
+
+
+def test_a_file_in_gzip_is_read_as_any_other(tmp_path):
+    path = write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], line_rows(4))
+    packed = tmp_path / "a.csv.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    np.testing.assert_array_equal(
+        read_csv(packed, LINE).sweeps[0].strain, read_csv(path, LINE).sweeps[0].strain
+    )
+    packed.write_bytes(packed.read_bytes()[:-20])
+    with pytest.raises(ScanError, match="expected a CSV file in gzip"):
+        read_csv(packed, LINE)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le"])
+def test_utf_16_is_named_as_such(tmp_path, encoding):
+    path = write(tmp_path / "a.csv", ["stamp_s", "x", *GAUGES], line_rows(4))
+    mark = b"" if encoding == "utf-16" else b"\xff\xfe"
+    path.write_bytes(mark + path.read_text().encode(encoding))
+    with pytest.raises(ScanError, match="expected text in UTF-8, found UTF-16; save it as UTF-8"):
+        read_csv(path, LINE)
+
+
+def test_a_header_of_a_million_columns_is_cut_to_one_short_line(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(",".join(f'"c\n{n}"' for n in range(10**6)) + "\n")
+    with pytest.raises(ScanError) as refusal:
+        read_csv(path, LINE)
+    assert "and 999980 more" in str(refusal.value)
+    assert len(str(refusal.value)) < 1000
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_naming_is_what_it_was_after_it_was_written_down():
+    content = {
+        "stamp_s": "time * 0.001",
+        "x": "position",
+        "index": "gauge1..8 * 0.001",
+        "middle": {"columns": ["a", "b*c", "d"], "scale": 0.5},
+        "strain_unit": "counts",
+        "speed": {"y": 0.01},
+    }
+    naming = naming_from_dict(content)
+    assert naming_to_dict(naming) == content
+    assert naming_from_dict(naming_to_dict(naming)) == naming

@@ -39,7 +39,7 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
     recording = recording_of(
         sweep_of(3, [0.5] * 5, status=status, strain=strain, gaps=4), sweep_of(7, [-0.1, 0.0, 0.5, 1.0, 1.1])
     )
-    report = import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={})
+    report = import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={}, force=True)
     assert (report.sweeps, report.pairs) == (2, 4)
     assert report.notes == (
         "one note",
@@ -61,7 +61,7 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
 
 def test_a_sweep_of_which_nothing_is_left_is_not_in_the_file(tmp_path):
     recording = recording_of(sweep_of(1, [2.0, 3.0]), sweep_of(2, [0.5]))
-    report = import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={})
+    report = import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={}, force=True)
     assert report.sweeps == 1
     assert report.notes[-1] == "left out 1 of 2 sweeps whole: 1"
 
