@@ -6,6 +6,8 @@ Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/scan.py [--p
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import tempfile
 import time
 from pathlib import Path
@@ -15,6 +17,7 @@ import numpy as np
 from record import record, row
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from tactile_localizer.cli import main as command
 from tactile_localizer.core.coverage import Coverage
 from tactile_localizer.core.pairing import Pairing
 from tactile_localizer.core.tactile_map import make_map
@@ -59,6 +62,10 @@ def scan_file(n: int, folder: Path) -> list[dict[str, Any]]:
         loads.append(time.perf_counter() - begin_s)
     assert np.array_equal(scan.strain, strain)
     begin_s = time.perf_counter()
+    with contextlib.redirect_stdout(io.StringIO()):
+        command(["scan", "info", str(path)])
+    info_s = time.perf_counter() - begin_s
+    begin_s = time.perf_counter()
     make_map(scan, SCENE)
     map_s = time.perf_counter() - begin_s
     size = path.stat().st_size / 1e6
@@ -67,6 +74,7 @@ def scan_file(n: int, folder: Path) -> list[dict[str, Any]]:
             "scan file: append pair by pair", append, "pairs/s", ">= 5000", pairs=n, phalanges=2, size_mb=size
         ),
         row("scan file: load to arrays", min(loads), "s", "<= 3", pairs=n, worst_s=max(loads)),
+        row("scan info", info_s, "s", "<= 3", pairs=n),
         row("tactile map of all elements", map_s, "s", pairs=n),
     ]
 
@@ -124,6 +132,7 @@ def _write_bag(path: Path, stamp_ns: np.ndarray, states: np.ndarray, strain: np.
                 strain=strain[i],
                 status=np.zeros(2, np.uint8),
                 sequence=np.full(2, i, np.uint32),
+                channels=np.array([], np.uint16),
             )
             writer.write(felt, now, store.serialize_cdr(message, strain_type))
             if i % (POSE_NS // STRAIN_NS) == 0:

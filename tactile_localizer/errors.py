@@ -15,15 +15,19 @@ line prints it after ``error:`` and exits with status 2; a node logs it and refu
 """
 
 
+def printable(text: str) -> str:
+    """``text`` in one line, with line ends, control characters and lone surrogates as escapes."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class TactileLocalizerError(Exception):
     """Base of everything that this package raises on purpose."""
 
     def __str__(self) -> str:
         """The message in one line: names and paths in it may hold line ends and control characters."""
-        text = super().__str__()
-        if text.isprintable():
-            return text
-        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+        return printable(super().__str__())
 
 
 class SceneError(TactileLocalizerError):

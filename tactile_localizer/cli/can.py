@@ -81,7 +81,8 @@ def run(args: argparse.Namespace) -> int:
         name: value for name, value in vars(args).items() if name in DEFAULTS and value is not None
     }
     protocol = _protocol(parameters)
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False, width=width)
     if args.action == "dump":
         return _dump(console, protocol, _batches(args, parameters, protocol, args.seconds))
     check = CanCheck(protocol, parameters["cycle_timeout_s"], all_there=bool(parameters["phalanges"]))

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
     begun_s = time.monotonic()
     end_as_by_interrupt()
-    console = Console()
+    console = Console(markup=False, emoji=False)
     scene = load_scene(resource_path(f"config/scenes/{args.feature}.yaml"))
     settings = DemoSettings(args.feature, args.out, args.seed, args.speed, args.sweeps)
     title = f"{args.feature}: from CAN frames and palm poses to a believed position"

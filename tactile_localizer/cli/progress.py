@@ -15,11 +15,16 @@ _PLAIN_EVERY_S = 10.0
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
     """A function to be told what is being done and which share, 0 to 1, is done; shows it on stderr."""
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False, emoji=False)
     if not console.is_terminal:
         yield _plain(console)
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, transient=True) as progress:
         tasks: dict[str, TaskID] = {}
 

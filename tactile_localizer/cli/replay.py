@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print(document: dict[str, Any]) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
     summary, timing, configuration = document["summary"], document["timing"], document["configuration"]
     for note in document["recording"]["notes"]:
         console.print(f"note: {note}")

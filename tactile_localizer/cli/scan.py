@@ -7,15 +7,15 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.core.region_confidence import BELIEVED_REGION, judged_proposal, region_confidence
-from tactile_localizer.core.tactile_map import make_map
-from tactile_localizer.errors import ScanError
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.errors import ScanError, printable
 from tactile_localizer.evaluation.display import INCH_MM, MM
 from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.new_scan import new_scan
@@ -97,11 +97,18 @@ def _info(args: argparse.Namespace) -> int:
         if not store.has_checksums:
             print("  checksums  none: made by an earlier version; the file gets them when it is written to")
         for at, what, detail in store.history():
-            print(f"  history    {at} {what}{_detail(detail)}")
-            for note in detail.get("notes", ()):
-                print(f"               {note}")
-        unit = store.units["strain"]
-        found = findings(store.load(), scene, sweeps, unit) if pairs else ["there are no pairs"]
+            print(f"  history    {printable(f'{at} {what}{_detail(detail)}')}")
+            notes = detail.get("notes")
+            for note in notes if isinstance(notes, list) else ():
+                print(f"               {printable(str(note))}")
+        found = ["there are no pairs"]
+        if pairs:
+            with progress_bars() as tell:
+                scan = store.load(progress=partial(tell, "reading the pairs"))
+                unit = store.units["strain"]
+                found = findings(
+                    scan, scene, sweeps, unit, partial(tell, "looking for what may need mending")
+                )
     print("to look at:" if found else "nothing to mend was found")
     for finding in found:
         print(f"  {finding}")
@@ -143,7 +150,8 @@ def _list(args: argparse.Namespace) -> int:
             cells += [f"{length:.1f}", f"{length / INCH_MM:.2f}", *(_place(end) for end in ends)]
         remark = "dropped" if info.dropped else "" if info.ended else "cut off"
         table.add_row(*cells, str(info.gaps), str(info.skipped), remark)
-    Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH).print(table)
+    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    Console(width=width, markup=False, emoji=False).print(table)
     return 0
 
 
@@ -193,6 +201,9 @@ def _export(args: argparse.Namespace) -> int:
 
 
 def _region(args: argparse.Namespace) -> int:
+    # Half a second of imports that other actions do not need.
+    from tactile_localizer.core.region_confidence import BELIEVED_REGION, judged_proposal, region_confidence
+
     with ScanStore.open(args.scan) as store:
         scan, scene = store.load(), store.scene
     proposal, confidence = judged_proposal(scan, scene)
@@ -229,6 +240,8 @@ def _box(scene: Scene) -> str:
 
 def _plot(args: argparse.Namespace) -> int:
     # matplotlib takes a second, which no other action needs.
+    from tactile_localizer.core.region_confidence import judged_proposal
+    from tactile_localizer.core.tactile_map import make_map
     from tactile_localizer.evaluation.map_figures import scan_figures
     from tactile_localizer.evaluation.region_figure import region_sheet
 
@@ -240,7 +253,7 @@ def _plot(args: argparse.Namespace) -> int:
         proposed = judged_proposal(scan, scene)
         figures["region"] = region_sheet(make_map(scan, scene), scene, *proposed, unit=unit)
         for name, figure in figures.items():
-            path = args.output / f"{name}.png"
+            path = args.output / f"{name.replace('/', '_')}.png"
             figure.savefig(path, dpi=args.dpi)
             print(path)
     except OSError as error:

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         if name not in known:
             raise ParameterError(f"--only: expected some of {', '.join(known)}, got {name!r}")
     end_as_by_interrupt()
-    console = Console()
+    console = Console(markup=False, emoji=False)
     faults = [known[name] for name in args.only or known]
     settings = SoakSettings(args.out, 60.0 * args.minutes, args.seed, faults)
     result = run_soak(settings, _PlainView(console))
@@ -85,7 +85,7 @@ def _report(result: SoakResult, args: argparse.Namespace, console: Console) -> N
     summary = _summary(result) | {"minutes": args.minutes, "seed": args.seed}
     write_json(args.out / "report.json", summary, rows="injections")
     with (args.out / "report.txt").open("w", encoding="utf-8") as file:
-        for where in (console, Console(file=file, width=110)):
+        for where in (console, Console(file=file, width=110, markup=False, emoji=False)):
             where.print(_of_faults(result.injections), _of_processes(result))
             for line in _sentences(result):
                 where.print(line, highlight=False, soft_wrap=True, markup=False)

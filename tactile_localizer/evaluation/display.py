@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+
+if TYPE_CHECKING:  # matplotlib takes a second, which those who only want the units need not wait for
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MM = 1e3
 """Millimetres in a metre."""
@@ -19,6 +23,11 @@ _LEGEND_INCH = 0.35
 def shown(axis: str, values: np.ndarray) -> np.ndarray:
     """Positions on an axis of the state as figures show them: m in mm, rad in degrees."""
     return np.degrees(values) if axis == "yaw" else np.asarray(values) * MM
+
+
+def literal(text: str) -> str:
+    """A name as matplotlib shows it letter for letter: a dollar sign begins no formula."""
+    return text.replace("$", r"\$")
 
 
 def label_axis(plot: Axes, which: str, axis: str, *, inches: bool = True, label: bool = True) -> None:

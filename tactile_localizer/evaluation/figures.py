@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactile_localizer.evaluation.display import MM, label_axis, shown
+from tactile_localizer.evaluation.display import MM, label_axis, literal, shown
 from tactile_localizer.evaluation.evaluate import Results, as_array
 from tactile_localizer.evaluation.findings import FEATURELESS, GAUSSIAN, INDEPENDENT, SUM, TENTH_INCH
 from tactile_localizer.evaluation.outcome import STRETCHES
@@ -60,7 +60,7 @@ def error_along_sweep(results: Results, condition: str) -> Figure:
     plot = figure.add_subplot()
     _draw_curves(plot, results, condition, _FIG_5, "error_curve_m", MM)
     _label(plot, results, condition, "mean error, mm")
-    figure.suptitle(f"{condition}: error along the sweep", fontsize=10)
+    figure.suptitle(f"{literal(condition)}: error along the sweep", fontsize=10)
     return figure
 
 
@@ -72,7 +72,7 @@ def error_and_trace(results: Results, condition: str) -> Figure:
         _draw_curves(plot, results, condition, _FIG_8, name, scale)
     _label(error, results, condition, "mean error, mm", named=False)
     _label(trace, results, condition, "mean covariance trace, mm²", inches=False)
-    figure.suptitle(f"{condition}: featureless regions apart", fontsize=10)
+    figure.suptitle(f"{literal(condition)}: featureless regions apart", fontsize=10)
     return figure
 
 
@@ -95,7 +95,7 @@ def errors_of_methods(results: Results) -> Figure:
             ms=4,
             capsize=2,
             color=colour,
-            label=condition,
+            label=literal(condition),
         )
     plot.axvline(TENTH_INCH * MM, color="0.4", ls="--", lw=1, label="0.1 inch")
     plot.set_yticks(range(len(names)), names, fontsize=8)

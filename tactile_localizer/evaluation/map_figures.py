@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
-from tactile_localizer.evaluation.display import label_axis, legend_below, shown
+from tactile_localizer.evaluation.display import label_axis, legend_below, literal, shown
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
@@ -91,7 +91,7 @@ def map_sheet(
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 3, label=column == 0)
     _colour_bar(figure, colours, plots, unit)
     legend_below(figure, plots.flat[0])
-    figure.suptitle(f"{scene.name}: what phalanx {phalanx} feels, by the palm's position")
+    figure.suptitle(f"{literal(scene.name)}: what phalanx {literal(phalanx)} feels, by the palm's position")
     return figure
 
 
@@ -116,13 +116,13 @@ def map_pair(
     for plot, (phalanx, element) in zip(plots[1:], _telling_elements(tactile_map), strict=True):
         colours = _draw_element(plot, tactile_map, phalanx, element)
         _outline(plot, regions, _phalanx(scene, phalanx), scene)
-        plot.set_title(f"{phalanx}, element {element + 1}", fontsize=10)
+        plot.set_title(f"{literal(phalanx)}, element {element + 1}", fontsize=10)
     for column, plot in enumerate(plots):
         label_axis(plot, "x", tactile_map.axes[0])
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 2, label=column == 0)
     _colour_bar(figure, colours, plots, unit)
     legend_below(figure, plots[1])
-    figure.suptitle(f"{scene.name}: scan and tactile map, by the palm's position")
+    figure.suptitle(f"{literal(scene.name)}: scan and tactile map, by the palm's position")
     return figure
 
 
@@ -162,8 +162,8 @@ def profile_sheet(
     label_axis(plots[0], "x", axis, label=False)
     label_axis(plots[-1], "x", axis, inches=False)
     legend_below(figure, plots[0])
-    figure.supylabel(f"element: strain less its median, {unit}", fontsize=10)
-    figure.suptitle(f"{scene.name}: what phalanx {phalanx} feels, by the palm's position")
+    figure.supylabel(f"element: strain less its median, {literal(unit)}", fontsize=10)
+    figure.suptitle(f"{literal(scene.name)}: what phalanx {literal(phalanx)} feels, by the palm's position")
     return figure
 
 
@@ -181,7 +181,9 @@ def sweep_paths(scan: Scan, scene: Scene) -> Figure:
     else:
         plot.set_ylabel("sweep")
         plot.set_yticks(numbers)
-    plot.set_title(f"{scene.name}: {len(numbers)} sweeps, {len(scan)} pairs; dots are where sweeps begin")
+    plot.set_title(
+        f"{literal(scene.name)}: {len(numbers)} sweeps, {len(scan)} pairs; dots are where sweeps begin"
+    )
     return figure
 
 
@@ -221,11 +223,13 @@ def neighbour_values(
     for index, (number, felt) in enumerate(_nearest_by_sweep(scan, scene, values, sweep, k).items()):
         plot.plot(x, felt, ".", markersize=2.5, color=colormaps["tab10"](index % 10), label=f"sweep {number}")
     plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep} itself")
-    plot.set_ylabel(f"element {element + 1} of {phalanx}, {unit}")
+    plot.set_ylabel(f"element {element + 1} of {literal(phalanx)}, {literal(unit)}")
     plot.margins(x=0)
     label_axis(plot, "x", scan.axes[0])
     plot.legend(title="nearest pairs of", markerscale=4, fontsize=8)
-    plot.set_title(f"{scene.name}: what was felt along sweep {sweep}, and nearest to it in other sweeps")
+    plot.set_title(
+        f"{literal(scene.name)}: what was felt along sweep {sweep}, and nearest to it in other sweeps"
+    )
     return figure
 
 
@@ -346,4 +350,4 @@ def _phalanx(scene: Scene, name: str) -> Phalanx:
 
 def _colour_bar(figure: Figure, colours: QuadMesh, plots: Sequence[Axes] | np.ndarray, unit: str) -> None:
     bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="both")
-    bar.set_label(f"strain less that of featureless material, {unit}")
+    bar.set_label(f"strain less that of featureless material, {literal(unit)}")

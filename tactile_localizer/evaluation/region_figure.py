@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from tactile_localizer.core.region import Proposal
 from tactile_localizer.core.region_confidence import BELIEVED_REGION
 from tactile_localizer.core.tactile_map import TactileMap
-from tactile_localizer.evaluation.display import label_axis, legend_below, shown
+from tactile_localizer.evaluation.display import label_axis, legend_below, literal, shown
 from tactile_localizer.scene import Region, Scene
 
 _GIVEN = {"edgecolor": "black", "linestyle": "-", "linewidth": 1.4}
@@ -50,7 +50,7 @@ def region_sheet(
             _box(plot, proposal.region, tactile_map.axes, label, _PROPOSED)
     legend_below(figure, figure.axes[0])
     found = "the feature's region" if confidence > BELIEVED_REGION else "no region of a feature was found"
-    figure.suptitle(f"{scene.name}: {found}; by where each phalanx was")
+    figure.suptitle(f"{literal(scene.name)}: {found}; by where each phalanx was")
     return figure
 
 
@@ -66,14 +66,14 @@ def _draw_plane(
         colours = plot.pcolormesh(x, y, values, cmap="Greys", vmin=0, vmax=limit)
         plot.plot(*_touched(tactile_map, proposal, number), ".", color=_TOUCHED, markersize=3, label=_DOTS)
         plot.set_facecolor(_NO_DATA)
-        plot.set_title(scene.phalanx_names[number], fontsize=10)
+        plot.set_title(literal(scene.phalanx_names[number]), fontsize=10)
         label_axis(plot, "x", tactile_map.axes[0])
         label_axis(plot, "y", tactile_map.axes[1], label=number == 0, inches=number == count - 1)
         if "yaw" not in tactile_map.axes:
             plot.set_aspect("equal")
     plots[0].plot([], [], "s", color=_NO_DATA, label="no sweep came here")
     bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="max")
-    bar.set_label(f"distance of the strain from featureless material, {unit}")
+    bar.set_label(f"distance of the strain from featureless material, {literal(unit)}")
     plots[0].set(xlim=_span(tactile_map, scene, 0), ylim=_span(tactile_map, scene, 1))
     return figure
 
@@ -88,8 +88,8 @@ def _draw_line(
         plot.plot(_places(tactile_map, scene, number)[0], felt[number], color="0.3", linewidth=0.8)
         (cells,) = _touched(tactile_map, proposal, number)
         plot.plot(cells, np.full(len(cells), -0.04 * limit), ".", color=_TOUCHED, markersize=4, label=_DOTS)
-        plot.set_title(scene.phalanx_names[number], fontsize=10)
-        plot.set_ylabel(unit)
+        plot.set_title(literal(scene.phalanx_names[number]), fontsize=10)
+        plot.set_ylabel(literal(unit))
         label_axis(plot, "x", tactile_map.axes[0], label=number == count - 1, inches=number == 0)
     plots[0].set(xlim=_span(tactile_map, scene, 0), ylim=(-0.1 * limit, limit))
     return figure

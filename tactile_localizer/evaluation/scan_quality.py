@@ -5,7 +5,8 @@ Every threshold is a constant here, with its reason; the findings are for a pers
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -55,6 +56,9 @@ values not cut off, one sample is the highest; of coarse counts, a few are."""
 _DISAGREEMENT = 3.0
 """Residual of a sweep, against what the sweeps around it felt, in residuals of the median sweep."""
 
+_COMPARED = 50_000
+"""Pairs that sweeps are compared by, evenly chosen from more: their median says as much."""
+
 _DRIFT = 5.0
 """Trend of a gauge over the scan, in standard deviations of the sweeps' medians around it; chance makes
 one of 3 in a hundredth of the gauges."""
@@ -62,7 +66,13 @@ one of 3 in a hundredth of the gauges."""
 _DRIFT_SWEEPS = 6
 
 
-def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo], unit: str = "V") -> list[str]:
+def findings(
+    scan: Scan,
+    scene: Scene,
+    sweeps: Sequence[SweepInfo],
+    unit: str = "V",
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[str]:
     """Everything about a scan that may need mending.
 
     Parameters
@@ -71,19 +81,25 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo], unit: str = 
     scene : its bounds
     sweeps : what the scan file says of the sweeps; dropped ones are passed over
     unit : of the strain
+    progress : called with the share of the checks that is done, 0 to 1
     """
     kept = [sweep for sweep in sweeps if not sweep.dropped]
-    return [
-        *_amount(scan),
-        *_recording(kept),
-        *_leaps(scan),
-        *_along_bounds(scan, scene, kept),
-        *_coverage(scan, scene),
-        *_unit(scan, unit),
-        *_gauges(scan),
-        *_disagreement(scan),
-        *_drift(scan),
-    ]
+    checks = (
+        _amount(scan),
+        _recording(kept),
+        _leaps(scan),
+        _along_bounds(scan, scene, kept),
+        _coverage(scan, scene),
+        _unit(scan, unit),
+        _gauges(scan),
+        _disagreement(scan),
+        _drift(scan),
+    )
+    found: list[str] = []
+    for done, check in enumerate(checks, start=1):
+        found += check
+        progress(done / len(checks))
+    return found
 
 
 def _amount(scan: Scan) -> Iterator[str]:
@@ -94,7 +110,7 @@ def _amount(scan: Scan) -> Iterator[str]:
 
 
 def _unit(scan: Scan, unit: str) -> Iterator[str]:
-    greatest = float(np.abs(scan.strain).max())
+    greatest = float(max(scan.strain.max(), -scan.strain.min()))  # without a second array of that size
     if unit == "V" and greatest > _MOST_VOLTS:
         yield (
             f"strain goes to {greatest:.4g} V: is it in V? (import: --column "
@@ -202,6 +218,10 @@ def _disagreement(scan: Scan) -> Iterator[str]:
     """Each sweep against the nearest pairs of the others."""
     if len(scan.sweep_numbers) < 3:
         return
+    if len(scan) > _COMPARED:
+        scan = scan.select(np.arange(0, len(scan), math.ceil(len(scan) / _COMPARED)))
+        if len(scan.sweep_numbers) < 3:
+            return
     scale = np.maximum(scan.strain.std(axis=0), 1e-300)
     residuals = {}
     for number in scan.sweep_numbers:

@@ -1,6 +1,8 @@
 """`scan` shows, mends and converts scan files."""
 
 import json
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -81,6 +83,47 @@ def test_a_file_from_before_there_were_checksums_says_so(scan, capsys):
     main(["scan", "drop-sweep", "scan.db", "1"])
     main(["scan", "info", "scan.db"])
     assert "checksums" not in capsys.readouterr().out
+
+
+MARKUP = "[/bold] [red]:smile: $x_{"
+
+
+def test_names_are_shown_letter_for_letter(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    finger = "[/index] $\\frac"
+    scene = Scene(MARKUP, SCENE.axes, (Phalanx(finger, (0.0, 0.01)),))
+    record(tmp_path / "[red]:smile:.db", scene=scene, unit="$[/V]")
+    for action in ("info", "list"):
+        assert main(["scan", action, "[red]:smile:.db"]) == 0
+    output = capsys.readouterr().out
+    for text in (
+        f"[red]:smile:.db: 505 pairs in 5 sweeps\n  scene      {MARKUP}: x",
+        f"{finger}, strain in $[/V]",
+    ):
+        assert text in output
+    assert main(["scan", "plot", "[red]:smile:.db", "-o", "out", "--dpi", "30"]) == 0
+    assert (tmp_path / "out" / "map_[_index] $\\frac.png").exists()
+
+
+def test_a_damaged_history_is_shown_as_what_it_is(scan, capsys):
+    details = (
+        "{",
+        "[]",
+        '{"notes": 7}',
+        '{"notes": ["a\\nb", 1]}',
+        '{"\\ud800": "\\u001b[31m"}',
+        "[" * 100_000,
+    )
+    with closing(sqlite3.connect(scan)) as connection, connection:
+        for detail in details:
+            connection.execute(
+                "INSERT INTO history (at, what, detail) VALUES ('now\n', 'merge', ?)", (detail,)
+            )
+    assert main(["scan", "info", "scan.db"]) == 0
+    output = capsys.readouterr().out
+    assert output.count("now\\n merge") == len(details)
+    assert "\x1b" not in output
+    output.encode()
 
 
 def test_info_of_a_file_without_pairs_says_so(tmp_path, capsys):

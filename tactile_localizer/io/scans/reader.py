@@ -6,7 +6,7 @@ import contextlib
 import json
 import math
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
 from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import Scene
+
+Progress = Callable[[float], None]
 
 _NAMED = 8
 """Most damaged sweeps that a message names."""
@@ -124,19 +126,20 @@ class ScanReader:
             entries.append((str(at), str(what), detail))
         return entries
 
-    def load(self, at_most: int | None = None) -> Scan:
+    def load(self, at_most: int | None = None, progress: Progress | None = None) -> Scan:
         """The pairs of the sweeps that are not dropped, in the order in which they were recorded.
 
         Parameters
         ----------
         at_most : of a longer scan, load each second, third, ... pair, so that it is no more pairs than this
+        progress : called with the share that is loaded, 0 to 1
 
         Raises
         ------
         ScanError
             A sweep is damaged (names it), or the file holds no pairs.
         """
-        _, states, strain, sweep = self._arrays(at_most)
+        _, states, strain, sweep = self._arrays(at_most, progress)
         if not len(states):
             raise ScanError(f"{self.path}: expected at least one state-measurement pair, found none")
         scene = self.scene
@@ -271,7 +274,9 @@ class ScanReader:
         finally:
             self._fetch("COMMIT")
 
-    def _arrays(self, at_most: int | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _arrays(
+        self, at_most: int | None = None, progress: Progress | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         with self._snapshot():
             n = sum(info.pairs for info in self.sweeps() if not info.dropped)
             step = 1 if at_most is None else max(1, math.ceil(n / at_most))
@@ -291,6 +296,8 @@ class ScanReader:
                 sweep[rows] = number
                 stamp_ns[rows], states[rows], strain[rows] = (part[mine] for part in batch)
                 read += pairs
+                if progress is not None:
+                    progress(read / n)
         if read != n:
             raise ScanError(f"{self.path}: expected {n} pairs, could read {read}; {scan_file.REPAIR_HINT}")
         return stamp_ns, states, strain, sweep
