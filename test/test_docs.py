@@ -60,7 +60,8 @@ def test_every_command_of_ros_names_what_the_package_has(page: Path) -> None:
     for _, verb, *words in commands(page, "ros2"):
         line = " ".join(words)
         if verb == "launch":
-            declared = nodes + (ROOT / "launch" / words[1]).read_text()
+            own = page.parent / words[0]
+            declared = nodes + (own if own.is_file() else ROOT / "launch" / words[1]).read_text()
             named = re.findall(r"(\w+?)(?:_params)?:=", line)
             assert [name for name in named if f'"{name}"' not in declared] == [], line
         elif verb == "run":

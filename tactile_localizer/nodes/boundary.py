@@ -6,6 +6,7 @@ that it raises is caught here: a service answers with a refusal, a message is dr
 
 from __future__ import annotations
 
+import inspect
 import traceback
 from collections.abc import Callable
 from functools import wraps
@@ -49,21 +50,31 @@ def refusing(
     """``answer``, the callback of the service ``name`` of type ``kind``, that refuses when it fails.
 
     The refusal is a response as it is made: ``success`` is false where there is such a field, and ``message``
-    has the reason.
+    has the reason. A coroutine is guarded as one.
     """
+
+    def refused(error: Exception) -> Any:
+        _report(node, name, error)
+        refusal = kind.Response()
+        if hasattr(refusal, "message"):
+            refusal.message = in_one_line(error)
+        return refusal
 
     @wraps(answer)
     def guarded(request: Any, response: Any) -> Any:
         try:
             return answer(request, response)
         except Exception as error:
-            _report(node, name, error)
-            refusal = kind.Response()
-            if hasattr(refusal, "message"):
-                refusal.message = in_one_line(error)
-            return refusal
+            return refused(error)
 
-    return guarded
+    @wraps(answer)
+    async def awaited(request: Any, response: Any) -> Any:
+        try:
+            return await answer(request, response)
+        except Exception as error:
+            return refused(error)
+
+    return awaited if inspect.iscoroutinefunction(answer) else guarded
 
 
 def _report(node: Node, name: str, error: Exception) -> None:

@@ -139,10 +139,10 @@ class DriverNode(ManagedNode):
         self._message = StrainVectors(phalanges=phalanges, channels=protocol.channels.counts)
         self._message.header.frame_id = parameters["frame_id"]
         options = QoSOverridingOptions.with_default_policies()
-        self._strain = self.create_publisher(
+        self._strain = self.create_lifecycle_publisher(
             StrainVectors, "strain", STRAIN_QOS, qos_overriding_options=options
         )
-        self._offset = self.create_publisher(StrainVectors, "~/tare_offset", _KEPT_QOS)
+        self._offset = self.create_lifecycle_publisher(StrainVectors, "~/tare_offset", _KEPT_QOS)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         group = MutuallyExclusiveCallbackGroup()
         self._made = [
@@ -150,12 +150,12 @@ class DriverNode(ManagedNode):
             self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group),
             self.create_service(Trigger, "~/reconnect", self._on_reconnect),
         ]
-        self._publish_offset()
 
     def activate(self) -> None:
         """Open the bus and begin to read."""
         assert self._driver is not None
         self._driver.start()
+        self._publish_offset()
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where simulated time stands still
         self._timer = self.create_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics, clock=steady)
 
@@ -172,8 +172,9 @@ class DriverNode(ManagedNode):
         for service in self._made:
             self.destroy_service(service)
         if self._made:
-            for publisher in (self._strain, self._offset, self._health):
-                self.destroy_publisher(publisher)
+            for publisher in (self._strain, self._offset):
+                self.destroy_lifecycle_publisher(publisher)
+            self.destroy_publisher(self._health)
         self._made = []
         self._driver = None
 

@@ -56,6 +56,11 @@ class FilterDiagnostics:
         """
         return [self._of_belief(tracker, scan_file, inputs.stale), self._of_inputs(tracker, inputs)]
 
+    def progress(self, text: str, share: float) -> Any:
+        """How far the map is built."""
+        message = f"{text}: {share:.0%}"
+        return self._status("map", DiagnosticStatus.OK, message, {"share": f"{share:.2f}"})
+
     def _of_belief(self, tracker: Tracker, scan_file: str, stale: str) -> Any:
         estimate = tracker.latest
         values: dict[str, Any] = {"scan_file": scan_file}

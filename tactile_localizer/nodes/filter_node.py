@@ -10,6 +10,8 @@ A position is never made up: when strain or poses stop, the last one is sent aga
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,36 +21,34 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.assembly import build_identifier, build_localizer, convergence_criteria
-from tactile_localizer.core.feature_localizer import FeatureLocalizer
-from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.assembly import convergence_criteria
+from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.core.pose_buffer import NANOSECONDS
-from tactile_localizer.core.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.confinement import confined
-from tactile_localizer.io.scan_store import ScanStore
-from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes import palm_pose, posterior_messages, stamps
+from tactile_localizer.nodes.background import in_background
 from tactile_localizer.nodes.filter_diagnostics import FilterDiagnostics, Inputs
 from tactile_localizer.nodes.filter_outputs import FilterOutputs
 from tactile_localizer.nodes.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.nodes.hearing import Topic, hear
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
+from tactile_localizer.nodes.loaded_map import LoadedMap, load_map
 from tactile_localizer.nodes.map_publisher import MapPublisher
 from tactile_localizer.nodes.strain_vectors import StrainReader
 from tactile_localizer.nodes.tracker import Tracker
-from tactile_localizer.resources import given_or_shipped
-from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
 
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 _WATCH_PERIOD_S = 0.1
 _DIAGNOSTICS_PERIOD_S = 1.0
+_PROGRESS_PERIOD_S = 0.5
 
 
 class FilterNode(ManagedNode):
@@ -58,6 +58,11 @@ class FilterNode(ManagedNode):
         super().__init__("filter", PARAMETERS)
         self._offered: list[Callable[[], Any]] = []  # withdraw what is there while configured
         self._made: list[Callable[[], Any]] = []  # destroy what is there while active
+        self._is_loading = False
+        self._told_s = -math.inf
+        self.create_service(
+            LoadScan, "~/load_scan", self._on_load_scan, callback_group=ReentrantCallbackGroup()
+        )
         self.add_post_set_parameters_callback(self._on_set)
 
     def configure(self) -> None:
@@ -65,28 +70,26 @@ class FilterNode(ManagedNode):
         files = self.parameters["candidate_scan_files"] or [self.parameters["scan_file"]]
         if not all(files):
             raise ParameterError("scan_file: expected a path, got none")
-        self._load([Path(file).expanduser() for file in files])
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._offered = [partial(self.destroy_publisher, self._health)]
+        self._diagnostics = FilterDiagnostics(self.get_fully_qualified_name().lstrip("/"))
+        self._use(self._load([Path(file).expanduser() for file in files]))
         self._outputs = FilterOutputs(self, self.parameters)
         self._map = MapPublisher(self, self.parameters["material_frame"])
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._offered = [self._outputs.close, self._map.close, partial(self.destroy_publisher, self._health)]
-        self._map.publish(self._scan, self._tracker.localizer.scene)
-        self._diagnostics = FilterDiagnostics(self.get_fully_qualified_name().lstrip("/"))
+        self._offered += [self._outputs.close, self._map.close]
 
     def activate(self) -> None:
         """Listen; the belief begins anew."""
         self._begin()
+        self._map.publish(self._loaded.scan, self._tracker.localizer.scene)
         heard = (
             Topic(StrainVectors, "strain", self._on_strain, _BEST_EFFORT),
             Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100)),
             Topic(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10)),
         )
         self._made = [partial(self.destroy_subscription, one) for one in hear(self, heard)]
-        for kind, name, answer in (
-            (Empty, "~/reinitialize_global_localization", self._on_reinitialize),
-            (LoadScan, "~/load_scan", self._on_load_scan),
-        ):
-            self._made.append(partial(self.destroy_service, self.create_service(kind, name, answer)))
+        spread = self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
+        self._made.append(partial(self.destroy_service, spread))
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where simulated time stands still
         for timer in (
             self.create_timer(_WATCH_PERIOD_S, self._watch),
@@ -106,35 +109,20 @@ class FilterNode(ManagedNode):
             withdraw()
         self._offered = []
 
-    def _load(self, paths: Sequence[Path]) -> None:
-        """Build the localizer of one scan file or several; where that fails, what was there stays."""
-        of = self.parameters
-        candidates = [self._read(path) for path in paths]
-        rng, choices = np.random.default_rng(of["seed"]), configuration(of)
-        scan, scene = candidates[0]
-        localizer: Localizer | FeatureLocalizer
-        if len(candidates) == 1:
-            localizer = build_localizer(scan, scene, choices, rng, self._tell_progress)
-        else:
-            named = {scene.name: (scan, scene) for scan, scene in candidates}
-            if len(named) < len(candidates):
-                names = ", ".join(scene.name for _, scene in candidates)
-                raise ParameterError(f"candidate_scan_files: expected scenes of different names, got {names}")
-            localizer = FeatureLocalizer(build_identifier(named, choices, rng, self._tell_progress))
-        frame, reader = palm_pose.palm_frame(of, scene), StrainReader(scene)
-        self._tracker = Tracker(localizer, of["max_gap_s"], of["patience_s"])
-        self._scan, self._scan_file = scan, ", ".join(map(str, paths))
-        self._frame, self._reader = frame, reader
-        for path, (one, its_scene) in zip(paths, candidates, strict=True):
-            sweeps = len(one.sweep_numbers)
-            self.get_logger().info(f"{path}: {len(one)} pairs of {sweeps} sweeps, scene {its_scene.name}")
+    def _load(self, paths: Sequence[Path]) -> LoadedMap:
+        """The localizer of one scan file or several; takes seconds where parameters have to be chosen."""
+        loaded = load_map(paths, self.parameters, self._tell_progress)
+        for path, scan, scene in zip(paths, loaded.scans, loaded.scenes, strict=True):
+            sweeps = len(scan.sweep_numbers)
+            self.get_logger().info(f"{path}: {len(scan)} pairs of {sweeps} sweeps, scene {scene.name}")
+        self._tell_progress("map built", 1.0)
+        return loaded
 
-    def _read(self, path: Path) -> tuple[Scan, Scene]:
-        """A scan and the scene to use it with."""
-        with ScanStore.open(path) as store:
-            scan, scene = store.load(), store.scene
-        other = self.parameters["scene_file"]
-        return scan, load_scene(given_or_shipped(other, "config/scenes")) if other else scene
+    def _use(self, loaded: LoadedMap) -> None:
+        """Localize on another map from now on; where that fails, what was there stays."""
+        of, reader = self.parameters, StrainReader(loaded.scenes[0])
+        self._tracker = Tracker(loaded.localizer, of["max_gap_s"], of["patience_s"])
+        self._loaded, self._frame, self._reader = loaded, loaded.frame, reader
 
     def _begin(self) -> None:
         self._tracker.interrupt()
@@ -206,18 +194,44 @@ class FilterNode(ManagedNode):
         self.get_logger().info("belief spread over the whole scene")
         return response
 
-    def _on_load_scan(self, request: LoadScan.Request, response: LoadScan.Response) -> LoadScan.Response:
-        try:
-            self._load([confined(request.path, self.parameters["scan_directory"])])
-        except TactileLocalizerError as error:
-            response.message = str(error)
-            self.get_logger().error(f"load scan: {error}")
-            return response
-        self._begin()
-        self._map.publish(self._scan, self._tracker.localizer.scene)
-        response.success = True
-        response.message = f"{self._scan_file}: {len(self._scan)} pairs"
+    async def _on_load_scan(
+        self, request: LoadScan.Request, response: LoadScan.Response
+    ) -> LoadScan.Response:
+        """Build the new map in the background, and go on with the old one until it is there."""
+        if self._is_loading:
+            response.result, response.message = response.BUSY, "expected no other scan to be loading"
+        elif not self._made:
+            response.result, response.message = response.NOT_ACTIVE, "expected an active node"
+        else:
+            self._is_loading = True
+            try:
+                await self._answer_load(request.path, response)
+            finally:
+                self._is_loading = False
+        response.success = response.result == response.SUCCESS
+        if not response.success:
+            self.get_logger().error(f"load scan: {response.message}")
         return response
+
+    async def _answer_load(self, path: str, response: LoadScan.Response) -> None:
+        try:
+            found = confined(path, self.parameters["scan_directory"])
+        except TactileLocalizerError as error:
+            response.result, response.message = response.NOT_ALLOWED, str(error)
+            return
+        active = self._made
+        try:
+            loaded = await in_background(self, partial(self._load, [found]))
+            if self._made is not active:
+                response.result, response.message = response.NOT_ACTIVE, "the node was deactivated meanwhile"
+                return
+            self._use(loaded)
+        except TactileLocalizerError as error:
+            response.result, response.message = response.NOT_USABLE, str(error)
+            return
+        self._begin()
+        self._map.publish(loaded.scan, self._tracker.localizer.scene)
+        response.result, response.message = response.SUCCESS, f"{found}: {len(loaded.scan)} pairs"
 
     def _watch(self) -> None:
         """Tell when a position has become old, and when it is new again."""
@@ -253,7 +267,7 @@ class FilterNode(ManagedNode):
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         self._inputs.lost = self._reader.lost
-        message.status = self._diagnostics.statuses(self._tracker, self._scan_file, self._inputs)
+        message.status = self._diagnostics.statuses(self._tracker, self._loaded.name, self._inputs)
         self._health.publish(message)
 
     def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
@@ -267,7 +281,14 @@ class FilterNode(ManagedNode):
             localizer.adjust(convergence_criteria(localizer.scene, choices), choices.update_distance)
 
     def _tell_progress(self, text: str, share: float) -> None:
+        """Report, in the log and in the diagnostics, how far the map is built."""
         self.get_logger().info(f"{text}: {share:.0%}", throttle_duration_sec=2.0)
+        now_s = time.monotonic()
+        if share == 1.0 or now_s - self._told_s > _PROGRESS_PERIOD_S:
+            self._told_s = now_s
+            message = DiagnosticArray(status=[self._diagnostics.progress(text, share)])
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._health.publish(message)
 
 
 def main() -> int:

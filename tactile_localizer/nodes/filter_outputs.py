@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
@@ -23,7 +23,7 @@ _RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class FilterOutputs:
-    """The publishers of a filter node. What costs and nobody listens to is not made.
+    """The publishers of a filter node, silent unless it is active. What nobody subscribes to is not made.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class FilterOutputs:
     parameters : of that node
     """
 
-    def __init__(self, node: Node, parameters: Parameters) -> None:
+    def __init__(self, node: LifecycleNodeMixin, parameters: Parameters) -> None:
         self._node = node
         self._parameters = parameters
         self._frame = parameters["material_frame"]
@@ -41,7 +41,7 @@ class FilterOutputs:
         self._made: list[Any] = []
 
         def publisher(kind: Any, topic: str, quality: QoSProfile | int) -> Any:
-            self._made.append(node.create_publisher(kind, topic, quality))
+            self._made.append(node.create_lifecycle_publisher(kind, topic, quality))
             return self._made[-1]
 
         self._posterior = publisher(Posterior, "~/posterior", _RELIABLE)
@@ -55,7 +55,7 @@ class FilterOutputs:
     def close(self) -> None:
         """Withdraw the topics."""
         for made in self._made:
-            self._node.destroy_publisher(made)
+            self._node.destroy_lifecycle_publisher(made)
         self._made = []
 
     def publish(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str = "") -> None:

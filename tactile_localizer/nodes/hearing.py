@@ -10,6 +10,8 @@ from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from tactile_localizer.nodes.rclpy_internals import take_message
+
 MOST_AT_ONCE = 20
 """Most messages of each topic for which one goes on without a look at timers and services."""
 
@@ -60,10 +62,7 @@ def hear(node: Node, topics: Sequence[Topic]) -> list[Subscription]:
 
 def _take(subscription: Subscription, topic: Topic) -> bool:
     """Whether a message waited; it is handed over."""
-    with subscription.handle:
-        # As rclpy's executor does. Where another rclpy has no such method, all are left to the executor.
-        take = getattr(subscription.handle, "take_message", None)
-        taken = take(topic.kind, False) if take else None
-    if taken is not None:
-        topic.work(taken[0])
-    return taken is not None
+    message = take_message(subscription, topic.kind)
+    if message is not None:
+        topic.work(message)
+    return message is not None

@@ -7,24 +7,31 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from types import FrameType
 from typing import Any
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import (
     Executor,
     ExternalShutdownException,
     MultiThreadedExecutor,
     SingleThreadedExecutor,
 )
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.nodes import boundary
+from tactile_localizer.nodes.background import in_background
 from tactile_localizer.nodes.parameters import Parameter, Parameters
+from tactile_localizer.nodes.rclpy_internals import withdraw_lifecycle_services
 
 _AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false leaves that to a lifecycle manager"
@@ -35,12 +42,15 @@ REFUSED = 2
 """Exit status of a node that refuses its command line or its configuration: to start it again is no use."""
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(LifecycleNodeMixin, Node):
     """A lifecycle node whose transitions are four plain methods.
 
     A subclass overrides :meth:`configure`, :meth:`activate`, :meth:`deactivate` and :meth:`cleanup`. The
     first two refuse by raising a :class:`TactileLocalizerError`: the node logs its one line and stays in the
     state that it was in. The last two must bear being called when nothing, or only a part, was made.
+
+    :meth:`configure` may take seconds: it runs in a thread, and the node's services answer meanwhile. What
+    :meth:`create_lifecycle_publisher` made publishes only while the node is active.
 
     Parameters
     ----------
@@ -52,9 +62,14 @@ class ManagedNode(LifecycleNode):
     def __init__(
         self, name: str, declared: Sequence[Parameter] = (), threads: int = 1, **kwargs: Any
     ) -> None:
-        super().__init__(name, **kwargs)
+        Node.__init__(self, name, **kwargs)
+        LifecycleNodeMixin.__init__(self, callback_group=ReentrantCallbackGroup())
         self._is_configured = False
+        self._changing = threading.Lock()
         self.threads = threads
+        for service in self.services:
+            if service.srv_type is ChangeState:
+                self._change_state, service.callback = service.callback, self._on_change_state
         try:
             self.parameters = Parameters(self, (_AUTOSTART, *declared), lambda: self._is_configured)
         except TactileLocalizerError:
@@ -90,12 +105,13 @@ class ManagedNode(LifecycleNode):
     def cleanup(self) -> None:
         """Let go of what :meth:`configure` made."""
 
-    def start(self) -> bool:
-        """Configure and activate; whether both went well."""
-        return (
-            self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-            and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
-        )
+    async def start(self) -> bool:
+        """Configure and activate, while the executor goes on; whether both went well."""
+        with self._changing:
+            return (
+                await in_background(self, self.trigger_configure) == TransitionCallbackReturn.SUCCESS
+                and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
+            )
 
     def close(self) -> None:
         """End the work and let go of everything, whatever the state; for the end of the process."""
@@ -105,7 +121,7 @@ class ManagedNode(LifecycleNode):
     def destroy_node(self) -> None:
         """Leave the graph at once, with the lifecycle services, which rclpy's state machine would keep."""
         super().destroy_node()
-        self._state_machine.destroy_when_not_in_use()
+        withdraw_lifecycle_services(self)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive, or refuse."""
@@ -119,12 +135,16 @@ class ManagedNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to active, or refuse."""
         super().on_activate(state)
-        return self._attempt(self.activate, undo=self.deactivate)
+        answer = self._attempt(self.activate, undo=self.deactivate)
+        if answer != TransitionCallbackReturn.SUCCESS:
+            super().on_deactivate(state)
+        return answer
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive."""
+        answer = self._attempt(self.deactivate)
         super().on_deactivate(state)
-        return self._attempt(self.deactivate)
+        return answer
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to unconfigured."""
@@ -140,6 +160,25 @@ class ManagedNode(LifecycleNode):
         """After an unexpected failure: back to unconfigured."""
         self._is_configured = False
         return self._attempt(self.close)
+
+    async def _on_change_state(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Change the state, or say that it cannot be changed; rclpy would let the node die of that."""
+        wanted = request.transition
+        if not self._changing.acquire(blocking=False):
+            self.get_logger().error(f"transition {wanted.label or wanted.id}: expected no other under way")
+            return response
+        try:
+            change = partial(self._change_state, request, response)
+            if wanted.label == "configure" or wanted.id == Transition.TRANSITION_CONFIGURE:
+                return await in_background(self, change)
+            return change()
+        except RuntimeError as error:  # rclpy's own, of a transition that the state does not have
+            self.get_logger().error(f"transition {wanted.label or wanted.id}: {str(error).splitlines()[0]}")
+            return response
+        finally:
+            self._changing.release()
 
     def _attempt(
         self, work: Callable[[], None], undo: Callable[[], None] | None = None
@@ -184,14 +223,14 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     node = None
     try:
         node = _made(make)
-        if node.parameters["autostart"] and not node.start():
-            return REFUSED
-        # What is there now stays: looking through it again for garbage would stop the stream for 50 ms.
-        gc.collect()
-        gc.freeze()
         with _executor(node) as executor:
             executor.add_node(node)
             spinning.set()
+            if node.parameters["autostart"] and not _started(node, executor):
+                return REFUSED
+            # What is there now stays: looking through it again for garbage would stop the stream for 50 ms.
+            gc.collect()
+            gc.freeze()
             executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -216,6 +255,13 @@ def _made(make: Callable[[], ManagedNode]) -> ManagedNode:
         raise
     except Exception as error:  # rclpy's own, of parameters that it cannot take
         raise ParameterError(boundary.in_one_line(error)) from None
+
+
+def _started(node: ManagedNode, executor: Executor) -> bool:
+    """Whether the node has started by itself, or was interrupted before it could refuse to."""
+    started = executor.create_task(node.start())
+    executor.spin_until_future_complete(started)
+    return bool(started.result()) if started.done() else True
 
 
 def _shut_down() -> None:

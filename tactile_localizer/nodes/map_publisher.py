@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
@@ -26,7 +26,7 @@ _SHOWN_PAIRS = 20_000
 
 
 class MapPublisher:
-    """Publishes ``~/map`` and ``~/feature_region``, kept for late subscribers.
+    """Publishes ``~/map`` and ``~/feature_region`` while the node is active, kept for late subscribers.
 
     Parameters
     ----------
@@ -34,10 +34,10 @@ class MapPublisher:
     frame : the material's
     """
 
-    def __init__(self, node: Node, frame: str) -> None:
+    def __init__(self, node: LifecycleNodeMixin, frame: str) -> None:
         self._node, self._frame = node, frame
-        self._map = node.create_publisher(PointCloud2, "~/map", _LATCHED)
-        self._region = node.create_publisher(Marker, "~/feature_region", _LATCHED)
+        self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", _LATCHED)
+        self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", _LATCHED)
 
     def publish(self, scan: Scan, scene: Scene) -> None:
         """The scan's map, and the region of the feature where the scene has one."""
@@ -49,7 +49,7 @@ class MapPublisher:
     def close(self) -> None:
         """Withdraw the topics."""
         for made in (self._map, self._region):
-            self._node.destroy_publisher(made)
+            self._node.destroy_lifecycle_publisher(made)
 
 
 class RecordedMap:
@@ -62,7 +62,7 @@ class RecordedMap:
     frame : the material's
     """
 
-    def __init__(self, node: Node, path: Path, frame: str) -> None:
+    def __init__(self, node: LifecycleNodeMixin, path: Path, frame: str) -> None:
         self._node, self._path = node, path
         self._publisher = MapPublisher(node, frame)
         self._thread: threading.Thread | None = None

@@ -83,11 +83,10 @@ class MappingNode(ManagedNode):
         latched = QoSProfile(
             depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
-        self._status = self.create_publisher(ScanStatus, "~/status", latched)
+        self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", latched)
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics = MappingDiagnostics(self.get_fully_qualified_name().lstrip("/"))
         self._map = RecordedMap(self, store.path, of["material_frame"])
-        self._map.refresh()
 
     def activate(self) -> None:
         """Listen to strain and poses, offer the services, and publish the status."""
@@ -117,6 +116,8 @@ class MappingNode(ManagedNode):
         ):
             self._made.append((self.destroy_timer, self.create_timer(period_s, tick, clock=steady)))
         self._publish_status(self._newest_ns)
+        if self._map is not None:
+            self._map.refresh()
 
     def deactivate(self) -> None:
         """End the sweep and stop listening."""
@@ -136,8 +137,10 @@ class MappingNode(ManagedNode):
         if self._recorder is not None:
             recorder, self._recorder = self._recorder, None
             self._attempt_to(recorder.store.close)
-        for made in filter(None, (self._status, self._health)):
-            self.destroy_publisher(made)
+        if self._status is not None:
+            self.destroy_lifecycle_publisher(self._status)
+        if self._health is not None:
+            self.destroy_publisher(self._health)
         self._status = self._health = None
 
     def _detector(self) -> SweepDetector | None:

@@ -19,6 +19,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.nodes.rclpy_internals import given_parameters
 
 
 @dataclass(frozen=True)
@@ -123,11 +124,9 @@ class Parameters:
 
         Groups, which have a dot, are left out: they are declared when it is known what they are for.
         """
-        # rclpy has no public way to ask; should this one go, mistyped names pass without a word.
-        given = getattr(self._node, "_parameter_overrides", {})
         return [
             f"{name}{_meant(name, self._declared)}"
-            for name in given
+            for name in given_parameters(self._node)
             if "." not in name and not self._node.has_parameter(name)
         ]
 

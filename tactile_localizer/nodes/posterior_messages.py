@@ -20,27 +20,47 @@ _PLACES = {"x": 0, "y": 1, "yaw": 5}
 """Where an axis stands in the covariance of a pose: x, y, z and rotations about x, y, z."""
 
 
+UNKNOWN_VARIANCE = 1e6
+"""Variance of an axis of a pose that is not modelled, m² or rad²: zero would mean that it is certain."""
+
+
+def state_of(estimate: Estimate | None, stale: str = "") -> int:
+    """The state of a ``Posterior``.
+
+    Parameters
+    ----------
+    estimate : the last one; ``None`` before the first
+    stale : why it is old; empty when it is not
+    """
+    if estimate is None:
+        return Posterior.UNKNOWN
+    if stale:
+        return Posterior.STALE
+    return Posterior.CONVERGED if estimate.converged else Posterior.SEARCHING
+
+
 def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
-    """An estimate; with a reason why it is ``stale``, it is the last one and not to be believed any more."""
+    """An estimate; with a reason why it is ``stale``, it is the last one and has converged no more."""
     message = Posterior()
     message.header = _header(estimate.stamp_ns, frame)
     message.axes = list(axes)
     message.mean = array("d", estimate.mean.tobytes())
     message.covariance = array("d", np.ascontiguousarray(estimate.covariance).tobytes())
     message.covariance_trace = estimate.trace
-    message.converged = estimate.converged and not stale
+    message.state = state_of(estimate, stale)
+    message.converged = message.state == Posterior.CONVERGED
     message.reason = f"stale: {stale}" if stale else estimate.reason
     message.evidence = estimate.evidence
     message.log_marginal = estimate.log_marginal
     message.effective_sample_size = estimate.effective_sample_size
     message.particles = estimate.hypotheses
     message.travel = estimate.travel
-    message.stale = bool(stale)
+    message.stale = message.state == Posterior.STALE
     return message
 
 
 def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovarianceStamped:
-    """The mean and covariance of an estimate; axes that are not modelled are zero."""
+    """The mean and covariance of an estimate; axes that are not modelled have :data:`UNKNOWN_VARIANCE`."""
     message = PoseWithCovarianceStamped()
     message.header = _header(estimate.stamp_ns, frame)
     values = dict(zip(axes, estimate.mean.tolist(), strict=True))
@@ -49,7 +69,7 @@ def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovar
     half_yaw = values.get("yaw", 0.0) / 2
     message.pose.pose.orientation.z, message.pose.pose.orientation.w = math.sin(half_yaw), math.cos(half_yaw)
     places = [_PLACES[axis] for axis in axes]
-    covariance = np.zeros((6, 6))
+    covariance = UNKNOWN_VARIANCE * np.eye(6)
     covariance[np.ix_(places, places)] = estimate.covariance
     message.pose.covariance = covariance.ravel()
     return message

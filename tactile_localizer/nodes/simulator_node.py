@@ -92,9 +92,9 @@ class SimulatorNode(ManagedNode):
         self._bus = open_bus(BusSettings(of["interface"], of["channel"], options), protocol)
         self._cells = CanLoadCells(protocol, self._bus, child(of["seed"], _BUS_NOISE))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._pose = self.create_publisher(PoseStamped, "palm_pose", 100)
-        self._truth = self.create_publisher(PoseStamped, "~/ground_truth", 100)
-        self._active = self.create_publisher(Bool, "~/sweep_active", latched)
+        self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
+        self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
+        self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", latched)
         self._made = [
             self._pose,
             self._truth,
@@ -123,7 +123,7 @@ class SimulatorNode(ManagedNode):
             self._bus.shutdown()
             self._bus = None
         for made in self._made:
-            (self.destroy_service if isinstance(made, Service) else self.destroy_publisher)(made)
+            (self.destroy_service if isinstance(made, Service) else self.destroy_lifecycle_publisher)(made)
         self._made = []
 
     def _now_s(self) -> float:

@@ -35,3 +35,11 @@ def test_a_mistyped_argument_is_told_from_somebody_elses() -> None:
 def test_every_argument_is_described(path: Path) -> None:
     arguments = description_of(path).get_launch_arguments()
     assert [argument.name for argument in arguments if argument.description == "no description given"] == []
+
+
+def test_the_example_of_a_lifecycle_manager_leads_the_nodes_of_a_bringup() -> None:
+    from tactile_localizer.nodes.launching import DRIVER, FILTER
+
+    path = Path(__file__).parents[2] / "examples/lifecycle_manager/bringup.launch.py"
+    assert [argument.name for argument in description_of(path).get_launch_arguments()] == ["scan_file"]
+    assert f'"node_names": ["{DRIVER.name}", "{FILTER.name}"]' in path.read_text()

@@ -105,15 +105,15 @@ def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan
     kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     maps = probe.listen(PointCloud2, "filter/map", kept)
     node.slide(50)
-    for path, reason in (
-        (str(scan_file), "expected a path in"),
-        ("../bump.db", "expected a path in"),
-        ("link.db", "expected a path in"),
-        ("none.db", "expected a scan file, found none"),
-        ("foreign.db", "expected a scan file"),
+    for path, reason, result in (
+        (str(scan_file), "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("../bump.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("link.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("none.db", "expected a scan file, found none", LoadScan.Response.NOT_USABLE),
+        ("foreign.db", "expected a scan file", LoadScan.Response.NOT_USABLE),
     ):
         answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
-        assert not answer.success
+        assert (answer.success, answer.result) == (False, result)
         assert reason in answer.message
     node.slide(5)
     assert node.fresh()[-1].travel > 0.01, "the belief went on"

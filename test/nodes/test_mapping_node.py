@@ -321,7 +321,7 @@ def damaged_scan(files, tmp_path):
         store.append(np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
     with closing(sqlite3.connect(files["scan_file"])) as database, database:
         database.execute("UPDATE batch SET strain = x'00'")
-    return files, "expected 9 pairs, could read 0"
+    return files, "damaged, 1 of 1 parts cannot be read"
 
 
 def short_material_pose(files, tmp_path):

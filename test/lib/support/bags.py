@@ -71,6 +71,7 @@ def posterior(stamp_ms: int, travel: float) -> Any:
     numbers = dict.fromkeys(("covariance_trace", "evidence", "log_marginal", "effective_sample_size"), 0.0)
     return _T[TYPES["filter/posterior"]](
         header=_header(stamp_ms, "material"),
+        state=1,
         axes=["x", "y"],
         mean=np.zeros(2),
         covariance=np.zeros(4),

@@ -1,0 +1,40 @@
+"""Driver and filter led by Nav2's lifecycle manager.
+
+ros2 launch bringup.launch.py scan_file:=scan.db
+"""
+
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+
+def generate_launch_description():
+    """Nodes that wait for the manager, and the manager."""
+    bringup = [FindPackageShare("tactile_localizer"), "/launch/bringup.launch.py"]
+    arguments = {"autostart": "false", "scan_file": LaunchConfiguration("scan_file")}
+    manager = Node(
+        package="nav2_lifecycle_manager",
+        executable="lifecycle_manager",
+        name="lifecycle_manager_touch",
+        parameters=[
+            {
+                "node_names": ["driver", "filter"],  # in the order in which they are brought up
+                "autostart": True,
+                "bond_timeout": 0.0,  # the nodes offer no bond; launch sees a process that ends
+            }
+        ],
+        output="screen",
+    )
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("scan_file", description="Scan file: the map"),
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(bringup), launch_arguments=arguments.items()
+            ),
+            manager,
+        ]
+    )
