@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import rclpy
 
+from tactile_localizer.nodes.adapter_node import AdapterNode
 from tactile_localizer.nodes.driver_node import DriverNode
 from tactile_localizer.nodes.filter_node import FilterNode
 from tactile_localizer.nodes.lifecycle import ManagedNode
@@ -28,6 +29,7 @@ NODES = {
     DriverNode: "Load cells on a CAN bus to `strain` ([can.md](can.md)).",
     MappingNode: "`strain` and `palm_pose` to a scan file ([scan.md](scan.md)).",
     FilterNode: "`strain` and `palm_pose` to a belief ([models.md](models.md)).",
+    AdapterNode: "Messages of other sensors' drivers to `strain` ([sensors.md](sensors.md)).",
     SimulatorNode: "The simulated hand ([simulation.md](simulation.md)).",
 }
 

@@ -12,6 +12,7 @@ from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.bag_recording import BagTopics
 from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs
+from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
@@ -42,6 +43,11 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     for name, topic in vars(BagTopics()).items():
         parser.add_argument(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"(default: {topic})")
     parser.add_argument(
+        "--adapter",
+        metavar="YAML",
+        help="which messages of other types are strain (docs/sensors.md), or the name of a shipped one",
+    )
+    parser.add_argument(
         "--material-frame", default="material", metavar="FRAME", help="frame of poses taken as they are"
     )
     parser.add_argument(
@@ -68,7 +74,8 @@ def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """The options of :func:`read_bag` that ``add_bag_arguments`` has declared."""
     topics = {name: getattr(args, f"{name}_topic") for name in vars(BagTopics())}
     frame = PalmFrame(scene.axes, args.material_frame, args.reference_frame, args.material_pose)
-    return {"topics": BagTopics(**topics), "frame": frame, "max_gap_s": args.max_gap}
+    adapter = load_adapter(given_or_shipped(args.adapter, "config/adapters")) if args.adapter else None
+    return {"topics": BagTopics(**topics), "frame": frame, "max_gap_s": args.max_gap, "adapter": adapter}
 
 
 def naming_from_arguments(args: argparse.Namespace) -> ColumnNaming:

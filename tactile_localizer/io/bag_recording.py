@@ -12,6 +12,7 @@ from tactile_localizer.core.palm_frame import PalmFrame
 from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.bag_adapted import read_adapted
 from tactile_localizer.io.bag_decode import PoseDecoder, Poses, StrainDecoder, Strains
 from tactile_localizer.io.bag_reader import BagMessages, read_messages
 from tactile_localizer.io.bag_sweeps import (
@@ -24,6 +25,7 @@ from tactile_localizer.io.bag_sweeps import (
     status_spans,
 )
 from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.strain_adapter import StrainAdapter
 from tactile_localizer.scene import Scene
 
 
@@ -56,6 +58,7 @@ def read_bag(
     max_gap_s: float = DEFAULT_MAX_GAP_S,
     by_status: bool = True,
     detector: SweepDetector | None = None,
+    adapter: StrainAdapter | None = None,
 ) -> Recording:
     """Read a bag as a recording.
 
@@ -70,6 +73,7 @@ def read_bag(
         between which the filter node's belief was spread, if the bag has its posterior. Without, the whole
         bag is one sweep
     detector : finds the sweeps in the motion instead
+    adapter : makes strain of messages of other types, in place of those of ``topics.strain``
 
     Returns
     -------
@@ -90,6 +94,10 @@ def read_bag(
     keep = (StrainDecoder(scene), poses_by, poses_by, Change.of_message, Travel.of_message)
     messages = read_messages(path, dict(zip(names, keep, strict=True)))
     notes = list(messages.notes)
+    if adapter is not None:
+        strains, strain_notes = read_adapted(path, adapter, scene)
+        messages.by_topic[strain_topic] = [strains]
+        notes += strain_notes
     for topic in (strain_topic, pose_topic):
         if not messages.by_topic.get(topic):
             raise ScanError(f"{path}: expected messages of {topic}, found {_found(messages)}")

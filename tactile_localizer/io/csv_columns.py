@@ -15,7 +15,6 @@ standard name: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,9 +22,9 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ParameterError, ScanError
+from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.quantity import number
 from tactile_localizer.scene import Phalanx, Scene
 
 _RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
@@ -102,10 +101,9 @@ def load_naming(path: str | Path) -> ColumnNaming:
         The file is missing or does not hold a naming.
     """
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise ScanError(f"{path}: expected a column naming in YAML, {reason}") from None
+        content = load_yaml(path, "a column naming", ScanError)
+    except FileNotFoundError:
+        raise ScanError(f"{path}: expected a column naming in YAML, found none") from None
     if not isinstance(content, Mapping):
         raise ScanError(f"{path}: expected a mapping of names, got {content!r}")
     try:
@@ -158,12 +156,12 @@ def _columns_to_yaml(columns: Columns) -> Any:
 
 def _speed(value: Any) -> dict[str, float]:
     """The speeds of a naming, by axis."""
-    if not isinstance(value, Mapping) or not all(
-        isinstance(speed, int | float) and not isinstance(speed, bool) and math.isfinite(speed)
-        for speed in value.values()
-    ):
-        raise ScanError(f"column naming 'speed': expected m/s by axis, as in {{x: 0.01}}, got {value!r}")
-    return {str(axis): float(speed) for axis, speed in value.items()}
+    if not isinstance(value, Mapping):
+        raise ScanError(f"column naming 'speed': expected m/s by axis, as in {{x: 0.01}}, got {value!r:.80}")
+    try:
+        return {str(axis): number(speed, f"speed of axis {axis!r}") for axis, speed in value.items()}
+    except ParameterError as error:
+        raise ScanError(str(error)) from None
 
 
 def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:

@@ -19,6 +19,7 @@ from tactile_localizer.io.bag_decode import StrainDecoder
 from tactile_localizer.io.bag_recording import BagTopics, read_bag
 from tactile_localizer.io.scan_import import import_recording
 from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -330,3 +331,36 @@ def test_phalanges_with_other_channels_are_read_and_kept_in_a_scan(tmp_path):
         assert store.scene.layout.counts == (19, 6)
         assert store.load().layout == scene.layout
         np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)
+
+
+def test_a_bag_of_other_messages_is_read_by_an_adapter(tmp_path):
+    kind = "std_msgs/msg/Float64MultiArray"
+    types = STORE.types
+    bag = tmp_path / "bag"
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        taxels = writer.add_connection("/taxels", kind, typestore=STORE)
+        told = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
+        for stamp_ms in range(10, 500, 10):
+            raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
+            writer.write(told, START + stamp_ms * MS, raw)
+            layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+            size = 15 if stamp_ms == 250 else 16
+            message = types[kind](layout=layout, data=stamp_ms + np.arange(float(size)))
+            writer.write(taxels, START + stamp_ms * MS, STORE.serialize_cdr(message, kind))
+    scene = dataclasses.replace(SCENE, phalanges=(Phalanx("index", (0.0, 0.0), 16),))
+    entry = {"topic": "taxels", "type": kind, "channels": 16}
+    adapter = adapter_from_dict({"phalanges": {"index": entry}})
+    recording = read_bag(bag, scene, adapter=adapter)
+    (sweep,) = recording.sweeps
+    felt_ms = np.setdiff1d(np.arange(10, 500, 10), [250])
+    np.testing.assert_array_equal(sweep.strain[:, 3], felt_ms + 3.0)
+    np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
+    np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms), atol=1e-12)
+    assert recording.notes == (
+        "left out 1 messages of other form: taxels: expected 16 channels for phalanx index, got 15",
+    )
+    with pytest.raises(SceneError, match="expected 8 channels, got 16"):
+        read_bag(bag, dataclasses.replace(SCENE, phalanges=SCENE.phalanges[:1]), adapter=adapter)
+    other = adapter_from_dict({"phalanges": {"index": {**entry, "topic": "other"}}})
+    with pytest.raises(ScanError, match=r"expected messages of other \(std_msgs/msg/Float64MultiArray\)"):
+        read_bag(bag, scene, adapter=other)

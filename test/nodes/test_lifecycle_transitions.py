@@ -35,9 +35,16 @@ NODES = {
     "mapping_node": "MappingNode",
     "filter_node": "FilterNode",
     "simulator_node": "SimulatorNode",
+    "adapter_node": "AdapterNode",
 }
 
-PATHS = {"driver": "dbc", "mapping": "scene_file", "filter": "scan_file", "simulator": "dbc"}
+PATHS = {
+    "driver": "dbc",
+    "mapping": "scene_file",
+    "filter": "scan_file",
+    "simulator": "dbc",
+    "adapter": "adapter_file",
+}
 """A parameter of each node that names a file without which it cannot be configured."""
 
 
@@ -62,6 +69,7 @@ def make(request, files, tmp_path):
         "mapping_node": {"scene_file": files / "scene.yaml", "scan_file": tmp_path / "scan.db"},
         "filter_node": {"scan_file": files / "bump.db", "cell": 2.0},
         "simulator_node": virtual,
+        "adapter_node": {"adapter_file": "wrench.yaml"},
     }[request.param]
     arguments = ["--ros-args"]
     for name, value in parameters.items():

@@ -1,0 +1,307 @@
+"""Strain vectors from messages of any type: which fields are the channels of which phalanx, in YAML.
+
+One phalanx per entry; the first one sets the pace::
+
+    phalanges:
+      index:
+        topic: /wrench
+        type: geometry_msgs/msg/WrenchStamped
+      middle:
+        topic: /taxels
+        type: std_msgs/msg/Float32MultiArray
+        fields: [data[0:16]]       # or one path per channel: [wrench.force.x, wrench.force.y]
+        scale: 0.001               # to the unit that the scan is to have
+        limits: [-5.0, 5.0]        # beyond them, and at them, a channel is saturated
+        valid: is_ok               # a field that is false, or 0, while the sensor is not to be used
+        stamp: header.stamp        # without it and without a header, the time of receipt
+    max_age_s: 0.05                # older values of the other phalanges are missing
+
+Known types need no ``fields``. Values that are not finite are missing.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
+from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.status import MISSING, OK, SATURATED
+from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.quantity import number, whole_number
+from tactile_localizer.scene import MOST_CHANNELS
+
+_FORCES = tuple(f"{part}.{axis}" for part in ("force", "torque") for axis in "xyz")
+KNOWN_FIELDS = {
+    "std_msgs/msg/Float32MultiArray": ("data",),
+    "std_msgs/msg/Float64MultiArray": ("data",),
+    "geometry_msgs/msg/Wrench": _FORCES,
+    "geometry_msgs/msg/WrenchStamped": tuple(f"wrench.{field}" for field in _FORCES),
+}
+"""Fields of the channels, by type, where an entry names none."""
+
+_SEGMENT = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)(?::(\d+))?\])?")
+_TYPE = re.compile(r"[A-Za-z]\w*/msg/[A-Za-z]\w*")
+_KEPT = 64
+"""Newest values of a phalanx that are kept for the stamps of the first one."""
+_NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class FieldPath:
+    """A path into a message, as ``wrench.force.x``, ``data`` or ``data[0:16]``."""
+
+    text: str
+
+    def __post_init__(self) -> None:
+        if not all(_SEGMENT.fullmatch(segment) for segment in self.text.split(".")):
+            raise ParameterError(f"field {self.text!r}: expected a path such as wrench.force.x or data[0:16]")
+
+    @property
+    def size(self) -> int | None:
+        """How many values the path gives; ``None``: as many as an array has, or one number."""
+        match = _SEGMENT.fullmatch(self.text.split(".")[-1])
+        assert match is not None
+        return int(match.group(3)) - int(match.group(2)) if match.group(3) else None
+
+    def of(self, message: Any) -> Any:
+        """What the path leads to.
+
+        Raises
+        ------
+        MeasurementError
+            The message does not have it.
+        """
+        value = message
+        try:
+            for segment in self.text.split("."):
+                match = _SEGMENT.fullmatch(segment)
+                assert match is not None
+                value = getattr(value, match.group(1))
+                if match.group(3):
+                    value = value[int(match.group(2)) : int(match.group(3))]
+                elif match.group(2):
+                    value = value[int(match.group(2))]
+        except (AttributeError, IndexError, TypeError):
+            raise MeasurementError(f"field {self.text}: expected it in the message, found none") from None
+        return value
+
+
+@dataclass(frozen=True)
+class StrainSource:
+    """Where the channels of one phalanx come from.
+
+    Parameters
+    ----------
+    phalanx : its name
+    topic, kind : of the messages; the kind as ``geometry_msgs/msg/WrenchStamped``
+    fields : the channels, in their order
+    channels : how many there are
+    scale : the factor to the unit of the scan
+    limits : ends of the range, in that unit, where a channel is saturated
+    valid : a field that is false while the sensor is not to be used
+    stamp : a field with the stamp; ``None``: the header's, or the time of receipt
+    """
+
+    phalanx: str
+    topic: str
+    kind: str
+    fields: tuple[FieldPath, ...]
+    channels: int
+    scale: float = 1.0
+    limits: tuple[float, float] = (-math.inf, math.inf)
+    valid: FieldPath | None = None
+    stamp: FieldPath | None = None
+
+    def read(self, message: Any) -> tuple[np.ndarray, int]:
+        """Values (channels,) and status bits of a message.
+
+        Raises
+        ------
+        MeasurementError
+            The message lacks a field, or has another number of channels.
+        """
+        parts = [np.ravel(np.asarray(path.of(message), dtype=np.float64)) for path in self.fields]
+        values = self.scale * np.concatenate(parts)
+        if len(values) != self.channels:
+            raise MeasurementError(
+                f"{self.topic}: expected {self.channels} channels for phalanx {self.phalanx}, "
+                f"got {len(values)}"
+            )
+        if not np.isfinite(values).all() or (self.valid is not None and not self.valid.of(message)):
+            return np.full(self.channels, np.nan), MISSING
+        saturated = (values <= self.limits[0]) | (values >= self.limits[1])
+        return values, SATURATED if saturated.any() else OK
+
+    def stamp_ns(self, message: Any, received_ns: int) -> int:
+        """The stamp of a message, ns; one of zero, or none, is the time of receipt."""
+        stamp = self.stamp.of(message) if self.stamp is not None else _header_stamp(message)
+        if stamp is None:
+            return received_ns
+        return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec) or received_ns
+
+
+class StrainVector(NamedTuple):
+    """Stamp, ns, strain (C,), NaN where missing, and status (F,) of all phalanges."""
+
+    stamp_ns: int
+    strain: np.ndarray
+    status: np.ndarray
+
+
+class StrainAdapter:
+    """Makes strain vectors of messages, one for each message of the first phalanx.
+
+    The other phalanges contribute their newest values that are not later than its stamp.
+
+    Parameters
+    ----------
+    sources : one per phalanx, in the order of the strain vector
+    max_age_s : age beyond which the values of another phalanx are missing, s
+    """
+
+    def __init__(self, sources: Sequence[StrainSource], max_age_s: float = 0.05) -> None:
+        self.sources = tuple(sources)
+        self.phalanges = tuple(source.phalanx for source in sources)
+        self.layout = ChannelLayout(tuple(source.channels for source in sources))
+        self.topics = {source.topic: source.kind for source in sources}
+        self._max_age_ns = round(max_age_s * _NANOSECONDS)
+        self._kept: list[deque[tuple[int, np.ndarray, int]]] = [deque(maxlen=_KEPT) for _ in sources]
+
+    def feed(self, topic: str, message: Any, received_ns: int) -> StrainVector | None:
+        """Take in a message; returns a strain vector where it was one of the first phalanx.
+
+        Raises
+        ------
+        MeasurementError
+            The message does not have the fields, or other channels.
+        """
+        vector = None
+        for index in reversed(range(len(self.sources))):  # the first last: the others may be of this message
+            source = self.sources[index]
+            if source.topic != topic:
+                continue
+            stamp_ns = source.stamp_ns(message, received_ns)
+            kept = self._kept[index]
+            if kept and stamp_ns <= kept[-1][0]:
+                if kept[-1][0] - stamp_ns < _NANOSECONDS:
+                    continue  # late, or sent twice
+                self.reset()  # time was set back
+            kept.append((stamp_ns, *source.read(message)))
+            if index == 0:
+                vector = self._vector(stamp_ns)
+        return vector
+
+    def reset(self) -> None:
+        """Forget all values."""
+        for kept in self._kept:
+            kept.clear()
+
+    def _vector(self, stamp_ns: int) -> StrainVector:
+        strain = np.full(self.layout.size, np.nan)
+        status = np.full(len(self.sources), MISSING, dtype=np.uint8)
+        for index, (own, kept) in enumerate(zip(self.layout.slices, self._kept, strict=True)):
+            earlier = (sample for sample in reversed(kept) if sample[0] <= stamp_ns)
+            newest_ns, values, bits = next(earlier, (-math.inf, strain[own], MISSING))
+            if stamp_ns - newest_ns <= self._max_age_ns:
+                strain[own], status[index] = values, bits
+        return StrainVector(stamp_ns, strain, status)
+
+
+def load_adapter(path: str | Path) -> StrainAdapter:
+    """Read which messages are strain from a YAML file.
+
+    Raises
+    ------
+    ParameterError
+        The file is missing, or does not hold such a description.
+    """
+    try:
+        content = load_yaml(path, "a strain adapter", ParameterError)
+    except FileNotFoundError:
+        raise ParameterError(f"{path}: expected a strain adapter in YAML, found none") from None
+    try:
+        return adapter_from_dict(content)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+
+
+def adapter_from_dict(content: Any) -> StrainAdapter:
+    """The adapter from its YAML form.
+
+    Raises
+    ------
+    ParameterError
+        A key is missing or unknown, or a value is of the wrong kind.
+    """
+    _require_keys(content, "adapter", ("phalanges",), ("max_age_s",))
+    entries = content["phalanges"]
+    if not isinstance(entries, Mapping) or not entries:
+        raise ParameterError(f"phalanges: expected an entry per phalanx, got {entries!r:.80}")
+    sources = [_source(str(name), entry) for name, entry in entries.items()]
+    for source in sources:
+        other = next(each for each in sources if each.topic == source.topic)
+        if other.kind != source.kind:
+            raise ParameterError(f"topic {source.topic}: expected one type, got {other.kind}, {source.kind}")
+    return StrainAdapter(sources, number(content.get("max_age_s", 0.05), "max_age_s", lower=0.0, upper=10.0))
+
+
+def _source(phalanx: str, entry: Any) -> StrainSource:
+    what = f"phalanx {phalanx}"
+    optional = ("fields", "channels", "scale", "limits", "valid", "stamp")
+    _require_keys(entry, what, ("topic", "type"), optional)
+    kind = str(entry["type"])
+    if not _TYPE.fullmatch(kind):
+        raise ParameterError(f"{what} type: expected PACKAGE/msg/NAME, got {kind!r:.80}")
+    given = entry.get("fields", KNOWN_FIELDS.get(kind))
+    if not isinstance(given, list | tuple) or not given:
+        raise ParameterError(f"{what} fields: expected a list of paths into {kind}, got {given!r:.80}")
+    fields = tuple(FieldPath(str(path)) for path in given)
+    limits = entry.get("limits", [-math.inf, math.inf])
+    if not isinstance(limits, list) or len(limits) != 2:
+        raise ParameterError(f"{what} limits: expected [lowest, highest], got {limits!r:.80}")
+    return StrainSource(
+        phalanx=phalanx,
+        topic=str(entry["topic"]),
+        kind=kind,
+        fields=fields,
+        channels=_channels(entry, what, fields),
+        scale=number(entry.get("scale", 1.0), f"{what} scale"),
+        limits=(
+            number(limits[0], f"{what} limits", finite=False),
+            number(limits[1], f"{what} limits", finite=False),
+        ),
+        valid=FieldPath(str(entry["valid"])) if "valid" in entry else None,
+        stamp=FieldPath(str(entry["stamp"])) if "stamp" in entry else None,
+    )
+
+
+def _channels(entry: Mapping[str, Any], what: str, fields: Sequence[FieldPath]) -> int:
+    """How many channels: as given, as the paths say, or for one open array the default."""
+    if "channels" in entry:
+        return whole_number(entry["channels"], f"{what} channels", lower=1, upper=MOST_CHANNELS)
+    if len(fields) == 1 and fields[0].size is None and fields[0].text.split(".")[-1] == "data":
+        return DEFAULT_CHANNELS
+    return sum(path.size or 1 for path in fields)
+
+
+def _require_keys(content: Any, what: str, needed: Sequence[str], optional: Sequence[str]) -> None:
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"{what}: expected a mapping, got {content!r:.80}")
+    for key in needed:
+        if key not in content:
+            raise ParameterError(f"{what}: expected {key}, found none")
+    for key in content:
+        if key not in (*needed, *optional):
+            raise ParameterError(f"{what}: expected {', '.join((*needed, *optional))}, got {key!r:.80}")
+
+
+def _header_stamp(message: Any) -> Any:
+    return getattr(getattr(message, "header", None), "stamp", None)

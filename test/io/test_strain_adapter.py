@@ -1,0 +1,106 @@
+"""Strain vectors from messages of any type, by field paths."""
+
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.status import MISSING, OK, SATURATED
+from tactile_localizer.io.strain_adapter import FieldPath, adapter_from_dict, load_adapter
+
+ARRAY = "std_msgs/msg/Float64MultiArray"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+MS = 1_000_000
+
+
+def adapter(max_age_s=0.05, **phalanges):
+    return adapter_from_dict({"phalanges": phalanges, "max_age_s": max_age_s})
+
+
+def wrench(stamp_ms, *values):
+    stamp = Message(sec=stamp_ms // 1000, nanosec=stamp_ms % 1000 * MS)
+    force, torque = (Message(x=x, y=y, z=z) for x, y, z in (values[:3], values[3:]))
+    return Message(header=Message(stamp=stamp), wrench=Message(force=force, torque=torque))
+
+
+def test_a_wrench_has_six_channels_and_the_stamp_of_its_header():
+    made = adapter(index={"topic": "ft", "type": WRENCH, "scale": 2.0})
+    vector = made.feed("ft", wrench(1500, 1, 2, 3, 4, 5, 6), 7)
+    assert (vector.stamp_ns, vector.status.tolist()) == (1500 * MS, [OK])
+    np.testing.assert_array_equal(vector.strain, [2, 4, 6, 8, 10, 12])
+
+
+def test_parts_of_one_array_are_two_phalanges_stamped_on_receipt():
+    entry = {"topic": "skin", "type": ARRAY}
+    made = adapter(index={**entry, "fields": ["data[0:3]"]}, thumb={**entry, "fields": ["data[3:5]"]})
+    assert made.layout.counts == (3, 2)
+    vector = made.feed("skin", Message(data=np.arange(5.0)), 42)
+    assert (vector.stamp_ns, vector.status.tolist()) == (42, [OK, OK])
+    np.testing.assert_array_equal(vector.strain, np.arange(5.0))
+
+
+def test_values_that_are_not_finite_not_valid_or_at_a_limit_say_so():
+    made = adapter(index={"topic": "skin", "type": ARRAY, "channels": 2, "limits": [-1, 1], "valid": "ok"})
+    states = [([0.0, 0.5], True), ([0.0, 1.0], True), ([0.0, np.nan], True), ([0.0, 0.0], False)]
+    found = [
+        made.feed("skin", Message(data=data, ok=ok), k + 1).status[0] for k, (data, ok) in enumerate(states)
+    ]
+    assert found == [OK, SATURATED, MISSING, MISSING]
+
+
+def test_another_phalanx_contributes_its_newest_value_that_is_not_later_or_too_old():
+    entry = {"type": WRENCH}
+    made = adapter(index={**entry, "topic": "a"}, thumb={**entry, "topic": "b"})
+
+    def felt(stamp_ms):
+        vector = made.feed("a", wrench(stamp_ms, *[0] * 6), 0)
+        return vector.strain[6] if vector.status[1] == OK else None
+
+    assert felt(1) is None
+    for stamp_ms in (5, 10, 20):
+        assert made.feed("b", wrench(stamp_ms, *[stamp_ms] * 6), 0) is None
+    assert [felt(stamp_ms) for stamp_ms in (12, 20, 69, 71)] == [10, 20, 20, None]
+
+
+def test_messages_that_are_late_make_nothing_and_time_may_be_set_back():
+    made = adapter(index={"topic": "a", "type": WRENCH})
+    stamps = [5000, 5010, 5010, 5005, 5020, 10]
+    assert [made.feed("a", wrench(s, *[0] * 6), 0) is not None for s in stamps] == [
+        True, True, False, False, True, True,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("message", [Message(data=[1.0] * 3), Message(points=[1.0]), Message(data=None)])
+def test_a_message_of_other_form_is_refused(message):
+    made = adapter(index={"topic": "skin", "type": ARRAY, "channels": 2})
+    with pytest.raises(MeasurementError, match=r"expected|channels"):
+        made.feed("skin", message, 1)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"type": ARRAY}, "phalanx index: expected topic, found none"),
+        ({"topic": "a", "type": "Wrench"}, "phalanx index type: expected PACKAGE/msg/NAME"),
+        ({"topic": "a", "type": "own/msg/Skin"}, "phalanx index fields: expected a list of paths"),
+        ({"topic": "a", "type": ARRAY, "fields": ["data["]}, r"field 'data\[': expected a path"),
+        ({"topic": "a", "type": ARRAY, "channels": 0}, "channels: expected"),
+        ({"topic": "a", "type": ARRAY, "scale": "big"}, "scale: expected"),
+        ({"topic": "a", "type": ARRAY, "limits": 3}, "limits: expected"),
+        ({"topic": "a", "type": ARRAY, "filter": 3}, "phalanx index: expected topic, type"),
+    ],
+)
+def test_an_entry_that_cannot_be_used_is_refused_in_one_line(entry, message):
+    with pytest.raises(ParameterError, match=message):
+        adapter(index=entry)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ParameterError, match=r"none\.yaml: expected a strain adapter in YAML, found none"):
+        load_adapter(tmp_path / "none.yaml")
+
+
+def test_paths_lead_through_fields_and_indices():
+    message = Message(contacts=[Message(force=1.0), Message(force=2.0)])
+    assert FieldPath("contacts[1]").of(message).force == 2.0
