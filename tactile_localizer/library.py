@@ -1,0 +1,71 @@
+"""The package as a library: load a scan, make a localizer, read recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.io.bag_recording import read_bag
+from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.recording import Recording, select
+from tactile_localizer.io.recording_kind import is_bag, is_scan_file
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.scene import Scene
+
+
+def load_scan(path: str | Path) -> tuple[Scan, Scene]:
+    """The pairs of a scan file and the scene that they were recorded for.
+
+    Raises
+    ------
+    ScanError
+        There is no such scan, or it is damaged.
+    """
+    with ScanStore.open(path) as store:
+        return store.load(), store.scene
+
+
+def make_localizer(
+    scan: Scan, scene: Scene, configuration: Configuration | None = None, *, seed: int = 0
+) -> Localizer:
+    """A localizer on a scan, with what the scene leaves open chosen from the scan.
+
+    Parameters
+    ----------
+    scan : the training pairs
+    scene : what is modelled; the scan's own, or one with fewer axes and phalanges
+    configuration : model, filter and convergence, such as ``Configuration(filter="grid")``; by default as
+        the filter node's
+    seed : of everything random: the same seed and samples give the same estimates
+
+    Raises
+    ------
+    SceneError
+        The scene and the scan do not fit together.
+    ParameterError
+        A parameter out of its range.
+    """
+    return build_localizer(scan, scene, configuration or Configuration(), np.random.default_rng(seed))
+
+
+def read_recording(path: str | Path, scene: Scene) -> Recording:
+    """The sweeps of a recording: a bag, a scan file, or a CSV file with the standard columns.
+
+    Raises
+    ------
+    ScanError
+        It cannot be read.
+    SceneError
+        It lacks an axis or a phalanx of the scene.
+    """
+    if is_bag(Path(path)):
+        return read_bag(path, scene, by_status=False)
+    if is_scan_file(Path(path)):
+        with ScanStore.open(path) as store:
+            return select(store.recording(), scene)
+    return read_csv(path, scene)

@@ -1,0 +1,101 @@
+"""The package as a library: what the README shows runs, and the command line is completed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tactile_localizer
+from tactile_localizer.cli.simulate import write_csv
+from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.scan_import import import_recording
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.scan import simulate_scan
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("library")
+    (folder / "recording").mkdir()
+    train, test = simulate_scan("bump", 1, "train"), simulate_scan("bump", 1, "test", sweeps=2)
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    write_csv(folder / "train.csv", train, train.odometry)
+    write_csv(folder / "recording/test.csv", test, test.truth)
+    recording = read_csv(folder / "train.csv", scene)
+    import_recording(recording, scene, folder / "scan.db", what="test", detail={})
+    return folder
+
+
+def example(text):
+    """The lines of the library's example in a text, without their indent."""
+    (block,) = re.findall(r"(?m)^    from tactile_localizer import .*\n(?:(?:    .*)?\n)+", text)
+    return re.sub(r"(?m)^    ", "", block)
+
+
+def test_the_readmes_ten_lines_localize(recorded):
+    code = example((ROOT / "README.md").read_text())
+    assert len([line for line in code.splitlines() if line]) <= 10
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=recorded, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) >= 2
+    assert "rclpy" not in done.stderr
+
+
+def test_the_packages_own_page_shows_the_same():
+    of_readme = example((ROOT / "README.md").read_text()).replace("recording/test.csv", "test.csv")
+    assert example(tactile_localizer.__doc__ + "\n").strip() == of_readme.strip()
+
+
+def test_the_same_seed_gives_the_same_estimates(recorded):
+    scan, scene = tactile_localizer.load_scan(recorded / "scan.db")
+    configuration = tactile_localizer.Configuration(filter="particle", particles=200)
+    means = []
+    for _ in range(2):
+        localizer = tactile_localizer.make_localizer(scan, scene, configuration, seed=3)
+        for k in range(30):
+            estimate = localizer.update(k * 10**7, scan.states[k], scan.strain[k])
+        means.append(estimate.mean)
+    np.testing.assert_array_equal(*means)
+
+
+def test_every_public_name_is_there():
+    for name in tactile_localizer.__all__:
+        assert getattr(tactile_localizer, name).__name__ == name
+    assert set(tactile_localizer.__all__) <= set(dir(tactile_localizer))
+    with pytest.raises(AttributeError, match="no attribute 'localise'"):
+        tactile_localizer.localise  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("tactile-localizer sc", {"scan"}),
+        ("tactile-localizer import ", {"csv", "bag"}),
+        ("tactile-localizer replay --fil", {"--filter"}),
+        ("tactile-localizer replay --filter ", {"grid", "particle"}),
+    ],
+)
+def test_the_shell_completes_the_command(tmp_path, line, expected):
+    pytest.importorskip("argcomplete")
+    answer = tmp_path / "answer"
+    environment = {
+        **os.environ,
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "_ARGCOMPLETE_IFS": "\n",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+    }
+    code = "from tactile_localizer.cli import main; main()"
+    subprocess.run([sys.executable, "-c", code], env=environment, check=False, timeout=60)
+    found = {word.strip() for word in answer.read_text().split("\n")}
+    assert expected <= found
