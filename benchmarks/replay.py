@@ -57,7 +57,7 @@ def write_bag(path: Path, minutes: float) -> int:
             place = types["geometry_msgs/msg/Point"](x=x, y=y, z=0.0)
             turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
             pose = types["geometry_msgs/msg/Pose"](position=place, orientation=turn)
-            message = types[TOPICS[POSE]](header=header(stamp=stamp, frame_id="base"), pose=pose)
+            message = types[TOPICS[POSE]](header=header(stamp=stamp, frame_id="base_link"), pose=pose)
             bag.write(POSE, stamp_ns, store.serialize_cdr(message, TOPICS[POSE]))
             bag.write(STRAIN, stamp_ns, store.serialize_cdr(strain, TOPICS[STRAIN]))
     return wanted

@@ -57,6 +57,8 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
     declared = {depend.text for kind in ("depend", "exec_depend") for depend in PACKAGE_XML.iter(kind)}
     assert "rclpy" in ros
     assert ros <= declared
+    by_name = {"tf2_msgs"}  # imported where a parameter asks for tf
+    assert {name for name in declared if name and name.endswith(("_msgs", "_srvs"))} <= ros | by_name
 
 
 def test_every_requirement_has_a_floor_and_a_ceiling() -> None:

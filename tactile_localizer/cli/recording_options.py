@@ -51,7 +51,10 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         "--material-frame", default="material", metavar="FRAME", help="frame of poses taken as they are"
     )
     parser.add_argument(
-        "--reference-frame", default="base", metavar="FRAME", help="frame of poses moved by --material-pose"
+        "--reference-frame",
+        default="base_link",
+        metavar="FRAME",
+        help="frame of poses moved by --material-pose",
     )
     parser.add_argument(
         "--material-pose",

@@ -67,7 +67,7 @@ def read_bag(
     path : a directory or a file, SQLite or MCAP, compressed or not; damaged ones as far as they go
     scene : names the axes and phalanges that are read
     topics : by default those of this package's own nodes
-    frame : the frames in which palm poses can be used; by default ``material``, and ``base`` as it is
+    frame : the frames in which palm poses can be used; by default ``material``, and ``base_link`` as it is
     max_gap_s : poses further apart are not interpolated, s
     by_status : take the sweeps that the mapping node's status shows, if the bag has it; otherwise those
         between which the filter node's belief was spread, if the bag has its posterior. Without, the whole
@@ -87,7 +87,7 @@ def read_bag(
         The bag cannot be read, or lacks strain or poses.
     """
     topics = topics or BagTopics()
-    frame = frame or PalmFrame(scene.axes, reference_frame="base")
+    frame = frame or PalmFrame(scene.axes, reference_frame="base_link")
     names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
     strain_topic, pose_topic, truth_topic, status_topic, posterior_topic = names
     poses_by = PoseDecoder(frame)

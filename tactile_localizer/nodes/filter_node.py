@@ -43,6 +43,7 @@ from tactile_localizer.nodes.loaded_map import LoadedMap, load_map
 from tactile_localizer.nodes.map_publisher import MapPublisher
 from tactile_localizer.nodes.strain_vectors import StrainReader
 from tactile_localizer.nodes.tracker import Tracker
+from tactile_localizer.nodes.transforms import MaterialBroadcaster
 from tactile_localizer.srv import LoadScan
 
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -73,6 +74,13 @@ class FilterNode(ManagedNode):
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._offered = [partial(self.destroy_publisher, self._health)]
         self._diagnostics = FilterDiagnostics(self.get_fully_qualified_name().lstrip("/"))
+        of = self.parameters
+        self._lookup = palm_pose.lookup(of, self._on_pose, partial(self._refuse, "palm_pose"))
+        self._material = None
+        if of["publish_tf"]:
+            frames = of["reference_frame"], of["material_frame"]
+            self._material = MaterialBroadcaster(self, *frames, of["material_pose"])
+            self._offered.append(self._material.close)
         self._use(self._load([Path(file).expanduser() for file in files]))
         self._outputs = FilterOutputs(self, self.parameters)
         self._map = MapPublisher(self, self.parameters["material_frame"])
@@ -84,7 +92,7 @@ class FilterNode(ManagedNode):
         self._map.publish(self._loaded.scan, self._tracker.localizer.scene)
         heard = (
             Topic(StrainVectors, "strain", self._on_strain, _BEST_EFFORT),
-            Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100)),
+            *palm_pose.pose_topics(self._lookup, self._on_pose),
             Topic(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10)),
         )
         self._made = [partial(self.destroy_subscription, one) for one in hear(self, heard)]
@@ -145,6 +153,8 @@ class FilterNode(ManagedNode):
             self._refuse("strain", error)
         else:
             self._publish(estimates)
+        if self._lookup is not None:
+            self._lookup.look_up(stamp_ns)
 
     def _on_pose(self, message: PoseStamped) -> None:
         stamp_ns = stamps.to_ns(message.header.stamp)
@@ -173,6 +183,9 @@ class FilterNode(ManagedNode):
             self._arrived.add("estimate")
         for estimate in estimates:
             self._outputs.publish(estimate, self._tracker.localizer)
+        if estimates and self._material is not None and self._tracker.palm is not None:
+            axes = self._tracker.localizer.scene.axis_names
+            self._material.publish(estimates[-1], axes, self._tracker.palm)
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         scene = self._tracker.localizer.scene

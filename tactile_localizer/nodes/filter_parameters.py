@@ -79,6 +79,11 @@ PARAMETERS = (
     ),
     Parameter("shown_particles", 500, "Most points in ~/particles", "", 1, 1_000_000, live=True),
     *palm_pose.PARAMETERS,
+    Parameter(
+        "publish_tf",
+        False,
+        "Publish the transform from reference_frame to material_frame that a converged posterior implies",
+    ),
 )
 
 

@@ -75,7 +75,7 @@ class Replay:
         self._topics = [
             posixpath.join(namespace, name)
             for name in ("strain", POSE_TOPIC.text(context), "filter/initial_pose")
-        ]
+        ] + ["/tf", "/tf_static"]
         self._bag, self._rate, self._loop = (argument.value(context) for argument in ARGUMENTS)
         topic = posixpath.join(namespace, "filter/posterior")
         get_ros_node(context).create_subscription(Posterior, topic, self._count, 1000)

@@ -113,6 +113,17 @@ class Launched:
         )
 
 
+_FRAMES = (
+    Argument(
+        "pose_source",
+        "Palm poses arrive on pose_topic (topic), or are looked up in tf",
+        choices=("", "topic", "tf"),
+    ),
+    Argument("palm_frame", "Frame that is looked up in tf"),
+    Argument("reference_frame", "Frame that palm poses are in, such as base_link"),
+    Argument("material_frame", "Frame of the material; two hands have two"),
+)
+
 DRIVER = Launched(
     "driver",
     (
@@ -123,7 +134,7 @@ DRIVER = Launched(
 )
 MAPPING = Launched(
     "mapping",
-    (Argument("scan_file", "Scan file; recording goes on in one that exists"), _SCENE_FILE),
+    (Argument("scan_file", "Scan file; recording goes on in one that exists"), _SCENE_FILE, *_FRAMES),
     {"palm_pose": POSE_TOPIC},
 )
 FILTER = Launched(
@@ -137,6 +148,8 @@ FILTER = Launched(
         ),
         _SCENE_FILE,
         Argument("scan_directory", "Directory that ~/load_scan may read scan files from"),
+        *_FRAMES,
+        switch("publish_tf", "Publish where the material is, while converged", "false"),
     ),
     {"palm_pose": POSE_TOPIC},
 )

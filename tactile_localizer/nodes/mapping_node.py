@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -73,6 +74,7 @@ class MappingNode(ManagedNode):
                 raise ParameterError(f"{name}: expected a path, got none")
         self._scene = load_scene(given_or_shipped(of["scene_file"], "config/scenes"))
         self._frame = palm_pose.palm_frame(of, self._scene)
+        self._lookup = palm_pose.lookup(of, self._on_pose, partial(self._refuse, "palm_pose"))
         self._reader = StrainReader(self._scene)
         self._coverage = Coverage(self._scene, of["sweep_distance_m"])
         store = ScanStore.open_or_create(of["scan_file"], self._scene)
@@ -102,7 +104,7 @@ class MappingNode(ManagedNode):
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         heard = (
             Topic(StrainVectors, "strain", self._on_strain, best_effort),
-            Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100)),
+            *palm_pose.pose_topics(self._lookup, self._on_pose),
         )
         self._made = [(self.destroy_subscription, one) for one in hear(self, heard)]
         for name, answer in (("~/start_sweep", self._on_start), ("~/end_sweep", self._on_end)):
@@ -166,6 +168,8 @@ class MappingNode(ManagedNode):
             return
         self._refusals.pop("strain", None)
         self._record(self._pairing.add_strain(stamp_ns, felt))
+        if self._lookup is not None:
+            self._lookup.look_up(stamp_ns)
 
     def _on_pose(self, message: PoseStamped) -> None:
         stamp_ns = stamps.to_ns(message.header.stamp)

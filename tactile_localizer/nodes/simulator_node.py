@@ -55,7 +55,7 @@ PARAMETERS = (
     Parameter("sweep_speed_mps", SPEED_MPS, "Speed of the palm in a sweep, simulated", "m/s", 1e-4, 1.0),
     Parameter("pose_rate_hz", 100.0, "Rate of the palm poses, simulated", "Hz", 0.1, 1000.0),
     Parameter("load_cell_rate_hz", RATE_HZ, "Rate of the load cells, simulated", "Hz", 0.1, 2000.0),
-    Parameter("frame_id", "base", "Frame of the palm poses"),
+    Parameter("frame_id", "base_link", "Frame of the palm poses"),
     Parameter("material_frame_id", "material", "Frame of the ground truth"),
     Parameter("interface", "udp_multicast", "python-can interface of the bus"),
     Parameter("channel", "239.74.163.2", "Channel of the interface"),

@@ -53,6 +53,7 @@ class Tracker:
     Attributes
     ----------
     latest : the last estimate; ``None`` before the first
+    palm : (d,) palm position that it was made with, m (yaw: rad); ``None`` before the first
     trouble : why the last strain vector was not taken in; empty when it was
     counts : what became of the strain vectors
     leaps : times that strain stamps went on by more than ``patience_s``: silence, or a clock that was set
@@ -62,6 +63,7 @@ class Tracker:
     def __init__(self, localizer: Localizer | FeatureLocalizer, max_gap_s: float, patience_s: float) -> None:
         self.localizer = localizer
         self.latest: Estimate | None = None
+        self.palm: np.ndarray | None = None
         self.trouble = ""
         self.leaps = 0
         self.counts = Counts(dict.fromkeys(localizer.scene.phalanx_names, 0))
@@ -157,6 +159,7 @@ class Tracker:
     def _update(self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
         begun_ns = time.perf_counter_ns()
         self.latest = self.localizer.update(stamp_ns, position, strain, present)
+        self.palm = position
         if self.latest.updated:
             self.counts.weighed += 1
             self.update_times_ns.append(time.perf_counter_ns() - begun_ns)

@@ -232,7 +232,7 @@ def test_seeds_that_cannot_be_used_are_refused_and_the_belief_goes_on(node, prob
     node.slide(50)
     publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
     publisher.publish(initial_pose(0.01, 0.04, 1e-6, "map"))
-    node.process.wait_for_line("initial_pose: palm pose frame 'map': expected 'material' or 'base'")
+    node.process.wait_for_line("initial_pose: palm pose frame 'map': expected 'material' or 'base_link'")
     for pose in ((0.2, 0.04, 1e-6), (np.nan, 0.04, 1e-6), (0.01, 0.04, -1.0), (0.01, 0.04, np.nan)):
         publisher.publish(initial_pose(*pose))
     probe.until(lambda: node.told("inputs")[2].get("unread_initial_pose") == "5", "the refusals")

@@ -142,12 +142,14 @@ def test_poses_that_come_late_still_find_their_strain(node_process, probe, files
 def test_a_frame_that_cannot_be_used_refuses_the_sweep_by_name(node_process, probe, files):
     process = node_process("mapping_node", parameters=files)
     hand = Hand(probe, frame="map")
-    refusal = "palm pose frame 'map': expected 'material' or 'base'"
+    refusal = "palm pose frame 'map': expected 'material' or 'base_link'"
     probe.until(lambda: hand.slide(20) or refusal in process.output, refusal)
     answer = hand.service("start_sweep")
     assert not answer.success
-    assert answer.message == "start sweep: palm_pose: palm pose frame 'map': expected 'material' or 'base'"
-    hand.frame = "base"
+    assert (
+        answer.message == "start sweep: palm_pose: palm pose frame 'map': expected 'material' or 'base_link'"
+    )
+    hand.frame = "base_link"
     probe.until(lambda: hand.slide(20) or hand.service("start_sweep").success, "a sweep in a known frame")
 
 

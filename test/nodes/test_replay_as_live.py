@@ -40,7 +40,7 @@ def record(path: Path) -> Path:
         x = float(np.interp(now / 20 - 1, np.arange(len(sweep.odometry)), sweep.odometry[:, 0]))
         late = 12 if now % 4 else 0
         if not 3000 < now < 3200:  # a gap that is too long
-            happened.append(("palm_pose", now + late, pose(now, "base", x=x)))
+            happened.append(("palm_pose", now + late, pose(now, "base_link", x=x)))
     return write_bag(path, sorted(happened, key=lambda one: one[1]))
 
 

@@ -283,7 +283,7 @@ def write_sweep_bag(path: Path) -> Path:
             pose, strain = PoseStamped(), StrainVectors(phalanges=["index", "middle"])
             for message in (pose, strain):
                 set_stamp(message, START_NS + stamp_ns)
-            pose.header.frame_id = "base"
+            pose.header.frame_id = "base_link"
             pose.pose.position.x, pose.pose.position.y = map(float, sweep.odometry[k])
             pose.pose.orientation.w = 1.0
             strain.strain, strain.status, strain.sequence = sweep.strain[k].tolist(), [0, 0], [k, k]

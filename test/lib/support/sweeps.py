@@ -51,6 +51,7 @@ class SlidingHand:
     sweep : what is felt
     phalanges : that are felt with
     topics : of the strain and of the poses
+    poses : whether the node under test subscribes to the poses
     """
 
     def __init__(
@@ -59,6 +60,8 @@ class SlidingHand:
         sweep: SimulatedSweep,
         phalanges: tuple[str, ...] = ("index", "middle"),
         topics: tuple[str, str] = ("strain", "palm_pose"),
+        *,
+        poses: bool = True,
     ) -> None:
         from geometry_msgs.msg import PoseStamped
         from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -68,7 +71,7 @@ class SlidingHand:
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._Pose, self._Strain = PoseStamped, StrainVectors
         self._probe, self._phalanges = probe, phalanges
-        self._poses = probe.publisher(PoseStamped, topics[1], 100, timeout_s=60.0)
+        self._poses = probe.publisher(PoseStamped, topics[1], 100, timeout_s=60.0) if poses else None
         self._strains = probe.publisher(StrainVectors, topics[0], best_effort)
         self.sweep = sweep
         self.offset_ns = START_NS
@@ -95,7 +98,7 @@ class SlidingHand:
     def pose(self, k: int) -> None:
         message = self._Pose()
         set_stamp(message, self.offset_ns + int(self.pose_ns[k]))
-        message.header.frame_id = "base"
+        message.header.frame_id = "base_link"
         message.pose.position.x, message.pose.position.y = map(float, self.sweep.odometry[k])
         message.pose.orientation.w = 1.0
         self._poses.publish(message)
