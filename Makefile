@@ -5,6 +5,7 @@
 ROS_DISTRO ?= jazzy
 FEATURE ?= bump
 MINUTES ?= 30
+SEED ?= 0
 export ROS_DISTRO
 
 # Recorded data for the tests that need it; they skip without.
@@ -51,6 +52,10 @@ else
 	$(pytest) --numprocesses auto --dist loadfile $(in_real_time:%=--ignore=%)
 	$(pytest) $(in_real_time)
 endif
+
+.PHONY: fuzz
+fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scan files (MINUTES=10), failures in out/fuzz
+	$(run) python test/fuzz/fuzz.py --minutes $(if $(filter file,$(origin MINUTES)),10,$(MINUTES)) --seed $(SEED)
 
 .PHONY: coverage
 coverage: build ## Say which branches of core and io no test takes; fails below 95 %

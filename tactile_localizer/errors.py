@@ -14,6 +14,9 @@ Every message is one line that names the thing, what was expected and what was f
 line prints it after ``error:`` and exits with status 2; a node logs it and refuses the transition.
 """
 
+_LONGEST = 800
+"""Characters of a message, from which its middle is left out."""
+
 
 def printable(text: str) -> str:
     """``text`` in one line, with line ends, control characters and lone surrogates as escapes."""
@@ -26,8 +29,9 @@ class TactileLocalizerError(Exception):
     """Base of everything that this package raises on purpose."""
 
     def __str__(self) -> str:
-        """The message in one line: names and paths in it may hold line ends and control characters."""
-        return printable(super().__str__())
+        """The message in one line of bounded length: it may quote what is in a file."""
+        text = printable(super().__str__())
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 200]} ... {text[-150:]}"
 
 
 class SceneError(TactileLocalizerError):

@@ -18,3 +18,10 @@ def test_a_message_is_one_printable_line(text, line):
     assert isinstance(error, TactileLocalizerError)
     assert str(error) == line
     str(error).encode()
+
+
+def test_the_middle_of_a_long_message_is_left_out():
+    text = str(ScanError(f"{'x' * 10_000}.db: expected a scan file"))
+    assert len(text) < 1000
+    assert text.startswith("xxx")
+    assert text.endswith(".db: expected a scan file")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+import reprlib
 import sys
 import time
 from collections.abc import Iterator
@@ -10,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import can
-import yaml
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
@@ -22,6 +23,7 @@ from tactile_localizer.io.can_driver import DriverSettings
 from tactile_localizer.io.can_layout import SignalNames, load_dbc, phalanges_of
 from tactile_localizer.io.can_log import BATCH, read_log
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.resources import given_or_shipped
 
 NAME = "can"
@@ -97,16 +99,18 @@ def _read_config(path: Path | None) -> dict[str, Any]:
     if path is None:
         return {}
     try:
-        (node,) = yaml.safe_load(path.read_text(encoding="utf-8")).values()
+        (node,) = load_yaml(path, "driver parameters", ParameterError).values()
         parameters = dict(node["ros__parameters"])
-    except OSError as error:
-        raise ParameterError(f"{path}: expected driver parameters, {error.strerror}") from error
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ParameterError(f"{path}: expected ros__parameters of one node, found none") from error
+    except FileNotFoundError:
+        raise ParameterError(f"{path}: expected driver parameters, found none") from None
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"{path}: expected ros__parameters of one node, found none") from None
     for name, value in parameters.items():
         expected = _kind_missed(name, value)
         if expected:
-            raise ParameterError(f"{path}: {name}: expected {expected}, got {value!r}")
+            raise ParameterError(f"{path}: {name}: expected {expected}, got {reprlib.repr(value)}")
     return parameters
 
 
@@ -117,7 +121,8 @@ def _kind_missed(name: str, value: Any) -> str:
         fits = isinstance(value, list) and all(isinstance(entry, str) for entry in value)
         return "" if fits else "a list of texts"
     if isinstance(default, float):
-        return "" if isinstance(value, int | float) and value > 0 else "a number above 0"
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return "" if is_number and 0 < value < math.inf else "a number above 0"
     return "" if default is None or isinstance(value, str) else "a text"
 
 

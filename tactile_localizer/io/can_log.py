@@ -19,6 +19,9 @@ BATCH = 256
 _LINE = re.compile(r"\s*(\(\d+(\.\d+)?\)\s+\S+\s+[0-9A-Fa-f]+#[0-9A-Fa-fRr#]*(\s+[TR])?)?\s*", re.ASCII)
 """A line as ``candump -l`` writes it, or an empty one."""
 
+_LATEST_S = 9e9
+"""Largest stamp, s: in the year 2255, and the last that nanoseconds in 64 bits can count."""
+
 _ERROR_FRAME = re.compile(r" [23][0-9A-Fa-f]{7}#")
 
 
@@ -51,6 +54,8 @@ def read_log(
                 raise CanError(
                     f"{path}: expected frames of one channel, found {both}: choose one by --channel"
                 )
+        if not abs(message.timestamp) <= _LATEST_S:
+            raise CanError(f"{path}: expected stamps of at most {_LATEST_S:g} s, found {message.timestamp:g}")
         first_s = message.timestamp if first_s is None else first_s
         if seconds is not None and message.timestamp - first_s > seconds:
             break

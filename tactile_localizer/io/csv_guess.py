@@ -41,7 +41,7 @@ _PERIODS_S = (5e-5, 0.2)
 _CONSTANT = 0.02
 """Deviation, of its mean, up to which a speed counts as constant."""
 _WRENCH = re.compile(r"^(.*?)[._ ]?(f|t|m|force[._]?|torque[._]?)([xyz])$")
-_NUMBERED = re.compile(r"^(.*?)(\d+)$")
+_NUMBERED = re.compile(r"^(.*?)([0-9]{1,4})$")
 
 
 @dataclass

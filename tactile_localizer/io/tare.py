@@ -13,6 +13,7 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.status import OK
 from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.io.yaml_file import load_yaml
 
 LEAST_SAMPLES = 10
 """Samples of each phalanx that a tare needs at least."""
@@ -122,13 +123,9 @@ def store_tare(
 
 def _read(path: Path) -> dict[str, list[float]]:
     try:
-        stored = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        stored = load_yaml(path, "a tare file", ParameterError) or {}
     except FileNotFoundError:
         return {}
-    except (OSError, UnicodeError, yaml.YAMLError) as error:
-        raise ParameterError(
-            f"tare file {path}: expected to read it, {str(error).splitlines()[0]}"
-        ) from error
     if not isinstance(stored, dict) or not all(_is_offset(values) for values in stored.values()):
         raise ParameterError(f"tare file {path}: expected voltages for each phalanx, found something else")
     return stored

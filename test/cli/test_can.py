@@ -143,6 +143,13 @@ def test_a_line_that_candump_does_not_log_is_told_with_its_number(
         )
 
 
+def test_a_stamp_that_no_clock_has_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "hand.log"
+    log.write_text(f"({10**300}.000000) can0 102#0000000000000000\n")
+    assert main(["can", "check", "--log", str(log)]) == 2
+    assert "expected stamps of at most 9e+09 s, found 1e+300" in capsys.readouterr().err
+
+
 def test_a_bus_is_looked_at_for_the_time_asked_for(
     simulated_can: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
