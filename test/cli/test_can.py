@@ -228,7 +228,7 @@ def test_a_parameter_of_another_kind_is_refused_with_its_file(
         (["--channel", "can7"], "CAN bus socketcan can7: expected an interface that opens"),
         (["--dbc", "/nowhere.dbc"], "/nowhere.dbc: expected a DBC file"),
         (["--config", "/nowhere.yaml"], "/nowhere.yaml: expected driver parameters"),
-        (["--config", "LICENSE"], "expected ros__parameters of one node"),
+        (["--config", "LICENSE"], "LICENSE: expected YAML, "),
         (["--option", "port"], "bus option 'port': expected name=value"),
     ],
 )
