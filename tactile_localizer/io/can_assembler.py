@@ -1,66 +1,82 @@
-"""Frames to cycles: what all phalanges felt at one time, with what is missing marked and counted.
+"""Assembly of frames into cycles: the strain of all phalanges at one time, with what is missing marked.
 
 A cycle is one sample of every load cell. Its first frame opens it; it closes
 
 - when all its frames are there,
-- when a load cell sends a frame of its next sample, or
-- when the stated wait has passed since its first frame.
+- when a load cell sends a frame of a later cycle, or
+- when the given wait has passed since its first frame.
 
-A phalanx of which a frame is missing then is marked so, and its voltages are NaN. Frames are never
-mixed with those of another cycle: a rolling counter tells which sample of its load cell a frame belongs
-to, and, since all load cells make one sample a cycle, which cycle. A frame that comes after its cycle
-has closed is counted and dropped. A load cell that has been in no cycle for a while, because it was
-silent, started anew, or slipped by a cycle since its clock drifts, is taken as it comes.
+A phalanx of which a frame is missing then is marked ``MISSING``, and its voltages are NaN. Frames are
+never mixed with those of another cycle: the load cell's counter says which cycle a frame belongs to
+(:mod:`~tactile_localizer.io.can_alignment`). While that is not certain, for the first cycles or after a
+load cell was silent or restarted, the phalanx is ``MISSING`` too. A frame that arrives after its cycle has
+closed is counted and dropped.
 
-Where the DBC has no counter only time tells cycles apart: a frame later than half the cycle's period,
-which is learned from complete cycles, is of the next one.
-
-The first cycles are withheld until it is sure where a cycle begins (:mod:`~tactile_localizer.io.can_phase`).
+A load cell whose DBC has no counter is placed by time: a frame later than half the cycle's period, which
+is learned from complete cycles, belongs to the next one.
 """
 
 from __future__ import annotations
 
 from array import array
+from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.io.can_alignment import (
+    CERTAIN_LEAD,
+    MAX_ABSENCE,
+    SHORTEST_PAUSE_NS,
+    Alignment,
+    LoadCellCounter,
+)
 from tactile_localizer.io.can_cycle import Counts, Cycle, PhalanxCounts
 from tactile_localizer.io.can_frames import FrameBatch
-from tactile_localizer.io.can_phase import CyclePhase
 from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
-REACH = 8
-"""Cycles over which a counter tells which cycle a frame belongs to; later frames are taken as they come."""
-BEHIND = 2
-"""Samples that a frame may be behind the newest of its load cell, or cycles behind the open one, to count as
-out of order; further behind it is rather of a cycle after many that were lost."""
+MAX_LOST = 1000
+"""Most cycles that are counted as lost at once; a counter further ahead has restarted."""
+
+_LATE = -1
+_UNALIGNED = -2
 
 
 class _LoadCell:
-    """What is known of one load cell between frames."""
+    """State of one load cell between frames."""
 
     __slots__ = (
-        *("behind", "complete", "counter", "counts", "cycle", "flags"),
-        *("have", "parts", "reach", "sequence", "span"),
+        *("alignment", "at", "complete", "counter", "counts", "cycle", "flags", "have"),
+        *("began_ns", "begun", "doubled", "opened", "parts", "sequence"),
     )
 
-    def __init__(self, parts: int, counter_bits: int, counts: PhalanxCounts) -> None:
-        self.parts = parts  # frames a sample
+    def __init__(self, parts: int, alignment: LoadCellCounter | None, counts: PhalanxCounts) -> None:
+        self.parts = parts  # frames per sample
         self.complete = (1 << parts) - 1
-        self.span = 1 << counter_bits if counter_bits else 0  # counter values, 0: no counter
-        self.behind = min(BEHIND, self.span // 4)
-        self.reach = min(REACH, self.span // 2 + 1)
+        self.alignment = alignment  # None: no counter
         self.counts = counts
         self.counter: int | None = None  # of the newest sample
-        self.cycle = 0  # number of the cycle that the newest sample is in
-        self.have = 0  # bits of its frames that are there
+        self.cycle = _UNALIGNED  # number of the cycle that the newest sample is in, or _LATE, or _UNALIGNED
+        self.at = 0  # newest cycle when the newest sample began, its own included
+        self.began_ns = 0  # stamp of the first frame of the newest sample
+        self.begun = 0  # samples of all load cells when the newest one began
+        self.opened = 0  # cycles opened by then
+        self.have = 0  # bits of the frames of the newest sample that have arrived
+        self.doubled = False  # a frame came twice before the sample was complete: it may be of another sample
         self.flags = 0
         self.sequence = 0
 
 
+class _Jump(NamedTuple):
+    """A load cell that skipped cycles, which no other load cell has confirmed yet."""
+
+    cell: _LoadCell
+    cycles: int
+    before: tuple[int, int, int]  # its sequence, gaps and drops
+
+
 class CycleAssembler:
-    """Makes cycles of frames.
+    """Assembles cycles from frames.
 
     Parameters
     ----------
@@ -71,45 +87,56 @@ class CycleAssembler:
     def __init__(self, protocol: LoadCellProtocol, wait_s: float) -> None:
         layout = protocol.layout
         phalanx_of = layout.phalanx.tolist()
+        bits = [int(layout.counter_bits[phalanx_of.index(p)]) for p in range(len(protocol.phalanges))]
         self._protocol = protocol
         self._wait_ns = round(wait_s * 1e9)
         self._window_ns = self._wait_ns  # how long a cycle is open
         self.counts = Counts(
             frames=[0] * len(FrameKind), phalanges=[PhalanxCounts() for _ in protocol.phalanges]
         )
+        self._alignment = Alignment(bits)
         self._cells = [
-            _LoadCell(phalanx_of.count(p), int(layout.counter_bits[phalanx_of.index(p)]), counts)
+            _LoadCell(phalanx_of.count(p), self._alignment.counters[p], counts)
             for p, counts in enumerate(self.counts.phalanges)
         ]
         self._cell_of = [self._cells[p] for p in phalanx_of]
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
-        self._no_counter = any(cell.span == 0 for cell in self._cells)
         self._channel = layout.channel
         self._channels = protocol.channels
         self._cycles: list[Cycle] = []  # closed, not yet handed out
         self._voltage = np.empty((0, layout.channel.shape[1]))  # of the frames being fed
         self._strain = np.empty(0)
         self._period_ns = 0
-        self._previous_ns = 0
-        self._cycle = 0
-        self._phase = CyclePhase()
+        self._periods = 0  # periods learned from
+        self._cycle = 0  # number of the newest cycle
+        self._expired = 0  # number of the newest cycle that was closed for its wait was over
+        self._open = False
+        self._opened = 0  # cycles opened
+        self._begun = 0  # samples of all load cells that have begun
         self.reset()
 
     def reset(self) -> None:
-        """Forget the open cycle and the counters' values, as after a pause of unknown length. Totals stay."""
-        self._open = False
+        """Close the open cycle and forget the counters' values, as after a pause. Totals stay."""
+        self._close()
+        self._first: _LoadCell | None = None  # load cell that opened the cycle
         self._first_ns = 0
-        self._last_ns: int | None = None  # of the newest frame used
+        self._last_ns: int | None = None  # of the newest frame of a load cell
+        self._jump: _Jump | None = None
         self._awaited = 0  # frames that the open cycle still lacks
         self._rows: list[int] = []  # the open cycle's frames in the batch
         self._slots: list[int] = []
-        self._phase.forget()
-        self._forget_counters()
-
-    def _forget_counters(self) -> None:
+        self._alignment.reset()
         for cell in self._cells:
             cell.counter = None
             cell.have = 0
+
+    @property
+    def aligned(self) -> list[bool]:
+        """For each phalanx whether it is certain which cycle its samples belong to."""
+        return [
+            self._periods >= CERTAIN_LEAD if cell.alignment is None else cell.alignment.certain
+            for cell in self._cells
+        ]
 
     def feed(self, frames: FrameBatch) -> list[Cycle]:
         """Cycles that ``frames``, in the order of their arrival, complete or close."""
@@ -129,110 +156,199 @@ class CycleAssembler:
             strict=True,
         ):
             cell, bit = self._cell_of[slot], self._bit_of[slot]
-            if self._open and abs(stamp_ns - self._first_ns) > self._window_ns:
-                self._close()
-            goes_on = cell.counter == counter and cell.have and not cell.have & bit
-            if not (goes_on and self._open and cell.cycle == self._cycle):
-                kind = self._begin_sample(cell, bit, counter, stamp_ns)
-                if kind != FrameKind.DATA:
-                    totals[FrameKind.DATA] -= 1
-                    totals[kind] += 1
-                    continue
+            self._expire(stamp_ns)
+            kind = self._take_frame(cell, bit, counter, stamp_ns)
+            self._last_ns = stamp_ns
+            if kind != FrameKind.DATA:
+                totals[FrameKind.DATA] -= 1
+                totals[kind] += 1
+                continue
             cell.have |= bit
+            cell.counts.last_ns = stamp_ns
+            if cell.cycle == _UNALIGNED:
+                continue
             cell.flags |= flag
-            cell.counts.last_ns = self._last_ns = stamp_ns
             self._rows.append(row)
             self._slots.append(slot)
             self._awaited -= 1
             if not self._awaited:
                 self._close()
         self._keep()
-        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._take()
+        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._hand_out()
 
     def flush(self, now_ns: int) -> list[Cycle]:
         """The open cycle, where its wait is over at ``now_ns``, by the clock of the frames' stamps."""
-        if self._open and abs(now_ns - self._first_ns) > self._window_ns:
-            self._close()
-        return self._take()
+        self._expire(now_ns)
+        return self._hand_out()
 
     def remaining_ns(self, now_ns: int) -> int | None:
         """How long from ``now_ns`` the open cycle still waits, ns; ``None`` where none is open."""
         return max(0, self._first_ns + self._window_ns - now_ns) if self._open else None
 
-    def _begin_sample(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
-        """Begin a load cell's next sample, closing and opening cycles as needed; or say why there is none."""
-        if cell.span == 0 or cell.counter is None:
-            self._join(cell, 0, stamp_ns, stranger=cell.span > 0)
-            cell.sequence = _next(cell.sequence, counter, cell.span) if cell.span else self._cycle
-        else:
-            step = (counter - cell.counter) % cell.span or cell.span  # samples since the newest one
-            if abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
-                if step == cell.span:
-                    return FrameKind.DUPLICATE if cell.have & bit else FrameKind.OUT_OF_ORDER
-                if step >= cell.span - cell.behind:
-                    return FrameKind.OUT_OF_ORDER
-            in_open = cell.have and cell.cycle == self._cycle
-            expected = self._cycle + (in_open or not self._open) - cell.cycle
-            ahead = _nearest(step - expected, cell.span)  # cycles that it is beyond the open, or next, one
-            trusted = -cell.behind <= ahead < cell.reach > expected  # else it is taken as it comes
-            if trusted and ahead < 0:
+    def _take_frame(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
+        """Put a frame into its sample, and its sample into its cycle; ``DATA``, or why it is not used."""
+        if cell.counter == counter and cell.have and not cell.have & bit and self._follows(cell, 1):
+            if cell.cycle == _UNALIGNED or (self._open and cell.cycle == self._cycle):
+                return FrameKind.DATA
+            if cell.alignment is not None:
                 return FrameKind.OUT_OF_ORDER
-            self._count_lost(cell, step, expected + ahead)
-            self._join(cell, ahead if trusted else 0, stamp_ns, stranger=not trusted)
-        cell.counter = counter
-        cell.cycle = self._cycle
-        cell.have = cell.flags = 0
-        return FrameKind.DATA
+        if cell.alignment is None:
+            return self._begin_by_time(cell, counter, stamp_ns)
+        return self._begin_sample(cell, cell.alignment, bit, counter, stamp_ns)
 
-    def _join(self, cell: _LoadCell, ahead: int, stamp_ns: int, *, stranger: bool) -> None:
-        """Make the cycle of a load cell's sample the open one: ``ahead`` of the open, or else next, one.
+    def _follows(self, cell: _LoadCell, cycles: int) -> bool:
+        """Whether the newest sample of a load cell began within ``cycles`` samples of each other one."""
+        return self._begun - cell.begun <= cycles * len(self._cells)
 
-        A ``stranger`` was in no cycle lately, so that its counter does not tell which one it is of.
-        """
+    def _begin_by_time(self, cell: _LoadCell, counter: int, stamp_ns: int) -> FrameKind:
+        """Begin a sample of a load cell that has no counter."""
+        self._learn_period(cell, stamp_ns)
+        cell.began_ns = stamp_ns
         if self._open and cell.have and cell.cycle == self._cycle:
             self._close()
-        if self._open and ahead > 0:
-            self._close()
-            ahead -= 1
-        pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
-        if self._open and stranger and not self._phase.admits(pause_ns):
-            self._close()
-        if self._open and not self._phase.joins(pause_ns):
-            self._close()
-            self._forget_counters()
-        if not self._open:
-            self._open = True
-            self._cycle += 1 + ahead
-            self._first_ns = stamp_ns
-            self._awaited = len(self._cell_of)
-            self._strain = np.full(self._channels.size + 1, np.nan)  # the last is for what has no channel
-            self._phase.begin(pause_ns)
+        if self._open:
+            self._put(cell, counter, self._cycle)
+        else:
+            self._open_cycle(cell, counter, self._cycle + 1, stamp_ns)
+        cell.sequence = self._cycle
+        return FrameKind.DATA
 
-    @staticmethod
-    def _count_lost(cell: _LoadCell, step: int, advance: int) -> None:
-        if advance < 1:
-            # A wide counter that goes back has started anew; a narrow one has gone round.
-            advance = 1 if cell.span >= 256 else step
+    def _begin_sample(
+        self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
+    ) -> FrameKind:
+        """Begin a sample of a load cell, closing and opening cycles as needed; or say why there is none."""
+        before = cell.sequence, cell.counts.gaps, cell.counts.drops
+        kind = self._count(cell, own, bit, counter, stamp_ns)
+        if kind != FrameKind.DATA:
+            return kind
+        cycle = self._cycle_of(cell, own, counter, stamp_ns)
+        joins = self._open and cycle == self._cycle != cell.cycle
+        if cycle is not None and cycle <= self._cycle and not joins:
+            if cycle != self._expired:  # nothing but a wrong offset makes it late
+                own.doubt()
+            self._put(cell, counter, _LATE)
+            cell.have = bit
+            return FrameKind.OUT_OF_ORDER
+        alone = self._alignment.alone(own)
+        if cycle is None or not (alone or own.admits(first=not joins)):
+            self._put(cell, counter, _UNALIGNED)
+            cell.counts.unaligned += 1
+            return FrameKind.DATA
+        if joins:
+            if self._first is not None and self._first.alignment is not None:
+                self._first.alignment.placed(first=True)
+                own.placed(first=False)
+            self._put(cell, counter, cycle)
+            return FrameKind.DATA
+        if cycle > self._cycle + 1 and not alone:
+            self._jump = _Jump(cell, cycle - self._cycle, before)
+        self._close()
+        self._open_cycle(cell, counter, cycle, stamp_ns)
+        return FrameKind.DATA
+
+    def _count(
+        self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
+    ) -> FrameKind:
+        """Count what was lost since the load cell's newest sample; or say why the frame begins none."""
+        if cell.counter is None:
+            cell.sequence += (counter - cell.sequence) % own.span
+            return FrameKind.DATA
+        step = (counter - cell.counter) % own.span or own.span
+        if step != 1:
+            own.broken()
+        if self._follows(cell, 2) and abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
+            if step >= own.span - own.latest:
+                cell.doubled |= cell.have != cell.complete
+            if step == own.span:
+                return FrameKind.DUPLICATE if cell.have & bit else FrameKind.OUT_OF_ORDER
+            if step >= own.span - own.latest:
+                return FrameKind.OUT_OF_ORDER
+        passed = self._cycle - cell.at  # cycles since its newest sample, by the other load cells
+        least = max(1, passed - own.span // 2)
+        advance = least + (step - least) % own.span
+        if advance - passed > MAX_LOST:
+            advance = max(1, passed)
+        used = 0 if cell.cycle == _LATE else cell.have.bit_count()
         cell.sequence += advance
         cell.counts.gaps += advance - 1
-        cell.counts.drops += advance * cell.parts - cell.have.bit_count()
+        cell.counts.drops += advance * cell.parts - used
+        return FrameKind.DATA
+
+    def _cycle_of(self, cell: _LoadCell, own: LoadCellCounter, counter: int, stamp_ns: int) -> int | None:
+        """Number of the cycle of a sample that begins; ``None`` where it is not certain."""
+        if not own.certain:
+            cell.opened = self._opened
+        elif self._opened - cell.opened > MAX_ABSENCE:
+            own.broken()
+        latest = 0 if self._alignment.alone(own) else own.latest
+        in_open = self._open and cell.cycle == self._cycle
+        earliest = self._cycle + (in_open or not self._open) - latest
+        pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
+        self._alignment.begin(own, counter, pause_ns, earliest)
+        if not own.certain:
+            return None
+        cycle = own.cycle(counter, earliest)
+        if self._jump is not None and self._jump.cell is not cell:
+            jump, self._jump = self._jump, None
+            ahead = cycle - self._cycle
+            if ahead not in (0, 1) and (ahead + jump.cycles) % own.span in (0, 1):
+                self._undo(jump)
+                cycle = own.cycle(counter, self._cycle - own.latest)
+        return cycle
+
+    def _put(self, cell: _LoadCell, counter: int, cycle: int) -> None:
+        self._begun += 1
+        cell.begun = self._begun
+        cell.counter = counter
+        cell.cycle = cycle
+        cell.at = self._cycle
+        cell.have = cell.flags = 0
+        cell.doubled = False
+        if cycle >= 0:
+            cell.opened = self._opened
+
+    def _open_cycle(self, cell: _LoadCell, counter: int, cycle: int, stamp_ns: int) -> None:
+        self._open = True
+        self._opened += 1
+        self._cycle = cycle
+        self._first = cell
+        self._first_ns = stamp_ns
+        self._awaited = len(self._cell_of)
+        self._strain = np.full(self._channels.size + 1, np.nan)  # the last is for what has no channel
+        self._put(cell, counter, cycle)
+
+    def _undo(self, jump: _Jump) -> None:
+        """Take back cycles that one load cell skipped and another did not: the first has restarted."""
+        cell = jump.cell
+        if self._open and cell.cycle == self._cycle:
+            self._open = False
+            self._rows, self._slots = [], []
+        if cell.cycle != _UNALIGNED:
+            cell.cycle = _UNALIGNED
+            cell.counts.unaligned += 1
+        cell.sequence, cell.counts.gaps, cell.counts.drops = jump.before
+        self._cycle -= jump.cycles
+        cell.at = self._cycle
+        if cell.alignment is not None:
+            cell.alignment.forget()
+        self._alignment.revise()
+
+    def _expire(self, now_ns: int) -> None:
+        if self._open and abs(now_ns - self._first_ns) > self._window_ns:
+            self._expired = self._cycle
+            self._close()
 
     def _close(self) -> None:
+        if not self._open:
+            return
         self._keep()
         self._open = False
-        self._learn_period(incomplete=self._awaited > 0)
-        self._phase.end()
-        if self._phase.sure:
-            self._cycles.append(self._made())
-        else:
-            self.counts.withheld += 1
-
-    def _made(self) -> Cycle:
+        incomplete = self._awaited > 0
         status, sequence = array("B"), array("I")
-        for p, cell in enumerate(self._cells):
+        for p, (cell, aligned) in enumerate(zip(self._cells, self.aligned, strict=True)):
             here = cell.cycle == self._cycle and cell.have != 0
             flags = cell.flags if here else 0
-            if here and cell.have == cell.complete:
+            if here and cell.have == cell.complete and aligned and not cell.doubled:
                 cell.counts.samples += 1
             else:
                 flags |= MISSING
@@ -244,20 +360,20 @@ class CycleAssembler:
             status.append(flags)
             sequence.append(cell.sequence & 0xFFFFFFFF)
         self.counts.cycles += 1
-        self.counts.incomplete += self._awaited > 0
-        return Cycle(self._first_ns, self._strain[:-1], status, sequence)
+        self.counts.incomplete += incomplete
+        self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
 
-    def _learn_period(self, incomplete: bool) -> None:
-        elapsed = self._first_ns - self._previous_ns
-        if not incomplete and self._previous_ns and elapsed > 0:
+    def _learn_period(self, cell: _LoadCell, stamp_ns: int) -> None:
+        """Learn the period from two samples of a load cell that has no counter."""
+        elapsed = stamp_ns - cell.began_ns
+        if cell.began_ns and elapsed > SHORTEST_PAUSE_NS:
             if self._period_ns:
-                elapsed = min(elapsed, 2 * self._period_ns)  # a cycle may have been lost between
+                elapsed = min(elapsed, 2 * self._period_ns)  # samples lost, or frames held up
                 self._period_ns += (elapsed - self._period_ns) // 8
             else:
                 self._period_ns = elapsed
-            if self._no_counter:
-                self._window_ns = min(self._wait_ns, self._period_ns // 2)
-        self._previous_ns = 0 if incomplete else self._first_ns
+            self._periods += 1
+            self._window_ns = min(self._wait_ns, self._period_ns // 2)
 
     def _keep(self) -> None:
         # Voltages of the open cycle's frames leave the batch's array: when it closes, or the batch ends.
@@ -265,16 +381,6 @@ class CycleAssembler:
             self._strain[self._channel[self._slots]] = self._voltage[self._rows]
             self._rows, self._slots = [], []
 
-    def _take(self) -> list[Cycle]:
+    def _hand_out(self) -> list[Cycle]:
         cycles, self._cycles = self._cycles, []
         return cycles
-
-
-def _next(sequence: int, counter: int, span: int) -> int:
-    """The first number from ``sequence`` on whose low bits are ``counter``."""
-    return sequence + (counter - sequence) % span
-
-
-def _nearest(difference: int, span: int) -> int:
-    """``difference`` modulo ``span``, between ``-span / 2`` (not included) and ``span / 2``."""
-    return (difference + (span - 1) // 2) % span - (span - 1) // 2

@@ -37,6 +37,7 @@ class PhalanxCounts:
     gaps : samples of which no frame arrived, by the counter
     drops : frames sent that are in no cycle, by the counter
     saturated, faults : samples with that status
+    unaligned : samples received while it was not certain which cycle they belong to
     last_ns : receive time of the last frame used, ns; 0 before the first
     """
 
@@ -46,6 +47,7 @@ class PhalanxCounts:
     drops: int = 0
     saturated: int = 0
     faults: int = 0
+    unaligned: int = 0
     last_ns: int = 0
 
 
@@ -57,12 +59,10 @@ class Counts:
     ----------
     frames : frames by kind; each frame given is in exactly one of them
     cycles, incomplete : cycles made, and those of them with a phalanx missing
-    withheld : cycles not handed out, since it was not sure yet where a cycle begins
     phalanges : totals of each phalanx
     """
 
     frames: list[int]
     cycles: int = 0
     incomplete: int = 0
-    withheld: int = 0
     phalanges: list[PhalanxCounts] = field(default_factory=list)

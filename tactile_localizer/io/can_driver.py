@@ -75,6 +75,11 @@ class LoadCellDriver:
         return self._assembler.counts
 
     @property
+    def aligned(self) -> list[bool]:
+        """For each phalanx whether it is certain which cycle its samples belong to."""
+        return self._assembler.aligned
+
+    @property
     def status(self) -> BusStatus:
         """State of the bus."""
         return self._reader.status

@@ -79,7 +79,6 @@ class DriverDiagnostics:
             "unreadable": status.unreadable,
             "cycles": self._driver.counts.cycles,
             "cycles_incomplete": self._driver.counts.incomplete,
-            "cycles_withheld": self._driver.counts.withheld,
             "queue_bytes": status.queue_used,
             "queue_limit_bytes": status.queue_limit,
             "queue_drops": status.queue_drops,
@@ -108,6 +107,9 @@ class DriverDiagnostics:
             level, message = DiagnosticStatus.WARN, "saturated"
         elif lost:
             level, message = DiagnosticStatus.WARN, f"{lost} frames lost"
+        elif own.unaligned > before.unaligned:
+            count = own.unaligned - before.unaligned
+            level, message = DiagnosticStatus.WARN, f"{count} samples not used: their cycle is not certain"
         values = {
             "rate_hz": f"{(own.samples - before.samples) / elapsed_s:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",
@@ -115,6 +117,7 @@ class DriverDiagnostics:
             "missing": own.missing,
             "gaps": own.gaps,
             "drops": own.drops,
+            "unaligned": own.unaligned,
             "saturated_samples": own.saturated,
             "saturated_gauges": " ".join(map(str, gauges)),
             "faults": own.faults,

@@ -24,7 +24,7 @@ class Listener:
         probe.until(lambda: self.diagnostics, "the driver")
 
     def listen(self, hand: Sender) -> None:
-        """Hear strain vectors from now on: ``hand`` sends until the first one arrives."""
+        """Receive strain vectors from now on: ``hand`` sends until the first whole one arrives."""
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
         from tactile_localizer.msg import StrainVectors
@@ -32,11 +32,11 @@ class Listener:
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.strains = self.probe.listen(StrainVectors, "strain", best_effort)
 
-        def heard() -> bool:
+        def whole() -> bool:
             hand.send(1)
-            return bool(self.strains)
+            return bool(self.strains) and not any(self.strains[-1].status)
 
-        self.probe.until(heard, "the driver's strain")
+        self.probe.until(whole, "the driver's strain, aligned")
         self.probe.until(lambda: self.numbers()[-1] == {hand.number - 1}, "the last of what was sent")
         self.strains.clear()
 

@@ -14,6 +14,9 @@ from tactile_localizer.resources import resource_path
 PERIOD_NS = 5_000_000
 """Period of the cycles, ns."""
 
+WARM_UP = 32
+"""Cycles after which load cells are aligned, and the order of their frames is known."""
+
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first cycle, ns."""
 
@@ -49,9 +52,9 @@ def cycle(protocol: LoadCellProtocol, number: int, stamp_ns: int | None = None) 
 
 
 def warm_up(assembler: CycleAssembler, protocol: LoadCellProtocol) -> CycleAssembler:
-    """Let it see the cycles before number 0, which it withholds; it counts from here."""
-    for n in (-2, -1):
-        assert assembler.feed(protocol.batch(cycle(protocol, n))) == []
+    """Let it align the load cells in the cycles before number 0; it counts from here."""
+    for n in range(-WARM_UP, 0):
+        assembler.feed(protocol.batch(cycle(protocol, n)))
     count_from_here(assembler)
     return assembler
 
@@ -60,8 +63,8 @@ def count_from_here(assembler: CycleAssembler) -> None:
     """Count frames from here, and let the next sample be number 0."""
     counts = assembler.counts
     counts.frames[:] = [0] * len(counts.frames)
-    counts.cycles = counts.incomplete = counts.withheld = 0
+    counts.cycles = counts.incomplete = 0
     for phalanx in counts.phalanges:
-        phalanx.samples = phalanx.missing = phalanx.gaps = phalanx.drops = 0
+        phalanx.samples = phalanx.missing = phalanx.gaps = phalanx.drops = phalanx.unaligned = 0
     for cell in assembler._cells:
         cell.sequence = -1
