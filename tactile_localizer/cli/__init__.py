@@ -21,6 +21,7 @@ COMMANDS: tuple[str, ...] = (
     "scan",
     "simulate",
     "replay",
+    "identify",
     "evaluate",
     "tradeoff",
     "tune",

@@ -1,0 +1,93 @@
+"""``tactile-localizer identify``: which of several scans a recording was felt on, or none of them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.recordings import (
+    add_configuration_arguments,
+    add_recording_arguments,
+    configuration_from_arguments,
+    odometry_of,
+    read_recordings,
+)
+from tactile_localizer.cli.seeds import add_seed_argument
+from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.core.assembly import build_identifier
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.errors import ParameterError, ScanError
+from tactile_localizer.evaluation.identify import identification_figure, identification_table, identify
+from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
+from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.scene import Scene
+
+NAME = "identify"
+HELP = "tell which of several scans a recording was felt on, or none of them"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command line."""
+    add_recording_arguments(parser)
+    parser.add_argument(
+        "--scan", action="append", required=True, metavar="SCAN", help="scan file of a candidate (repeatable)"
+    )
+    add_configuration_arguments(parser)
+    add_seed_argument(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("out/identify.png"),
+        metavar="PICTURE",
+        help="picture of the probabilities along the travel (default: out/identify.png)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, print the probabilities at the end of each sweep, and draw them along it."""
+    candidates = _candidates(args.scan)
+    scene = next(iter(candidates.values()))[1]
+    recording, true_positions = read_recordings(args, scene)
+    odometry = odometry_of(args, true_positions)
+    if odometry != RECORDED:
+        recording = with_odometry(recording, scene, np.random.default_rng([args.seed, 1]), odometry)
+    with progress_bars() as progress:
+        rng = np.random.default_rng(args.seed)
+        identifier = build_identifier(candidates, configuration_from_arguments(args), rng, progress)
+        sweeps = identify(identifier, scene, recording, progress)
+    for note in recording.notes:
+        print(f"note: {note}")
+    print_tables([identification_table(sweeps)])
+    title = f"which is it? {Path(args.recordings[0]).name}"
+    try:
+        args.output.parent.mkdir(parents=True, exist_ok=True)
+        identification_figure(sweeps, title).savefig(args.output, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ScanError(f"{args.output}: expected to write a picture, {error}") from None
+    print(f"{args.output}: the probabilities along the travel")
+    return 0
+
+
+def _candidates(paths: list[str]) -> dict[str, tuple[Scan, Scene]]:
+    """The scans with their scenes, by the scenes' names, or by the files' where those are alike."""
+    loaded = []
+    for path in paths:
+        with ScanStore.open(path) as store:
+            loaded.append((Path(path), store.load(), store.scene))
+    names = [scene.name for _, _, scene in loaded]
+    if len(set(names)) < len(names):
+        names = [path.stem for path, _, _ in loaded]
+    if len(set(names)) < len(names):
+        raise ParameterError(f"--scan: expected scans of different names, got {', '.join(names)}")
+    first = loaded[0][2]
+    for other, _, scene in loaded[1:]:
+        mine = (scene.axis_names, scene.phalanx_names, scene.layout.counts)
+        if mine != (first.axis_names, first.phalanx_names, first.layout.counts):
+            raise ParameterError(
+                f"{other}: expected the axes, phalanges and channels of {loaded[0][0]}, found others"
+            )
+    return {name: (scan, scene) for name, (_, scan, scene) in zip(names, loaded, strict=True)}
