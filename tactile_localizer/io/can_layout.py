@@ -26,6 +26,14 @@ GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(DEFAULT_CHANNELS))
 VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6}
 """Volts in one unit of a gauge signal, by the unit that the DBC states."""
 
+MAX_DBC_BITS = 8 * 1785
+"""Bits of the longest message in a DBC: J1939's transport protocol, beside the load cells' own frames."""
+
+_QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
+_SIGNAL_SIZE = re.compile(r"\bSG_\s+(\w{1,500})[^:|]{0,500}:\s*\+?(\d+)\s*\|\s*\+?(\d+)\s*@")
+_MESSAGE_SIZE = re.compile(r"\bBO_\s+\d+\s+(\w+)\s*:\s*\+?(\d+)")
+_VALUES = re.compile(r"(\d+)\s*-\s*(\d+)")
+
 PhalanxMessages: TypeAlias = tuple[tuple[Message, ...], ...]
 
 
@@ -97,14 +105,42 @@ def load_dbc(path: str | Path) -> Database:
         The file cannot be read or is not a DBC.
     """
     try:
-        database = cantools.database.load_file(str(path), database_format="dbc", prune_choices=False)
+        text = Path(path).read_text(encoding="cp1252", errors="replace")
+        _check_sizes(text)
+        database = cantools.database.load_string(text, database_format="dbc", prune_choices=False)
     except OSError as error:
         raise CanError(f"{path}: expected a DBC file, {error.strerror or error}") from error
+    except CanError as error:
+        raise CanError(f"{path}: {error}") from None
     except (cantools.Error, UnicodeError, ValueError, KeyError, TypeError) as error:
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise CanError(f"{path}: expected a DBC file, {reason}") from error
     assert isinstance(database, Database)
     return database
+
+
+def _check_sizes(text: str) -> None:
+    """Refuse sizes for which cantools would allocate gigabytes while it reads the file."""
+    text = _QUOTED.sub('""', text)
+    for name, start, bits in _SIGNAL_SIZE.findall(text):
+        if _exceeds(start, MAX_DBC_BITS) or _exceeds(bits, MAX_DBC_BITS):
+            raise CanError(
+                f"signal {name!r:.60}: expected at most {MAX_DBC_BITS} bits, got {bits:.12} at {start:.12}"
+            )
+    for name, size in _MESSAGE_SIZE.findall(text):
+        if _exceeds(size, MAX_DBC_BITS // 8):
+            raise CanError(
+                f"message {name!r:.60}: expected at most {MAX_DBC_BITS // 8} bytes, got {size:.12}"
+            )
+    for entry in text.split(";"):
+        for first, last in _VALUES.findall(entry) if "SG_MUL_VAL_" in entry else ():
+            if _exceeds(last, MAX_DBC_BITS):
+                raise CanError(f"multiplexed values {first:.12}-{last:.12}: expected at most {MAX_DBC_BITS}")
+
+
+def _exceeds(number: str, limit: int) -> bool:
+    digits = number.lstrip("+0")
+    return len(digits) > len(str(limit)) or int(digits or 0) > limit
 
 
 def phalanx_messages(
@@ -221,6 +257,8 @@ def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], cou
             raise CanError(
                 f"signal {gauge!r} of {where}: expected a unit of V, mV or uV, found {found[0].unit!r}"
             )
+        if found[0].length > 64:
+            raise CanError(f"signal {gauge!r} of {where}: expected at most 64 bits, found {found[0].length}")
         if not found[0].scale:
             raise CanError(f"signal {gauge!r} of {where}: expected a scale other than 0, found 0")
     counters = {signal.length for signal in signals if signal.name == counter}

@@ -28,6 +28,7 @@ from tactile_localizer.quantity import number
 from tactile_localizer.scene import Phalanx, Scene
 
 _RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
+_MAX_COLUMNS = 1024  # in a range, all of whose names are made
 
 
 @dataclass(frozen=True)
@@ -209,5 +210,9 @@ def _columns(quantity: str, value: Any) -> Columns:
     match = _RANGE.match(name.strip())
     if match is None:
         return Columns((name.strip(),), scale)
-    prefix, first, last = match.group(1), int(match.group(2)), int(match.group(3))
+    prefix, first, last = match.group(1), int(match.group(2)[:20]), int(match.group(3)[:20])
+    if last - first >= _MAX_COLUMNS or len(match.group(3)) > 20:
+        raise ScanError(
+            f"column naming {quantity!r}: expected at most {_MAX_COLUMNS} columns, got {value!r:.80}"
+        )
     return Columns(tuple(f"{prefix}{number}" for number in range(first, last + 1)), scale)

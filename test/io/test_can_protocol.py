@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -234,6 +235,50 @@ BAD_DATABASES = {
         "no multiplexed signals",
     ),
 }
+
+
+GAUGE_1 = "gauge_1 : 0|14@1-"
+IMPOSSIBLE_SIZES = {
+    "a signal of 4 Gbit": (
+        GAUGE_1,
+        "gauge_1 : 56|4294967295@1+",
+        "signal 'gauge_1': .* got 4294967295 at 56",
+    ),
+    "a signal far away": (GAUGE_1, "gauge_1 : 4294967295|14@1-", "signal 'gauge_1': .* got 14 at 4294967295"),
+    "5000 digits": (GAUGE_1, f"gauge_1 : 0|{'9' * 5000}@1-", "signal 'gauge_1': expected at most"),
+    "spaces between": (GAUGE_1, "gauge_1:\n 0 | +4294967295 @ 1-", "signal 'gauge_1': expected at most"),
+    "on one line": ("BO_ 258 index_a: 8 hand\n", "BO_ 258 index_a: 8 hand ", None),
+    "a message of 4 GB": ("index_a: 8 ", "index_a: 4294967295 ", "message 'index_a': expected at most"),
+    "as many multiplexed values": (
+        'VAL_TABLE_ nothing 0 "none" ;',
+        "SG_MUL_VAL_ 258 gauge_1 counter 0-4294967295;",
+        "multiplexed values 0-4294967295: expected at most",
+    ),
+    "80 bits": (
+        GAUGE_1,
+        "gauge_1 : 0|80@1-",
+        "DBC file|'gauge_1' of index_a, index_b: expected at most 64 bits, found 80",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE_SIZES)
+def test_sizes_are_checked_before_anything_is_allocated(tmp_path: Path, name: str) -> None:
+    old, new, reason = IMPOSSIBLE_SIZES[name]
+    text = CLASSIC.replace(old, new, 1) if old in CLASSIC else CLASSIC + new + "\n"
+    path = write(tmp_path / "large.dbc", text)
+    tracemalloc.start()
+    try:
+        if reason is None:
+            LoadCellProtocol.from_dbc(path, ["index"])
+        else:
+            with pytest.raises(CanError, match=reason) as refusal:
+                LoadCellProtocol.from_dbc(path, ["index"])
+            assert "\n" not in str(refusal.value)
+            assert len(str(refusal.value)) < 300
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize("name", BAD_DATABASES)

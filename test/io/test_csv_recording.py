@@ -234,6 +234,8 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, content, me
         (["x=a*b"], "expected a number after"),
         (["thumb=g1..8"], "'thumb': expected one of stamp_s, sweep, x, index"),
         (["index=g1..7"], "'index': expected 8 columns, got 7"),
+        (["index=g1..99999999999"], "'index': expected at most 1024 columns, got 'g1..99999999999'"),
+        ([f"index=g1..{'9' * 5000}"], "'index': expected at most 1024 columns"),
         (["x=a,b"], "'x': expected 1 columns, got 2"),
     ],
 )
