@@ -21,9 +21,18 @@ configures and refused, with the reason, while it is configured. A value of the 
 range is refused too, and a name that the node does not have is ignored with a warning. A list of strings
 without entries is `"['']"` on the command line, which cannot give `[]` a type.
 
+[essentials.md](essentials.md) has the five values that matter. Of the parameters below, those marked
+**essential** have to fit your robot; all others are advanced, and their defaults serve.
+
 The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them. What a
 scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
 [concepts](concepts.md#what-a-scene-says)."""
+
+ESSENTIAL = {
+    "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",
+    "material_frame", "reference_frame", "material_pose", "convergence_std", "convergence_yaw_std",
+}  # fmt: skip
+"""Parameters that no default can know: wiring, files, frames, and how precise a position has to be."""
 
 NODES = {
     DriverNode: "Load cells on a CAN bus to `strain` ([can.md](can.md)).",
@@ -64,9 +73,10 @@ def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
     """One table."""
     lines = [f"## {heading}", "", purpose, "", "| parameter | default | allowed | |", "|---|---|---|---|"]
     for parameter in parameters:
+        essential = " **Essential.**" if parameter.name in ESSENTIAL else ""
         live = " *Live.*" if parameter.live else ""
         unit = f" [{parameter.unit}]" if parameter.unit else ""
-        text = f"{parameter.description.rstrip('.?')}{unit}.{live}".replace("|", "\\|")
+        text = f"{parameter.description.rstrip('.?')}{unit}.{essential}{live}".replace("|", "\\|")
         lines.append(f"| `{parameter.name}` | {shown(parameter.default)} | {allowed(parameter)} | {text} |")
     return "\n".join(lines)
 

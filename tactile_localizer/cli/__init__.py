@@ -31,6 +31,15 @@ COMMANDS: tuple[str, ...] = (
 )
 """Modules of the subcommands, in the order of the help text."""
 
+_EPILOG = """\
+Five values matter on a new hand and material; the rest has defaults or is chosen from the scan:
+  bounds of each axis (scene)         the ends of where the palm will be, and 2 to 5 mm more
+  distance of the scanned lines       half the smallest detail that is felt
+  motion_std of each axis (scene)     slip in the fingers after a slide, over the root of its metres
+  convergence_std (filter)            the position error that the task bears, one sigma
+  offset of each phalanx (scene)      from the palm to the fingertip, by the hand's drawing
+docs/essentials.md says how to measure each and what happens when it is wrong."""
+
 _COMPLETING = "_ARGCOMPLETE"
 """Set by a shell that asks what may come next on a command line."""
 
@@ -76,6 +85,8 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="tactile-localizer",
         description="Where a robot hand is on a piece of flexible material, by touch alone.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)

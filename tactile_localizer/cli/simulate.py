@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import ScanError
+from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES
 from tactile_localizer.io.csv_columns import channel_names
+from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Scene
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
 from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, SimulatedScan, simulate_scan
@@ -29,21 +34,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--train", type=int, default=TRAINING_SWEEPS, metavar="N", help="training sweeps")
     parser.add_argument("--test", type=int, default=TEST_SWEEPS, metavar="N", help="test sweeps")
     parser.add_argument(
+        "--channels",
+        type=int,
+        nargs=2,
+        default=(),
+        metavar="N",
+        help="channels of the two phalanges' sensors, in place of load cells with 8; writes scene.yaml too",
+    )
+    parser.add_argument(
         "--never-reach", action="store_true", help="let the test sweeps end before they come to the feature"
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; the training has the arm's positions, the test the true ones."""
-    train = simulate_scan(args.feature, args.seed, "train", sweeps=args.train)
+    channels = tuple(args.channels)
+    train = simulate_scan(args.feature, args.seed, "train", sweeps=args.train, channels=channels)
     test = simulate_scan(
-        args.feature, args.seed, "test", sweeps=args.test, reach_feature=not args.never_reach
+        args.feature,
+        args.seed,
+        "test",
+        sweeps=args.test,
+        reach_feature=not args.never_reach,
+        channels=channels,
     )
     for name, scan, position in (("train", train, train.odometry), ("test", test, test.truth)):
         path = args.output / f"{name}.csv"
         write_csv(path, scan, position)
         print(f"{path}: {len(scan.contact)} sweeps, {len(scan)} samples")
+    if channels:
+        path = args.output / "scene.yaml"
+        save_scene(_scene(args.feature, channels), path)
+        print(f"{path}: the scene, with {channels[0]} and {channels[1]} channels")
     return 0
+
+
+def _scene(feature: str, channels: tuple[int, ...]) -> Scene:
+    """The shipped scene of a feature, or of a bump, for other sensors: what depends on them is left open."""
+    name = feature if feature in SIMULATED_FEATURES else SIMULATED_FEATURES[0]
+    shipped = load_scene(resource_path(f"config/scenes/{name}.yaml"))
+    phalanges = tuple(
+        replace(phalanx, channels=count) for phalanx, count in zip(shipped.phalanges, channels, strict=True)
+    )
+    return replace(shipped, name=feature, phalanges=phalanges, measurement={})
 
 
 def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:

@@ -101,7 +101,7 @@ def recording_of(scan: SimulatedScan) -> Recording:
         )
         for part in scan.slices()
     )
-    return Recording(f"simulated {scan.feature}", AXES, PHALANGES, sweeps)
+    return Recording(f"simulated {scan.feature}", AXES, PHALANGES, sweeps, channels=scan.channels)
 
 
 @dataclass(frozen=True, eq=False)

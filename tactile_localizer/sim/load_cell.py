@@ -1,7 +1,8 @@
-"""A phalanx load cell: contact wrench to eight strain voltages (paper, Sec. II-A).
+"""A phalanx load cell: contact wrench to eight strain voltages (paper, Sec. II-A), or another sensor.
 
 Four bars carry the cap; each has two pairs of strain gauges, one for bending out of the cap's plane
 and one for bending along its rim. Strain is affine in the wrench, with full rank, and never calibrated.
+A sensor with another number of channels is affine in the wrench too, each channel in a direction of its own.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
+from tactile_localizer.channels import DEFAULT_CHANNELS
 
 _BAR_ANGLES_RAD = np.radians([15.0, 100.0, 200.0, 290.0])
 _BAR_RADIUS_M = 6.0e-3
@@ -29,19 +32,19 @@ _DRIFT_PERIODS_S = (130.0, 410.0, 1300.0)
 
 @dataclass(frozen=True)
 class LoadCell:
-    """One load cell.
+    """One load cell, or another sensor of c channels.
 
     Parameters
     ----------
-    gain : (8, 6) V per N and V per N m, of the wrench (Fx, Fy, Fz, Mx, My, Mz) at the cell's centre
-    bias : (8,) V, unloaded
+    gain : (c, 6) V per N and V per N m, of the wrench (Fx, Fy, Fz, Mx, My, Mz) at the cell's centre
+    bias : (c,) V, unloaded
     """
 
     gain: np.ndarray
     bias: np.ndarray
 
     def strain(self, wrench: np.ndarray) -> np.ndarray:
-        """Voltages (n, 8) without noise, of ``wrench`` (n, 6)."""
+        """Voltages (n, c) without noise, of ``wrench`` (n, 6)."""
         return np.asarray(wrench @ self.gain.T + self.bias)
 
 
@@ -59,6 +62,18 @@ def load_cell(serial: int) -> LoadCell:
     gain[1::2] = _ALONG_RIM_V_PER_N * (along_rim + _CROSSTALK * out_of_plane)
     gain *= 1 + _TOLERANCE * rng.standard_normal(gain.shape)
     return LoadCell(gain, rng.uniform(-_BIAS_V, _BIAS_V, 8))
+
+
+def sensor(serial: int, channels: int) -> LoadCell:
+    """A sensor with so many channels: the load cell of this serial number where it has as many as that."""
+    if channels == DEFAULT_CHANNELS:
+        return load_cell(serial)
+    rng = np.random.default_rng([serial, channels])
+    direction = rng.standard_normal((channels, 6))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    lever = 1 / (2 * _BAR_RADIUS_M)
+    gain = _OUT_OF_PLANE_V_PER_N * direction * [0.5, 0.5, 0.5, lever, lever, lever]
+    return LoadCell(gain, rng.uniform(-_BIAS_V, _BIAS_V, channels))
 
 
 def drift(rng: np.random.Generator, time_s: np.ndarray, gauges: int) -> np.ndarray:

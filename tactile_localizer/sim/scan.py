@@ -37,10 +37,11 @@ class SimulatedScan:
     stamp_ns : (N,) int64
     truth : (N, 2) m, palm relative to the material
     odometry : (N, 2) m, palm as the arm reports it
-    strain : (N, 16) V
+    strain : (N, C) V
     sweep : (N,) number of each sample's sweep
     contact, feature_end : (S,) sample, counted from the scan's start, at which the sweep's first pad
         comes to feel the feature and the last one ceases to; -1 where none does
+    channels : of the two phalanges' sensors; empty: the default for each
     """
 
     feature: str
@@ -51,6 +52,7 @@ class SimulatedScan:
     sweep: np.ndarray
     contact: np.ndarray
     feature_end: np.ndarray
+    channels: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -58,11 +60,11 @@ class SimulatedScan:
     @property
     def layout(self) -> ChannelLayout:
         """The strain's channels by phalanx."""
-        return ChannelLayout.default(self.strain.shape[1])
+        return ChannelLayout.of(self.channels, len(PHALANGES))
 
     def to_scan(self) -> Scan:
         """The training pairs: each strain with the position that the arm reported for it."""
-        return Scan(self.odometry, self.strain, self.sweep, AXES, PHALANGES)
+        return Scan(self.odometry, self.strain, self.sweep, AXES, PHALANGES, self.channels)
 
     def slices(self) -> list[slice]:
         """Where each sweep lies in the arrays."""
@@ -100,6 +102,7 @@ def simulate_scan(
     reach_feature: bool = True,
     speed: float = SPEED_MPS,
     rate: float = RATE_HZ,
+    channels: tuple[int, ...] = (),
 ) -> SimulatedScan:
     """Simulate a session.
 
@@ -112,6 +115,7 @@ def simulate_scan(
     reach_feature : False lets every sweep end on the featureless stretch before the feature
     speed : m/s
     rate : samples per second
+    channels : of the two phalanges' sensors; empty: the load cells' 8 each
 
     Raises
     ------
@@ -125,12 +129,14 @@ def simulate_scan(
     for number in range(count):
         start, end = sweep_plan(kind, number, seed) if reach_feature else blank_plan(number, seed)
         recorded.append(
-            simulate_sweep(feature, seed, number, kind, start=start, end=end, speed=speed, rate=rate)
+            simulate_sweep(
+                feature, seed, number, kind, start=start, end=end, speed=speed, rate=rate, channels=channels
+            )
         )
-    return _join(feature, recorded)
+    return _join(feature, recorded, channels)
 
 
-def _join(feature: str, sweeps: list[SimulatedSweep]) -> SimulatedScan:
+def _join(feature: str, sweeps: list[SimulatedSweep], channels: tuple[int, ...]) -> SimulatedScan:
     lengths = [len(sweep.stamp_ns) for sweep in sweeps]
     before = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     contact = np.array([sweep.contact for sweep in sweeps])
@@ -144,4 +150,5 @@ def _join(feature: str, sweeps: list[SimulatedSweep]) -> SimulatedScan:
         sweep=np.repeat([sweep.number for sweep in sweeps], lengths),
         contact=np.where(contact < 0, -1, contact + before),
         feature_end=np.where(feature_end < 0, -1, feature_end + before),
+        channels=channels,
     )

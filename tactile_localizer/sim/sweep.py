@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import MOST_CHANNELS
 from tactile_localizer.sim.deformation import deformation, mode_of_sweep
 from tactile_localizer.sim.hand import Sliding, feel
-from tactile_localizer.sim.load_cell import NOISE_V, drift, load_cell
+from tactile_localizer.sim.load_cell import NOISE_V, LoadCell, drift, load_cell, sensor
 from tactile_localizer.sim.material import FEATURES
 from tactile_localizer.sim.motion import FIXTURED, HANGING, sweep_motion
 from tactile_localizer.sim.noise import child
@@ -26,7 +28,8 @@ RATE_HZ = 100.0
 KINDS = ("train", "test")
 """Training: fixtured material, odometry from a known origin. Test: hanging material, unknown origin."""
 
-CELLS = tuple(load_cell(serial) for serial in (101, 102))
+_SERIALS = (101, 102)
+CELLS = tuple(load_cell(serial) for serial in _SERIALS)
 """The load cells of :data:`~tactile_localizer.sim.hand.PHALANGES`."""
 
 _FELT_V = 40e-3
@@ -49,7 +52,7 @@ class SimulatedSweep:
     truth : (n, 2) m, palm relative to the material, x and y
     odometry : (n, 2) m, palm as the arm reports it: wrong by the material's motion, for a test sweep
         also by a constant that nobody knows
-    strain : (n, 16) V, index then middle
+    strain : (n, C) V, index then middle
     contact, feature_end : first and last sample at which a pad feels the feature above noise; -1: none
     """
 
@@ -72,6 +75,7 @@ def simulate_sweep(
     end: tuple[float, float] | None = None,
     speed: float = SPEED_MPS,
     rate: float = RATE_HZ,
+    channels: tuple[int, ...] = (),
 ) -> SimulatedSweep:
     """Simulate one sweep; the same arguments give the same recording, whatever was simulated before.
 
@@ -83,6 +87,7 @@ def simulate_sweep(
     start, end : m, where the palm is meant to go; without ``end`` straight along x to the square's far side
     speed : m/s
     rate : samples per second
+    channels : of the two phalanges' sensors; empty: those of :data:`CELLS`
 
     Raises
     ------
@@ -104,18 +109,35 @@ def simulate_sweep(
     wrench, departure = feel(feature, sliding, lie, rng)
 
     begin_s = number * (SIDE_M / speed + _PAUSE_S)
-    strain = np.hstack([cell.strain(wrench[:, f]) for f, cell in enumerate(CELLS)])
+    cells = sensors(channels)
+    strain = np.hstack([cell.strain(wrench[:, f]) for f, cell in enumerate(cells)])
     strain += drift(child(seed, *session, _DRIFT), begin_s + motion.time, strain.shape[1])
     strain += NOISE_V * rng.standard_normal(strain.shape)
 
-    signal = np.stack([departure[:, f] @ cell.gain.T for f, cell in enumerate(CELLS)])
-    felt = np.flatnonzero(np.max(np.abs(signal), axis=(0, 2)) > _FELT_V)
+    signal = [np.abs(departure[:, f] @ cell.gain.T).max(axis=1) for f, cell in enumerate(cells)]
+    felt = np.flatnonzero(np.max(signal, axis=0) > _FELT_V)
     contact, feature_end = (int(felt[0]), int(felt[-1])) if len(felt) else (-1, -1)
     unknown = rng.uniform(-_UNKNOWN_ORIGIN_M, _UNKNOWN_ORIGIN_M, 2) if kind == "test" else np.zeros(2)
     stamp_ns = _FIRST_STAMP_NS + np.round((begin_s + motion.time) * 1e9).astype(np.int64)
     return SimulatedSweep(
         number, stamp_ns, motion.truth, motion.odometry + unknown, strain, contact, feature_end
     )
+
+
+def sensors(channels: tuple[int, ...]) -> tuple[LoadCell, ...]:
+    """The sensors of the two phalanges, with so many channels; empty: the load cells.
+
+    Raises
+    ------
+    ParameterError
+        Other than two numbers, or a number that no sensor has.
+    """
+    if channels and (len(channels) != len(_SERIALS) or not all(1 <= n <= MOST_CHANNELS for n in channels)):
+        raise ParameterError(
+            f"channels: expected {len(_SERIALS)} numbers of 1 to {MOST_CHANNELS}, got {list(channels)}"
+        )
+    counts = channels or (DEFAULT_CHANNELS,) * len(_SERIALS)
+    return tuple(sensor(serial, count) for serial, count in zip(_SERIALS, counts, strict=True))
 
 
 def _require(feature: str, kind: str, speed: float, rate: float) -> None:

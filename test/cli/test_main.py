@@ -111,3 +111,11 @@ def test_a_seed_that_is_none_is_refused(command, seed, capsys: pytest.CaptureFix
         cli.main([*command, "--seed", seed])
     refusal = f"error: argument --seed: expected a whole number from 0 on, got {seed}\n"
     assert capsys.readouterr().err.endswith(refusal)
+
+
+def test_the_help_ends_with_the_values_that_matter(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["--help"])
+    text = capsys.readouterr().out
+    for value in ("bounds", "motion_std", "convergence_std", "offset", "docs/essentials.md"):
+        assert value in text.split("Five values matter")[1]

@@ -1,10 +1,13 @@
 """``tactile-localizer simulate``: recordings that the other commands read."""
 
+import json
+
 import numpy as np
 import pytest
 
 from tactile_localizer import cli
 from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
@@ -67,3 +70,19 @@ def test_the_shipped_scenes_hold_every_sweep_and_every_touch():
                         [scan.truth[[contact, end]] + phalanx.offset for phalanx in scene.phalanges]
                     )
                     assert np.all(np.any(scene.feature.contains(felt).reshape(-1, 2), axis=0))
+
+
+def test_other_sensors_are_simulated_imported_and_localized_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["simulate", "bump", "-o", "own", "--channels", "19", "6", "--test", "1"]) == 0
+    assert cli.main(["import", "csv", "own/train.csv", "--scene", "own/scene.yaml", "-o", "own.db"]) == 0
+    with ScanStore.open("own.db") as store:
+        assert store.scene.layout.counts == (19, 6)
+    arguments = "own/test.csv --scan own.db --config fast --seed 1 --json own.json"
+    assert cli.main(["replay", *arguments.split()]) == 0
+    summary = json.loads((tmp_path / "own.json").read_text())["summary"]
+    assert summary["converged_sweeps"] == 1
+    assert summary["error_converged_m"]["median"] < 0.005
+    capsys.readouterr()
+    assert cli.main(["simulate", "bump", "--channels", "0", "6"]) == 2
+    assert "channels: expected 2 numbers of 1 to 4096, got [0, 6]" in capsys.readouterr().err
