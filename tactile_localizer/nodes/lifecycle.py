@@ -15,6 +15,7 @@ import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import (
     Executor,
     ExternalShutdownException,
@@ -33,6 +34,7 @@ from tactile_localizer.nodes.background import in_background
 from tactile_localizer.nodes.parameters import Parameter, Parameters
 from tactile_localizer.nodes.rclpy_internals import withdraw_lifecycle_services
 
+_WAKE_PERIOD_S = 0.5
 _AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false leaves that to a lifecycle manager"
 )
@@ -225,6 +227,8 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         node = _made(make)
         with _executor(node) as executor:
             executor.add_node(node)
+            # rclpy wakes its executor for a signal before it shuts down: one that waits again would wait on.
+            node.create_timer(_WAKE_PERIOD_S, _look_around, clock=Clock(clock_type=ClockType.STEADY_TIME))
             spinning.set()
             if node.parameters["autostart"] and not _started(node, executor):
                 return REFUSED
@@ -255,6 +259,10 @@ def _made(make: Callable[[], ManagedNode]) -> ManagedNode:
         raise
     except Exception as error:  # rclpy's own, of parameters that it cannot take
         raise ParameterError(boundary.in_one_line(error)) from None
+
+
+def _look_around() -> None:
+    """Nothing: after each callback the executor sees whether rclpy is down."""
 
 
 def _started(node: ManagedNode, executor: Executor) -> bool:

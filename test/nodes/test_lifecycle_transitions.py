@@ -271,6 +271,26 @@ def test_any_other_failure_of_the_end_is_not_hidden():
     assert error.endswith("RuntimeError: something else\n")
 
 
+SHUT_DOWN = """
+import sys, threading
+import rclpy
+from tactile_localizer.nodes.lifecycle import ManagedNode, run
+
+class Idle(ManagedNode):
+    def activate(self):
+        threading.Timer(1.0, self.context.handle.shutdown).start()
+
+sys.exit(run(lambda: Idle("idle")))
+"""
+"""A node whose executor waits while a signal's second half, the shutdown, is carried out."""
+
+
+def test_a_node_without_work_ends_with_its_context():
+    command = [sys.executable, "-c", SHUT_DOWN]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 INTERRUPTED = """
 import os, signal, sys, time
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
