@@ -22,6 +22,7 @@ COMMANDS: tuple[str, ...] = (
     "simulate",
     "replay",
     "identify",
+    "view",
     "evaluate",
     "tradeoff",
     "tune",

@@ -1,0 +1,53 @@
+"""`view` writes a replay for the Rerun viewer."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tactile_localizer.cli import main
+from tactile_localizer.cli.simulate import write_csv
+from tactile_localizer.evaluation import view
+from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.scan_import import import_recording
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.scan import simulate_scan
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("view")
+    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+    train, test = simulate_scan("bump", 1, "train"), simulate_scan("bump", 1, "test", sweeps=1)
+    write_csv(folder / "train.csv", train, train.odometry)
+    write_csv(folder / "test.csv", test, test.truth)
+    import_recording(read_csv(folder / "train.csv", scene), scene, folder / "scan.db", what="test", detail={})
+    return folder
+
+
+def test_a_view_is_saved_with_belief_truth_strains_and_reason(folder, monkeypatch, capsys):
+    pytest.importorskip("rerun")
+    monkeypatch.chdir(folder)
+    assert main(["view", "test.csv", "--scan", "scan.db", "--config", "fast", "--save", "a/b.rrd"]) == 0
+    assert "1 sweeps, " in capsys.readouterr().out
+    listed = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "print", "a/b.rrd"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    entities = listed.stdout + listed.stderr
+    for entity in ("material/map", "material/belief", "material/truth", "strain/index/felt", "reason/now"):
+        assert f"/{entity}" in entities
+
+
+def test_a_viewer_that_is_not_installed_is_named_in_one_line(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["view", "test.csv", "--scan", "scan.db", "--save", "a.rrd"]) == 2
+    assert capsys.readouterr().err == (
+        "error: rerun-sdk: expected it for a view, found none; pip install rerun-sdk\n"
+    )
+    assert view.MM == 1e3
