@@ -238,13 +238,23 @@ class FilterNode(ManagedNode):
             if self._made is not active:
                 response.result, response.message = response.NOT_ACTIVE, "the node was deactivated meanwhile"
                 return
-            self._use(loaded)
+            self._change_to(loaded)
         except TactileLocalizerError as error:
             response.result, response.message = response.NOT_USABLE, str(error)
             return
-        self._begin()
-        self._map.publish(loaded.scan, self._tracker.localizer.scene)
         response.result, response.message = response.SUCCESS, f"{found}: {len(loaded.scan)} pairs"
+
+    def _change_to(self, loaded: LoadedMap) -> None:
+        """Begin anew on another map; whatever fails, the old one is back."""
+        before = self._loaded
+        try:
+            self._use(loaded)
+            self._begin()
+            self._map.publish(loaded.scan, self._tracker.localizer.scene)
+        except Exception:
+            self._use(before)
+            self._begin()
+            raise
 
     def _watch(self) -> None:
         """Tell when a position has become old, and when it is new again."""

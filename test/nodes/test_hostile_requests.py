@@ -13,6 +13,7 @@ from support.old_scans import make_old
 from support.sweeps import SlidingHand, scene_of, unseen_sweep, write_scan
 
 from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
@@ -134,6 +135,36 @@ def test_no_value_of_a_parameter_ends_the_filter(node_process, probe, tmp_path):
             assert result.reason
     node.slide(20)
     assert process.stop() == 0
+
+
+STARTS = {
+    "truncated scan": ("filter_node", "scan_file", "truncated.db", "scan repair"),
+    "huge strain": ("filter_node", "scan_file", "huge_strain0.db", "strain: expected finite values"),
+    "long path": ("filter_node", "scan_file", "x" * 5000, "File name too long"),
+    "damaged scan to go on with": ("mapping_node", "scan_file", "changed0.db", "expected arrays of"),
+    "alias bomb": ("mapping_node", "scene_file", "bomb.yaml", "expected YAML, at most 20000 values"),
+    "deep scene": ("mapping_node", "scene_file", "deep.yaml", "expected YAML, at most 16 levels"),
+    "text for a number": ("mapping_node", "scene_file", "text.yaml", "expected a finite number, got 'wide'"),
+}
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_what_a_node_reads_at_start_is_refused_in_one_line(refusal, tmp_path, name):
+    node, parameter, file, reason = STARTS[name]
+    scan, folder = tmp_path / "bump.db", tmp_path / "maps"
+    folder.mkdir()
+    write_scan(scan)
+    hostile_files(folder, scan)
+    save_scene(scene_of(), folder / "scene.yaml")
+    scene = (folder / "scene.yaml").read_text()
+    (folder / "text.yaml").write_text(scene.replace("motion_std: 0.0035", "motion_std: wide"))
+    (folder / "deep.yaml").write_text("[" * 20_000)
+    lines = [f"l{n}: &l{n} [{f'*l{n - 1}, ' * 9}]" for n in range(1, 20)]
+    (folder / "bomb.yaml").write_text("\n".join(["l0: &l0 [x]", *lines]))
+    given = {"scene_file": folder / "scene.yaml", "scan_file": scan} if node == "mapping_node" else {}
+    (line,) = refusal(node, {**given, parameter: folder / file})
+    assert reason in line
+    assert "unexpected" not in line
 
 
 def fail(*arguments):
