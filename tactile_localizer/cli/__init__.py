@@ -2,7 +2,7 @@
 
 A subcommand's module has ``NAME``, ``HELP``, ``add_arguments(parser)`` and ``run(args) -> int``; its name is
 ``NAME`` as an identifier (``import`` is in ``import_.py``), and :data:`COMMANDS` lists it. ``args`` holds the
-whole command line too, as ``command_line``.
+whole command line too, as ``command_line``. ``RESUMES = True``: an interrupted run goes on when run again.
 """
 
 from __future__ import annotations
@@ -57,8 +57,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     if _COMPLETING in os.environ:
         _complete()
+    args = argparse.Namespace(command_line=arguments, resumes=False)
     try:
-        args = _parser(arguments).parse_args(arguments, argparse.Namespace(command_line=arguments))
+        args = _parser(arguments).parse_args(arguments, args)
         status: int = args.run(args)
         sys.stdout.flush()
         return status
@@ -66,6 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        if args.resumes:
+            print("interrupted: what is done is kept, run again to go on", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The interpreter flushes once more at exit: into nothing.
@@ -96,7 +99,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         command = importlib.import_module(f"{__name__}.{module}")
         subparser = subparsers.add_parser(command.NAME, help=command.HELP, description=command.HELP)
         command.add_arguments(subparser)
-        subparser.set_defaults(run=command.run)
+        subparser.set_defaults(run=command.run, resumes=getattr(command, "RESUMES", False))
     return parser
 
 

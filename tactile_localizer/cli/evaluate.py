@@ -28,6 +28,7 @@ from tactile_localizer.io.configuration_file import load_configuration
 
 NAME = "evaluate"
 HELP = "measure accuracy, convergence and calibration of all models and filters"
+RESUMES = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

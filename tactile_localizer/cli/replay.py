@@ -64,6 +64,9 @@ def run(args: argparse.Namespace) -> int:
         tracks = replay(localizer, recording, progress)
     document = replay_document(scene, configuration, recording, tracks, odometry=odometry, seed=args.seed)
     _print(document)
+    for track in tracks:
+        if len(track) and not track.converged.any():
+            print(f"sweep {track.number} did not converge; at its end: {track.reason[-1]}")
     if args.json is not None:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {len(document['updates'])} updates")

@@ -38,6 +38,7 @@ from tactile_localizer.evaluation.tradeoff_report import (
 
 NAME = "tradeoff"
 HELP = "measure accuracy against cost of many configurations, and choose one"
+RESUMES = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
