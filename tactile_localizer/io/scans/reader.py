@@ -180,13 +180,16 @@ class ScanReader:
             sweeps = {info.number: info for info in self.sweeps()}
             wanted = {number for number, info in sweeps.items() if of_dropped or not info.dropped}
             found = dict.fromkeys(wanted, 0)
-            reason = None
+            last, reason = -1, None
             try:
                 for row in self._db.execute(f"SELECT {self._columns} FROM batch ORDER BY id"):
                     if row[1] not in sweeps:
                         raise ValueError(f"expected pairs of a known sweep, found some of {row[1]!r:.20}")
                     if row[1] in wanted:
                         batch = self._batch(row)
+                        if batch.id <= last:  # SQLite believes that the pages of its tree are in order
+                            raise ValueError(f"expected parts in order, found {batch.id} after {last}")
+                        last = batch.id
                         found[batch.sweep] += 1
                         yield batch
             except (*scan_file.SQLITE_ERRORS, ValueError) as error:

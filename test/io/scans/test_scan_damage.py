@@ -74,6 +74,22 @@ def test_no_flipped_byte_loads_a_different_map(path, tmp_path):
     assert not any("\n" in message for message in messages)
 
 
+def test_exchanged_pages_do_not_load_as_another_order_of_pairs(path, tmp_path):
+    whole, digest = path.read_bytes(), digest_of(loaded(path), SCENE)
+    pages = [whole[start : start + 4096] for start in range(0, len(whole), 4096)]
+    rng, exchanged, refused = random.Random(4), tmp_path / "exchanged.db", 0
+    for _ in range(100):
+        one, other = rng.sample(range(len(pages)), 2)
+        changed = list(pages)
+        changed[one], changed[other] = pages[other], pages[one]
+        exchanged.write_bytes(b"".join(changed))
+        try:
+            assert digest_of(loaded(exchanged), SCENE) == digest
+        except ScanError:
+            refused += 1
+    assert refused > 80
+
+
 def test_a_repaired_file_holds_only_pairs_that_were_recorded(path, tmp_path):
     whole, recorded = path.read_bytes(), pairs_of(loaded(path))
     rng, kept = random.Random(3), []
