@@ -19,6 +19,7 @@ from tactile_localizer.evaluation.tuning import (
     tuning_figure,
     tuning_table,
 )
+from tactile_localizer.io.completed_scene import completed_scene
 from tactile_localizer.io.scene_file import save_scene
 
 NAME = "tune"
@@ -32,15 +33,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         type=Path,
-        required=True,
         metavar="SCENE",
-        help="scene to write, a picture beside it",
+        help="scene to write, a picture beside it (default: choose for the filter, kept in the scan)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search, show the curve, write the scene and the picture."""
+    """Search, show the curve, write scene and picture; or choose, and keep the choice in the scan file."""
     scan, scene = scan_from_arguments(args)
+    if args.output is None:
+        with progress_bars() as progress:
+            completed_scene(Path(args.scan), scan, scene, progress)
+        print(f"{args.scan}: chosen, for the filter's next start")
+        return 0
     with progress_bars() as progress:
         trials = search(scan, scene, progress)
         by_neighbours = search_neighbours(scan, scene, progress)
