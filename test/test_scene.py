@@ -187,6 +187,12 @@ def test_parameters_of_the_model_that_cannot_be_used_are_refused_when_the_scene_
         load_scene(path)
 
 
+def test_widths_of_strain_in_counts_may_be_large() -> None:
+    assert scene_from_dict({**GOOD, "measurement": {"strain_std": "25e3"}}).measurement == {
+        "strain_std": 25e3
+    }
+
+
 def test_a_region_without_a_limit_on_an_axis_contains_all_of_it() -> None:
     region = scene_from_dict(GOOD).feature
     assert region is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import reprlib
 import sys
 import time
@@ -41,6 +40,9 @@ DEFAULTS: dict[str, Any] = {
     "phalanges": [],
 }
 """The driver's parameters of the same names, where nothing else is said; no phalanges: those of the DBC."""
+
+_TIMEOUT_S = 0.0005, 1.0
+"""Range of ``cycle_timeout_s``, as the driver node has it."""
 
 _WAIT_S = 0.1
 _PIPE_WIDTH = 120
@@ -122,7 +124,8 @@ def _kind_missed(name: str, value: Any) -> str:
         return "" if fits else "a list of texts"
     if isinstance(default, float):
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return "" if is_number and 0 < value < math.inf else "a number above 0"
+        least, most = _TIMEOUT_S
+        return "" if is_number and least <= value <= most else f"a number from {least:g} to {most:g}"
     return "" if default is None or isinstance(value, str) else "a text"
 
 

@@ -154,8 +154,11 @@ def _names(values: list[Any], what: str) -> list[str]:
     return names
 
 
-def _number(value: Any, what: str, *, finite: bool = True) -> float:
-    limit = LARGEST_POSITION if finite else math.inf
+def _position(value: Any, what: str) -> float:
+    return _number(value, what, limit=LARGEST_POSITION)
+
+
+def _number(value: Any, what: str, *, limit: float = math.inf, finite: bool = True) -> float:
     try:
         return number(value, what, lower=-limit, upper=limit, finite=finite)
     except ParameterError as error:
@@ -165,7 +168,9 @@ def _number(value: Any, what: str, *, finite: bool = True) -> float:
 def _interval(value: Any, what: str, *, finite: bool = True) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise SceneError(f"{what}: expected [lower, upper], got {reprlib.repr(value)}")
-    return _number(value[0], what, finite=finite), _number(value[1], what, finite=finite)
+    limit = LARGEST_POSITION if finite else math.inf
+    lower, upper = (_number(each, what, limit=limit, finite=finite) for each in value)
+    return lower, upper
 
 
 def _measurement(values: Mapping[Any, Any]) -> dict[str, Any]:
@@ -192,7 +197,7 @@ def _axis(name: Any, value: Any) -> Axis:
         if key not in ("bounds", "motion_std"):
             raise SceneError(f"axis {name}: expected bounds and motion_std, got {key!r}")
     lower, upper = _interval(entry.get("bounds"), f"axis {name} bounds")
-    motion_std = _number(entry.get("motion_std", DEFAULT_MOTION_STD), f"axis {name} motion_std")
+    motion_std = _position(entry.get("motion_std", DEFAULT_MOTION_STD), f"axis {name} motion_std")
     return Axis(str(name), lower, upper, motion_std)
 
 
@@ -210,7 +215,7 @@ def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
         channels = whole_number(entry.get("channels", DEFAULT_CHANNELS), what, lower=1, upper=MOST_CHANNELS)
     except ParameterError as error:
         raise SceneError(str(error)) from None
-    places = tuple(_number(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
+    places = tuple(_position(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
     return Phalanx(name, places, channels)
 
 

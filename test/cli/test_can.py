@@ -205,8 +205,9 @@ def test_the_drivers_own_parameters_say_what_to_look_for(
         ("messages.index: 7", "messages.index: expected a list of texts, got 7"),
         ("dbc: 5", "dbc: expected a text, got 5"),
         ("counter_signal: [a]", r"counter_signal: expected a text, got ['a']"),
-        ("cycle_timeout_s: soon", "cycle_timeout_s: expected a number above 0, got 'soon'"),
-        ("cycle_timeout_s: 0", "cycle_timeout_s: expected a number above 0, got 0"),
+        ("cycle_timeout_s: soon", "cycle_timeout_s: expected a number from 0.0005 to 1, got 'soon'"),
+        ("cycle_timeout_s: 0", "cycle_timeout_s: expected a number from 0.0005 to 1, got 0"),
+        ("cycle_timeout_s: 1e300", "cycle_timeout_s: expected a number from 0.0005 to 1, got 1e+300"),
     ],
 )
 def test_a_parameter_of_another_kind_is_refused_with_its_file(
