@@ -168,7 +168,7 @@ def test_numbers_may_have_an_exponent_without_a_dot_and_be_parts_of_a_turn(tmp_p
         ("strain_std: [1, 2, 3]", "measurement strain_std: expected one number or 8, got 3"),
         ("strain_std: -1", "measurement strain_std: expected 1e-12 to 1e"),
         ("strain_std: .nan", "measurement strain_std: expected a finite number, got nan"),
-        ("position_std: 1e300", "measurement position_std: expected -1000 to 1000"),
+        ("position_std: 1e300", "measurement position_std: expected 1e-12 to 1000"),
         ("neighbours: 2.5", "measurement neighbours: expected a whole number, got 2.5"),
         ("neighbours: 0", "measurement neighbours: expected 1 to 10000, got 0"),
         ("interpolate: 1", "measurement interpolate: expected true or false, got 1"),
