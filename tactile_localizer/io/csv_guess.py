@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 
 _ROWS = 2000
 """Rows that units are guessed from."""
+_MOST_COLUMNS = 5000
+"""Columns that are looked at."""
 _UNITS = {
     "s": 1.0, "sec": 1.0, "seconds": 1.0, **TIMES, "µs": 1e-6,
     "m": 1.0, **LENGTHS, "in": 0.0254, "inch": 0.0254,
@@ -60,14 +63,20 @@ class Guess:
     missing: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Column:
     """A column: its name, the name without unit in small letters, its unit's factor, its numbers."""
 
     name: str
     plain: str
     factor: float | None
-    values: np.ndarray
+    rows: Sequence[Sequence[str]]
+    index: int
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """The numbers in the first rows, NaN where a cell has none; looked at in few columns of many."""
+        return _numbers(self.rows, self.index)
 
 
 def guess_columns(path: str | Path, scene: Scene, naming: ColumnNaming) -> Guess:
@@ -85,11 +94,11 @@ def guess_columns(path: str | Path, scene: Scene, naming: ColumnNaming) -> Guess
         The file cannot be read, or a quantity is neither given nor found; says what to add.
     """
     path = Path(path)
-    columns = _columns_of(path)
+    columns, header = _columns_of(path)
     guess = Guess(naming)
     known = {name for own in naming.columns.values() for name in own.names}
     free = [column for column in columns if column.name not in known]
-    names = {column.name for column in columns}
+    names = set(header)
     if "stamp_s" not in naming.columns and "stamp_s" not in names:
         _guess_stamp(guess, free)
     if "sweep" not in naming.columns and "sweep" not in names:
@@ -107,21 +116,21 @@ def guess_columns(path: str | Path, scene: Scene, naming: ColumnNaming) -> Guess
     ]
     _guess_phalanges(guess, open_phalanges, groups)
     if guess.missing:
-        found = listed([column.name for column in columns]) or "no header"
+        found = listed(header) or "no header"
         raise ScanError(f"{path}: expected {'; '.join(guess.missing)}; found {found}")
     return guess
 
 
-def _columns_of(path: Path) -> list[_Column]:
+def _columns_of(path: Path) -> tuple[list[_Column], list[str]]:
     table = read_table(path)
     _, header = next(table, (0, []))
     header = [name.strip() for name in header]
-    rows = [cells for _, cells in islice(table, _ROWS)]
+    rows = [cells for _, cells in islice(table, _ROWS if len(header) <= _MOST_COLUMNS else 2)]
     columns = []
-    for index, name in enumerate(header):
+    for index, name in enumerate(header[:_MOST_COLUMNS]):
         plain, factor = _split_unit(name)
-        columns.append(_Column(name, plain, factor, _numbers(rows, index) if rows else np.empty(0)))
-    return columns
+        columns.append(_Column(name, plain, factor, rows, index))
+    return columns, header
 
 
 def _numbers(rows: Sequence[Sequence[str]], index: int) -> np.ndarray:
