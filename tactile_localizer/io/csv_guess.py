@@ -22,7 +22,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import ColumnNaming, Columns, channel_names
 from tactile_localizer.io.csv_table import listed, read_table
 from tactile_localizer.io.unit_guess import ANGLES, LENGTHS, TIMES, fitting_unit, inside
-from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.scene import MOST_CHANNELS, Axis, Phalanx, Scene
 
 _ROWS = 2000
 """Rows that units are guessed from."""
@@ -280,7 +280,7 @@ def _guess_phalanges(guess: Guess, phalanges: Sequence[Phalanx], groups: dict[st
         n = phalanx.channels
         hint = f"columns of phalanx {phalanx.name} with {n} channels (--column {phalanx.name}=NAME1..{n}"
         other = next((g for p, g in left.items() if phalanx.name.lower() in p or len(left) == 1), None)
-        if other is not None and len(other) != n:
+        if other is not None and len(other) != n and len(other) <= MOST_CHANNELS:
             hint += (
                 f"; for the {len(other)} columns {other[0].name} to {other[-1].name} write channels: "
                 f"{len(other)} below {phalanx.name} in the scene"
