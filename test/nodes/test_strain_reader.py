@@ -44,7 +44,7 @@ def test_messages_without_counts_have_eight_channels_each():
 def test_a_driver_that_changes_its_channels_is_followed():
     own = reader()
     own.read(message())
-    with pytest.raises(SceneError, match="expected 19 channels, got 8"):
+    with pytest.raises(SceneError, match="expected 3 channels, got 8"):
         own.read(message(24, channels=()))
     own.read(message())
 
