@@ -44,7 +44,7 @@ class AdapterNode(ManagedNode):
             phalanges=list(self._adapter.phalanges), channels=self._adapter.layout.counts
         )
         self._message.header.frame_id = self.parameters["frame_id"]
-        self._publisher = self.create_publisher(StrainVectors, "strain", STRAIN_QOS)
+        self._publisher = self.create_lifecycle_publisher(StrainVectors, "strain", STRAIN_QOS)
 
     def activate(self) -> None:
         """Subscribe."""
@@ -64,7 +64,7 @@ class AdapterNode(ManagedNode):
     def cleanup(self) -> None:
         """Destroy the publisher."""
         if self._publisher is not None:
-            self.destroy_publisher(self._publisher)
+            self.destroy_lifecycle_publisher(self._publisher)
             self._publisher = None
         self._adapter = None
 

@@ -8,7 +8,7 @@ import pytest
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize("node", ["driver", "filter", "mapping", "simulator"])
+@pytest.mark.parametrize("node", ["adapter", "driver", "filter", "mapping", "simulator"])
 def test_all_parameters_can_be_read_back(node_process: Callable[..., Any], probe: Any, node: str) -> None:
     from rcl_interfaces.msg import ParameterType
     from rcl_interfaces.srv import GetParameters, ListParameters
@@ -16,7 +16,7 @@ def test_all_parameters_can_be_read_back(node_process: Callable[..., Any], probe
     node_process(f"{node}_node", {"autostart": False})
     names = probe.call(ListParameters, f"{node}/list_parameters").result.names
     values = probe.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)).values
-    assert len(values) == len(names) > 10
+    assert len(values) == len(names) > 3
     assert all(value.type != ParameterType.PARAMETER_NOT_SET for value in values)
 
 
