@@ -276,6 +276,13 @@ def _guess_phalanges(guess: Guess, phalanges: Sequence[Phalanx], groups: dict[st
         fitting = [prefix for prefix, group in left.items() if len(group) == unnamed[0].channels]
         if len(fitting) == 1:
             return _take_group(guess, unnamed[0], left[fitting[0]], f"{unnamed[0].channels} of one name")
+    total = sum(phalanx.channels for phalanx in unnamed)
+    together = [group for group in left.values() if len(group) == total]
+    if len(unnamed) > 1 and len(together) == 1:
+        for phalanx, end in zip(unnamed, np.cumsum([each.channels for each in unnamed]), strict=True):
+            part = together[0][end - phalanx.channels : end]
+            _take_group(guess, phalanx, part, f"its part of {total}, in the scene's order")
+        return None
     for phalanx in unnamed:
         n = phalanx.channels
         hint = f"columns of phalanx {phalanx.name} with {n} channels (--column {phalanx.name}=NAME1..{n}"

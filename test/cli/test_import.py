@@ -163,6 +163,13 @@ def test_a_wrench_and_a_constant_speed_are_guessed(folder, capsys):
         np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
 
 
+def test_columns_of_all_phalanges_in_one_row_of_numbers_are_shared_in_the_scenes_order(folder, capsys):
+    scene = Scene("line", LINE.axes, (Phalanx("distal", (0.0,), 6), Phalanx("proximal", (0.0,), 4)))
+    names = ["time_s", "x", *(f"ch{n}" for n in range(1, 11))]
+    assert import_table(folder, names, slid(channels=10), scene) == 0
+    assert "ch7 to ch10 (4)" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("names", "channels", "messages"),
     [

@@ -262,7 +262,7 @@ def test_the_fabric_recordings_are_read_with_the_shipped_naming_and_scenes(data_
     for material in ("Linen", "Canvas"):
         scene = load_scene(ROOT / "config" / "scenes" / f"{material.lower()}.yaml")
         naming = load_naming(ROOT / "config" / "import" / "fabric_slide.yaml")
-        files = sorted((data_dir / "fabric_slide").glob(f"{material}_*.csv"))
+        files = sorted((data_dir / "fabric_slide").glob(f"{material}_F250_V10mmps_*.csv"))
         recording = read_csv(files, scene, naming, speed={"x": 0.01})
         assert recording.notes == ()
         for sweep in recording.sweeps:
