@@ -25,7 +25,7 @@ BAD_PARAMETERS = {
     "a wait out of range": ({"cycle_timeout_s": 5.0}, "cycle_timeout_s"),
     "a wait that is text": ({"cycle_timeout_s": "long"}, "cycle_timeout_s: expected a value such as 0.03"),
     "an option without a value": ({"bus_options": ["port"]}, "bus option 'port': expected name=value"),
-    "a file that is no tare": ({"tare_file": str(Path(__file__))}, "tare file"),
+    "a file that is no tare": ({"tare_file": str(Path(__file__))}, "expected YAML"),
 }
 
 
