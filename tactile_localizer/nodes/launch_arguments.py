@@ -70,9 +70,10 @@ class Argument:
             raise ParameterError(f"launch argument {self.name}: {error}") from None
 
 
-def switch(name: str, description: str, default: str) -> Argument:
+def switch(name: str, description: str, default: str = "") -> Argument:
     """An argument that is true or false."""
-    return Argument(name, description, default, _BOOLEANS.__getitem__, tuple(_BOOLEANS))
+    choices = tuple(_BOOLEANS) if default else ("", *_BOOLEANS)
+    return Argument(name, description, default, _BOOLEANS.__getitem__, choices)
 
 
 def strings(text: str) -> list[str]:

@@ -149,7 +149,7 @@ FILTER = Launched(
         _SCENE_FILE,
         Argument("scan_directory", "Directory that ~/load_scan may read scan files from"),
         *_FRAMES,
-        switch("publish_tf", "Publish where the material is, while converged", "false"),
+        switch("publish_tf", "Publish where the material is, while converged"),
     ),
     {"palm_pose": POSE_TOPIC},
 )

@@ -146,6 +146,14 @@ def test_a_parameter_file_in_place_of_the_shipped_one(launch: Launch, place: Pla
     assert "other.db: expected a scan file" in launched.output
 
 
+def test_what_no_argument_says_is_as_the_parameter_file_has_it(launch: Launch, place: Place) -> None:
+    file = place.folder / "mine.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    publish_tf: true\n    reference_frame: ''\n")
+    launched = launch("localize", filter_params=file, scan_file=place.scan_file)
+    assert launched.wait() == 1
+    assert "publish_tf: expected a reference_frame" in launched.output
+
+
 @pytest.mark.parametrize("rate", [1.0, 10.0])
 def test_a_replay_loses_nothing(launch: Launch, place: Place, probe: Any, rate: float) -> None:
     from tactile_localizer.msg import Posterior
