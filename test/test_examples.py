@@ -108,7 +108,7 @@ def test_the_driver_publishes_the_volts_of_load_cells_of_ones_own(
 
 def test_a_scene_of_ones_own_is_scanned_and_localised_on(copied: Callable[[str], Path]) -> None:
     page = copied("own_scene") / "README.md"
-    follow(page, more=" --json out.json", but=("scan plot", "tune"))
+    assert "yaw error 0." in follow(page, more=" --json out.json", but=("scan plot", "tune"))
     found = summary(page.parent / "out.json")
     assert found["converged_sweeps"] == found["sweeps"] == 6
     assert found["error_converged_m"]["median"] < 0.002

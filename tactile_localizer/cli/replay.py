@@ -85,6 +85,11 @@ def _print(document: dict[str, Any]) -> None:
     )
     if summary["error_m"]["count"]:
         console.print(_table(summary))
+        if "error_rad" in summary and summary["error_rad"]["count"]:
+            median, mean, largest = (
+                np.degrees(summary["error_rad"][name]) for name in ("median", "mean", "max")
+            )
+            console.print(f"yaw error {median:.2f}° (median), {mean:.2f}° (mean), {largest:.2f}° (largest)")
         console.print(
             f"95 % region covers {summary['coverage_95']:.1%}, NEES {summary['nees']:.2f} a degree of freedom"
         )
