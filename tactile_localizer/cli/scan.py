@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.errors import ScanError, printable
 from tactile_localizer.evaluation.display import INCH_MM, MM
@@ -25,7 +26,7 @@ from tactile_localizer.io.scans.repair import repair
 from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.io.scene_file import load_scene, save_scene, scene_to_dict
 from tactile_localizer.resources import given_or_shipped
-from tactile_localizer.scene import Scene
+from tactile_localizer.scene import Phalanx, Scene
 
 NAME = "scan"
 HELP = "look at scan files, mend them, write them in other forms"
@@ -92,7 +93,7 @@ def _info(args: argparse.Namespace) -> int:
         print(f"{args.scan}: {pairs} pairs in {len(kept)} sweeps{dropped}")
         bounds = ", ".join(f"{axis.name} {_range(axis.name, axis.lower, axis.upper)}" for axis in scene.axes)
         print(f"  scene      {scene.name}: {bounds}")
-        print(f"  phalanges  {', '.join(scene.phalanx_names)}, strain in {store.units['strain']}")
+        print(f"  phalanges  {', '.join(map(_phalanx, scene.phalanges))}, strain in {store.units['strain']}")
         print(f"  recorded   {_when(sweeps)}")
         if not store.has_checksums:
             print("  checksums  none: made by an earlier version; the file gets them when it is written to")
@@ -113,6 +114,13 @@ def _info(args: argparse.Namespace) -> int:
     for finding in found:
         print(f"  {finding}")
     return 0
+
+
+def _phalanx(phalanx: Phalanx) -> str:
+    """Its name, with the channels where they are not the default."""
+    if phalanx.channels == DEFAULT_CHANNELS:
+        return phalanx.name
+    return f"{phalanx.name} ({phalanx.channels} channels)"
 
 
 def _list(args: argparse.Namespace) -> int:

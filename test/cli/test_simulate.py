@@ -78,6 +78,9 @@ def test_other_sensors_are_simulated_imported_and_localized_on(tmp_path, monkeyp
     assert cli.main(["import", "csv", "own/train.csv", "--scene", "own/scene.yaml", "-o", "own.db"]) == 0
     with ScanStore.open("own.db") as store:
         assert store.scene.layout.counts == (19, 6)
+    capsys.readouterr()
+    assert cli.main(["scan", "info", "own.db"]) == 0
+    assert "index (19 channels), middle (6 channels)" in capsys.readouterr().out
     arguments = "own/test.csv --scan own.db --config fast --seed 1 --json own.json"
     assert cli.main(["replay", *arguments.split()]) == 0
     summary = json.loads((tmp_path / "own.json").read_text())["summary"]
