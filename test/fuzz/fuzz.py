@@ -48,6 +48,7 @@ _LONGEST_ERROR = 1000
 def main() -> int:
     """Fuzz for the time that is asked for; the exit status says whether everything held."""
     args = _arguments()
+    until = time.monotonic() + (args.seconds or 60.0 * args.minutes)
     folder = Path(tempfile.mkdtemp(prefix="fuzz_"))
     good = folder / "good"
     good.mkdir()
@@ -56,7 +57,7 @@ def main() -> int:
         _warm_up()
         if args.case is not None:
             return _again(targets, args.case, good, folder)
-        return _fuzz(targets, args, good, folder)
+        return _fuzz(targets, args, good, folder, until)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -79,9 +80,9 @@ def _warm_up() -> None:
         __import__(f"tactile_localizer.cli.{name}")
 
 
-def _fuzz(targets: list[Target], args: argparse.Namespace, good: Path, folder: Path) -> int:
+def _fuzz(targets: list[Target], args: argparse.Namespace, good: Path, folder: Path, until: float) -> int:
     _require_good_files(targets, good, folder)
-    until, seed = time.monotonic() + (args.seconds or 60.0 * args.minutes), args.seed
+    seed = args.seed
     cases: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     failures = 0

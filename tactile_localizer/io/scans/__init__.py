@@ -1,1 +1,1 @@
-"""Parts of the scan file: what was learned from it."""
+"""Parts of the scan file: rows and their checksums, reading, migration, repair, learned results."""
