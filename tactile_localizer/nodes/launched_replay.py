@@ -5,7 +5,6 @@ Only ``replay.launch.py`` imports this; it needs ``launch_ros``, which a ROS 2 d
 
 from __future__ import annotations
 
-import posixpath
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from launch import LaunchContext
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.msg import Posterior
 from tactile_localizer.nodes.launch_arguments import Argument, positive, switch
-from tactile_localizer.nodes.launching import FILTER, NAMESPACE, POSE_TOPIC
+from tactile_localizer.nodes.launching import FILTER, POSE_TOPIC, resolved
 
 _CLOCK_HZ = 200
 """Rate of ``/clock``; the default of 40 Hz is coarse for strain at 100 Hz and more."""
@@ -55,8 +54,12 @@ RATE = Argument("rate", "How many times as fast as it was recorded", "1.0", posi
 LOOP = switch("loop", "Begin again at the bag's end", "false")
 ARGUMENTS = (BAG, RATE, LOOP)
 
-FILTER_ON_BAG_TIME = replace(FILTER, fixed={"use_sim_time": True, "autostart": False})
-"""The filter on the bag's time; the replay configures and activates it."""
+FILTER_ON_BAG_TIME = replace(
+    FILTER,
+    fixed={"use_sim_time": True, "autostart": False},
+    queues={"strain": 10_000, POSE_TOPIC: 10_000},
+)
+"""The filter on the bag's time; the replay configures and activates it. Played fast, it may be behind."""
 
 
 class Replay:
@@ -71,13 +74,10 @@ class Replay:
     def __init__(self, context: LaunchContext, filter_node: LifecycleNode) -> None:
         self._filter = filter_node
         self._posteriors = 0
-        namespace = f"/{NAMESPACE.text(context).strip('/')}"
-        self._topics = [
-            posixpath.join(namespace, name)
-            for name in ("strain", POSE_TOPIC.text(context), "filter/initial_pose")
-        ] + ["/tf", "/tf_static"]
+        inputs = ("strain", POSE_TOPIC, "filter/initial_pose")
+        self._topics = [*(resolved(topic, context) for topic in inputs), "/tf", "/tf_static"]
         self._bag, self._rate, self._loop = (argument.value(context) for argument in ARGUMENTS)
-        topic = posixpath.join(namespace, "filter/posterior")
+        topic = resolved("filter/posterior", context)
         get_ros_node(context).create_subscription(Posterior, topic, self._count, 1000)
 
     def actions(self) -> list[Any]:

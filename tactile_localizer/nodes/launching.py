@@ -6,6 +6,7 @@ this; it needs ``launch`` and ``launch_ros``, which a ROS 2 distribution has.
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -68,6 +69,7 @@ class Launched:
     arguments : those that become parameters of the node, unless they are empty
     remapped : by topic, the launch argument that says what it is called
     fixed : parameters that the launch file decides
+    queues : by argument that names a topic, or by topic, how many messages may wait for the node
     when : name and value of a launch argument without which the node is not started
     """
 
@@ -75,6 +77,7 @@ class Launched:
     arguments: Sequence[Argument] = ()
     remapped: Mapping[str, Argument] = field(default_factory=dict)
     fixed: Mapping[str, Any] = field(default_factory=dict)
+    queues: Mapping[Argument | str, int] = field(default_factory=dict)
     when: tuple[str, str] | None = None
 
     @property
@@ -97,6 +100,8 @@ class Launched:
         """
         given = [*(a for a in self.arguments if a.text(context)), *_SWITCHES]
         parameters = {a.name: a.value(context) for a in given} | dict(self.fixed)
+        for topic, depth in self.queues.items():
+            parameters[f"qos_overrides.{resolved(topic, context)}.subscription.depth"] = depth
         respawn = _RESPAWN.value(context)
         return LifecycleNode(
             package=_PACKAGE,
@@ -123,6 +128,13 @@ _FRAMES = (
     Argument("reference_frame", "Frame that palm poses are in, such as base_link"),
     Argument("material_frame", "Frame of the material; two hands have two"),
 )
+
+
+def resolved(topic: Argument | str, context: LaunchContext) -> str:
+    """The full name of a topic in the launch's namespace, or of the one that an argument names."""
+    name = topic.text(context) if isinstance(topic, Argument) else topic
+    return posixpath.join(f"/{NAMESPACE.text(context).strip('/')}", name)
+
 
 DRIVER = Launched(
     "driver",
