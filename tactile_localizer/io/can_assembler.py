@@ -38,6 +38,8 @@ from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 MAX_LOST = 1000
 """Most cycles that are counted as lost at once; a counter further ahead has restarted."""
 
+_ALTERNATIONS = 8  # in a row, which lost samples do not make
+
 _LATE = -1
 _UNALIGNED = -2
 
@@ -47,7 +49,7 @@ class _LoadCell:
 
     __slots__ = (
         *("alignment", "at", "complete", "counter", "counts", "cycle", "flags", "have"),
-        *("began_ns", "begun", "doubled", "opened", "parts", "sequence"),
+        *("alternations", "began_ns", "begun", "doubled", "opened", "other", "parts", "sequence"),
     )
 
     def __init__(self, parts: int, alignment: LoadCellCounter | None, counts: PhalanxCounts) -> None:
@@ -56,6 +58,8 @@ class _LoadCell:
         self.alignment = alignment  # None: no counter
         self.counts = counts
         self.counter: int | None = None  # of the newest sample
+        self.alternations = 0  # breaks in a row that continued the sample before the last break
+        self.other: int | None = None  # counter of the sample before the last break
         self.cycle = _UNALIGNED  # number of the cycle that the newest sample is in, or _LATE, or _UNALIGNED
         self.at = 0  # newest cycle when the newest sample began, its own included
         self.began_ns = 0  # stamp of the first frame of the newest sample
@@ -127,7 +131,7 @@ class CycleAssembler:
         self._slots: list[int] = []
         self._alignment.reset()
         for cell in self._cells:
-            cell.counter = None
+            cell.counter = cell.other = None
             cell.have = 0
 
     @property
@@ -254,15 +258,18 @@ class CycleAssembler:
             cell.sequence += (counter - cell.sequence) % own.span
             return FrameKind.DATA
         step = (counter - cell.counter) % own.span or own.span
-        if step != 1:
+        if step == 1:
+            cell.alternations = 0
+        else:
             own.broken()
+            if self._alternates(cell, own, counter):
+                return FrameKind.DATA
         if self._follows(cell, 2) and abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
-            if step >= own.span - own.latest:
+            step_back = own.span - step
+            if step_back <= own.latest:
                 cell.doubled |= cell.have != cell.complete
-            if step == own.span:
-                return FrameKind.DUPLICATE if cell.have & bit else FrameKind.OUT_OF_ORDER
-            if step >= own.span - own.latest:
-                return FrameKind.OUT_OF_ORDER
+                cell.counts.interleaved += 1
+                return FrameKind.OUT_OF_ORDER if step_back or not cell.have & bit else FrameKind.DUPLICATE
         passed = self._cycle - cell.at  # cycles since its newest sample, by the other load cells
         least = max(1, passed - own.span // 2)
         advance = least + (step - least) % own.span
@@ -273,6 +280,19 @@ class CycleAssembler:
         cell.counts.gaps += advance - 1
         cell.counts.drops += advance * cell.parts - used
         return FrameKind.DATA
+
+    @staticmethod
+    def _alternates(cell: _LoadCell, own: LoadCellCounter, counter: int) -> bool:
+        """Whether two senders seem to count by turns; then what lies between their counters is not lost."""
+        other, cell.other = cell.other, cell.counter
+        if other is None or (counter - other) % own.span > 1:
+            cell.alternations = 0
+            return False
+        cell.alternations += 1
+        if cell.alternations < _ALTERNATIONS:
+            return False
+        cell.counts.interleaved += 1
+        return True
 
     def _cycle_of(self, cell: _LoadCell, own: LoadCellCounter, counter: int, stamp_ns: int) -> int | None:
         """Number of the cycle of a sample that begins; ``None`` where it is not certain."""

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import os
+import re
 import socket
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
+from importlib import import_module
 from typing import Any
 
 import can
 import yaml
+from can.interfaces import BACKENDS
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can_protocol import LoadCellProtocol
@@ -19,9 +24,18 @@ from tactile_localizer.io.can_protocol import LoadCellProtocol
 # python-can logs what it also raises; the exception's line is enough.
 logging.getLogger("can").addHandler(logging.NullHandler())
 
+FILTERING_INTERFACES = ("socketcan", "kvaser", "vector", "etas", "systec")
+"""Interfaces of python-can that filter by identifier in the kernel or the adapter, as of version 4.6."""
+
 _SO_RCVBUFFORCE = 33  # Linux; Python's socket module does not name it
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("9I")
+_DOCUMENTED = re.compile(r":param\s+(?:[^:\n]*\s)?(\w+):")
+_READ = re.compile(r"kwargs(?:\.get|\.pop)?[(\[]\s*[\"'](\w+)[\"']")
+
+
+class AbsentBusError(CanError):
+    """A bus that cannot be opened now, and may be later: an adapter that is not plugged in, or not up."""
 
 
 @dataclass(frozen=True)
@@ -83,19 +97,24 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
 
     Raises
     ------
+    AbsentBusError
+        The bus cannot be opened now.
     CanError
-        The interface or channel does not exist, or cannot be opened.
+        There is no such interface, or an option is not one of the interface.
     """
     options = dict(settings.options)
+    _check_options(settings)
     if protocol is not None and protocol.is_fd:
         options.setdefault("fd", True)
     try:
         bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
     except Exception as error:  # interfaces raise what they like
         reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
-        raise CanError(f"CAN bus {settings}: expected an interface that opens, got: {reason}") from error
+        absent = isinstance(error, OSError | can.CanInitializationError | can.CanOperationError)
+        refusal = AbsentBusError if absent else CanError
+        raise refusal(f"CAN bus {settings}: expected an interface that opens, got: {reason}") from error
     try:
-        if protocol is not None and type(bus)._apply_filters is not can.BusABC._apply_filters:
+        if protocol is not None and settings.interface in FILTERING_INTERFACES:
             bus.set_filters(protocol.filters)
         if settings.receive_buffer:
             _set_receive_buffer(bus, settings.receive_buffer)
@@ -103,6 +122,37 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
         bus.shutdown()
         raise CanError(f"CAN bus {settings}: expected it to take its options, got: {error}") from error
     return bus
+
+
+def _check_options(settings: BusSettings) -> None:
+    known = known_options(settings.interface)
+    for name in settings.options if known else ():
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            meant = f" (did you mean {near[0]}?)" if near else f", one of {', '.join(sorted(known))}"
+            raise CanError(
+                f"bus option {name!r}: expected an option of the interface {settings.interface}{meant}"
+            )
+
+
+def known_options(interface: str) -> set[str]:
+    """Options that the interface's constructor declares, documents or reads; empty where nothing is known."""
+    try:
+        module, name = BACKENDS[interface]
+        bus = getattr(import_module(module), name)
+        source = "".join(
+            inspect.getsource(one.__init__) for one in bus.__mro__ if issubclass(one, can.BusABC)
+        )
+    except (KeyError, AttributeError, ImportError, OSError, TypeError):
+        return set()
+    names = {
+        parameter
+        for one in bus.__mro__
+        if issubclass(one, can.BusABC)
+        for parameter in inspect.signature(one.__init__).parameters
+    }
+    names |= set(_DOCUMENTED.findall(source)) | set(_READ.findall(source))
+    return names - {"self", "args", "kwargs", "config", "channel"}
 
 
 def receive_queue(bus: can.BusABC) -> ReceiveQueue | None:

@@ -38,6 +38,8 @@ class PhalanxCounts:
     drops : frames sent that are in no cycle, by the counter
     saturated, faults : samples with that status
     unaligned : samples received while it was not certain which cycle they belong to
+    interleaved : frames whose counter is repeated, earlier, or alternates between two sequences: many of them
+        where two senders have the same identifiers
     last_ns : receive time of the last frame used, ns; 0 before the first
     """
 
@@ -48,6 +50,7 @@ class PhalanxCounts:
     saturated: int = 0
     faults: int = 0
     unaligned: int = 0
+    interleaved: int = 0
     last_ns: int = 0
 
 

@@ -26,6 +26,7 @@ class DriverSettings:
     ----------
     bus : the bus to open
     cycle_timeout_s : how long a cycle waits for its frames, s
+    wait_for_interface : whether to wait for an interface that is absent at the start
     backoff_s, backoff_limit_s : see :class:`~tactile_localizer.io.can_reader.CanReader`
     """
 
@@ -33,6 +34,7 @@ class DriverSettings:
     cycle_timeout_s: float = 0.03
     backoff_s: float = 0.1
     backoff_limit_s: float = 5.0
+    wait_for_interface: bool = False
 
 
 class LoadCellDriver:
@@ -43,7 +45,8 @@ class LoadCellDriver:
     protocol : the frames' layout
     settings : how to read
     on_cycle : takes each cycle, in the receive thread, with the tare offset taken off
-    log : takes a line when the bus fails and when it is back
+    log : takes a line when the bus fails
+    note : takes a line when frames arrive, at the start and after a failure
     """
 
     def __init__(
@@ -52,6 +55,7 @@ class LoadCellDriver:
         settings: DriverSettings,
         on_cycle: Callable[[Cycle], None],
         log: Callable[[str], None],
+        note: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.protocol = protocol
         self.offset = np.zeros(protocol.channels.size)  # V, taken off each strain vector
@@ -66,7 +70,9 @@ class LoadCellDriver:
             backoff_s=settings.backoff_s,
             backoff_limit_s=settings.backoff_limit_s,
             opened=self._assembler.reset,
+            wait=settings.wait_for_interface,
             log=log,
+            note=note,
         )
 
     @property

@@ -9,17 +9,19 @@ from __future__ import annotations
 import threading
 import time
 import traceback
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import can
 
 from tactile_localizer.errors import CanError
-from tactile_localizer.io.can_bus import receive_queue
+from tactile_localizer.io.can_bus import AbsentBusError, receive_queue
+from tactile_localizer.io.can_errors import BUS_OFF, error_kinds
 
 OPEN = "open"
-BUS_OFF = "bus off"
 FAILED = "failed"
+WAITING = "waiting for the interface"
 CLOSED = "closed"
 
 LONGEST_WAIT_S = 0.1
@@ -31,8 +33,8 @@ LINGER_S = 0.0005
 MOST_AT_ONCE = 256
 """Most frames that are delivered at once when the thread has fallen behind."""
 
+_ABSENT_POLL_S = 1.0
 _QUEUE_PERIOD_S = 0.5
-_BUS_OFF_CLASS = 0x40  # error class in the identifier of SocketCAN's error frames
 _EPOCH_TOLERANCE_S = 3600.0
 
 
@@ -42,10 +44,12 @@ class BusStatus:
 
     Attributes
     ----------
-    state : ``open``; ``bus off`` until a good frame arrives; ``failed`` until opened again; ``closed``
+    state : ``open``; ``bus off`` until a good frame arrives; ``failed`` until opened again; ``closed``;
+        ``waiting for the interface`` that was absent at the start
     error : why the bus failed last, empty if it never did
     reconnects : how often it was opened again
     unreadable : messages of the interface that were not frames
+    errors : error frames by what they report (:mod:`~tactile_localizer.io.can_errors`)
     queue_used, queue_limit : kernel's receive queue, bytes; 0 where the interface has none
     queue_drops : frames that the kernel dropped because the queue was full
     """
@@ -54,6 +58,7 @@ class BusStatus:
     error: str = ""
     reconnects: int = 0
     unreadable: int = 0
+    errors: Counter[str] = field(default_factory=Counter)
     queue_used: int = 0
     queue_limit: int = 0
     queue_drops: int = 0
@@ -71,8 +76,10 @@ class CanReader:
     backoff_s : wait before the bus is opened again, s, doubled after each failure; 0: not opened again
         until :meth:`reconnect`
     backoff_limit_s : longest such wait, s
+    wait : whether to wait for an interface that is absent when the reader starts
     opened : called in the thread before the frames of a newly opened bus are delivered
-    log : takes a line when the bus fails and when it is back
+    log : takes a line when the bus fails
+    note : takes a line when frames arrive, at the start and after a failure
     """
 
     def __init__(
@@ -83,8 +90,10 @@ class CanReader:
         batch: int = 1,
         backoff_s: float = 0.1,
         backoff_limit_s: float = 5.0,
+        wait: bool = False,
         opened: Callable[[], None] = lambda: None,
         log: Callable[[str], None] = lambda line: None,
+        note: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.status = BusStatus()
         self._open_bus = open_bus
@@ -94,6 +103,8 @@ class CanReader:
         self._backoff_limit_s = backoff_limit_s
         self._opened = opened
         self._log = log
+        self._note = note
+        self._wait = wait
         self._delay_s = backoff_s
         self._stop = threading.Event()
         self._wake = threading.Event()  # the thread is to end, or to open the bus anew
@@ -104,6 +115,7 @@ class CanReader:
             None  # whether stamps are an adapter's own; None before the first frame
         )
         self._reopened = False
+        self._noted = False  # whether it was said that frames arrive
 
     def start(self) -> None:
         """Open the bus and begin to read.
@@ -111,16 +123,26 @@ class CanReader:
         Raises
         ------
         CanError
-            The bus cannot be opened.
+            The bus cannot be opened, and is not to be waited for.
         """
         if self._thread is not None and self._thread.is_alive():
             raise CanError("CAN receive thread: expected it to have ended, it is still at work")
-        bus = self._open_bus()
+        bus = self._open_first()
         self._stop.clear()
         self._reopened = False
+        self._noted = False
         self._wake.clear()
         self._thread = threading.Thread(target=self._run, args=(bus,), name="can-reader", daemon=True)
         self._thread.start()
+
+    def _open_first(self) -> can.BusABC | None:
+        try:
+            return self._open_bus()
+        except AbsentBusError as error:
+            if not self._wait:
+                raise
+            self._failed(WAITING, str(error))
+            return None
 
     def stop(self, timeout_s: float = 1.0) -> bool:
         """End the thread and close the bus; whether both were done within ``timeout_s``."""
@@ -136,6 +158,8 @@ class CanReader:
         self._wake.set()
 
     def _run(self, bus: can.BusABC | None) -> None:
+        if bus is None:
+            bus = self._reopen()
         while bus is not None and not self._stop.is_set():
             self._own_clock = None
             try:
@@ -167,11 +191,11 @@ class CanReader:
             messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))
 
     def _opened_well(self) -> None:
+        if self._reopened and self.status.state != WAITING:
+            self.status.reconnects += 1
+        self._reopened = False
         if self.status.state != BUS_OFF:
             self.status.state = OPEN
-        if self._reopened:
-            self.status.reconnects += 1
-            self._log("CAN bus is open again")
 
     def _collect(self, bus: can.BusABC, wait_s: float) -> list[can.Message]:
         message = self._receive(bus, wait_s)
@@ -207,16 +231,26 @@ class CanReader:
         for message in messages:
             if not message.is_error_frame:
                 good = True
-            elif message.arbitration_id & _BUS_OFF_CLASS:
+                continue
+            kinds = error_kinds(message)
+            self.status.errors.update(kinds)
+            if BUS_OFF in kinds:
                 raise _BusOffError
+        if good and not self._noted:
+            self._noted = True
+            self._note("CAN bus: receiving again" if self.status.error else "CAN bus: receiving")
         if good and (self._delay_s != self._backoff_s or self.status.state != OPEN):
             self._delay_s = self._backoff_s
             self.status.state = OPEN
 
     def _failed(self, state: str, reason: str) -> None:
+        self._noted = False
         if (state, reason) != (self.status.state, self.status.error):  # once, not at every attempt
-            hope = "trying to open it again" if self._backoff_s else "closed until a reconnect is asked for"
-            self._log(f"CAN bus failed, {hope}: {reason}")
+            if state == WAITING:
+                self._log(f"CAN bus is absent, waiting for it: {reason}")
+            else:
+                hope = "trying to open it again" if self._backoff_s else "closed until ~/reconnect is called"
+                self._log(f"CAN bus failed, {hope}: {reason}")
         self.status.state = state
         self.status.error = reason
 
@@ -224,7 +258,7 @@ class CanReader:
         asked = self._wake.is_set()
         while True:
             if not asked:
-                asked = self._wake.wait(self._delay_s if self._backoff_s else None)
+                asked = self._wake.wait(self._pause_s())
             self._wake.clear()
             if self._stop.is_set():
                 return None
@@ -233,10 +267,16 @@ class CanReader:
             try:
                 bus = self._open_bus()
             except CanError as error:
-                self._failed(self.status.state if self.status.state == BUS_OFF else FAILED, str(error))
+                state = self.status.state if self.status.state in (BUS_OFF, WAITING) else FAILED
+                self._failed(state, str(error))
                 continue
             self._reopened = True
             return bus
+
+    def _pause_s(self) -> float | None:
+        if self._backoff_s:
+            return self._delay_s
+        return _ABSENT_POLL_S if self.status.state == WAITING else None
 
     def _close(self, bus: can.BusABC) -> None:
         self._look_at_queue(bus)

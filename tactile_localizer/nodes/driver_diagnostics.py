@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,13 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from tactile_localizer.io.can_cycle import PhalanxCounts
 from tactile_localizer.io.can_driver import LoadCellDriver
+from tactile_localizer.io.can_errors import ERROR_KINDS
 from tactile_localizer.io.can_protocol import FrameKind
 from tactile_localizer.io.can_reader import OPEN
+
+_MIN_INTERLEAVED = 10
+_INTERLEAVED_SHARE = 0.2
+"""Frames that do not fit the counter, of the cycles since the last diagnostics, that indicate two senders."""
 
 _SUSPECT = (FrameKind.ERROR, FrameKind.WRONG_LENGTH, FrameKind.OUT_OF_ORDER, FrameKind.DUPLICATE)
 
@@ -30,13 +35,23 @@ class DriverDiagnostics:
     name : of the node, before each status's own name
     bus : what the bus is called
     stale_timeout_s : silence after which a phalanx is stale, s
+    publishers : number of publishers of the strain topic, this driver included
     """
 
-    def __init__(self, driver: LoadCellDriver, name: str, bus: str, stale_timeout_s: float) -> None:
+    def __init__(
+        self,
+        driver: LoadCellDriver,
+        name: str,
+        bus: str,
+        stale_timeout_s: float,
+        publishers: Callable[[], int] = lambda: 1,
+    ) -> None:
         self._driver = driver
         self._name = name
         self._bus = bus
         self._stale_timeout_s = stale_timeout_s
+        self._publishers = publishers
+        self._previous_errors = driver.status.errors.copy()
         self._previous = copy.deepcopy(driver.counts)
         self._previous_drops = driver.status.queue_drops
         self._previous_s = time.monotonic()
@@ -60,13 +75,21 @@ class DriverDiagnostics:
     ) -> DiagnosticStatus:
         status = self._driver.status
         new = {kind: new_frames[kind] for kind in _SUSPECT if new_frames[kind]}
+        errors = status.errors.copy()
+        new_errors, self._previous_errors = errors - self._previous_errors, errors
+        publishers = self._publishers()
         if status.state != OPEN:
             level, message = DiagnosticStatus.ERROR, f"{status.state}: {status.error}"
+        elif publishers > 1:
+            level = DiagnosticStatus.ERROR
+            message = f"{publishers} publishers of strain: expected this driver alone"
         elif new_drops:
             level, message = DiagnosticStatus.WARN, f"{new_drops} frames dropped: the receive queue was full"
         elif new:
             told = ", ".join(f"{count} {_words(kind)}" for kind, count in new.items())
-            level, message = DiagnosticStatus.WARN, f"frames not used: {told}"
+            what = ", ".join(f"{count} {kind}" for kind, count in new_errors.items())
+            level = DiagnosticStatus.WARN
+            message = f"frames not used: {told}" + (f"; bus errors: {what}" if what else "")
         else:
             level, message = DiagnosticStatus.OK, "open" if sum(new_frames) else "open, idle"
         values = {
@@ -77,6 +100,8 @@ class DriverDiagnostics:
             "frames_per_s": f"{sum(new_frames) / elapsed_s:.1f}",
             **{f"frames_{kind.name.lower()}": frames[kind] for kind in FrameKind},
             "unreadable": status.unreadable,
+            **{f"errors_{kind.replace(' ', '_')}": errors[kind] for kind in ERROR_KINDS},
+            "strain_publishers": publishers,
             "cycles": self._driver.counts.cycles,
             "cycles_incomplete": self._driver.counts.incomplete,
             "queue_bytes": status.queue_used,
@@ -95,12 +120,17 @@ class DriverDiagnostics:
             gauges = np.flatnonzero(saturated[self._driver.protocol.channels.slices[i]]) + 1
         age_s = max(0.0, time.time() - own.last_ns * 1e-9) if own.last_ns else None
         lost = own.drops - before.drops
+        received = own.samples + own.missing - before.samples - before.missing
         level, message = DiagnosticStatus.OK, "well"
         if age_s is None:
             silent = "silent: nothing received yet, while other phalanges send"
             level, message = (DiagnosticStatus.ERROR, silent) if heard else (DiagnosticStatus.OK, "idle")
         elif age_s > self._stale_timeout_s:
             level, message = DiagnosticStatus.ERROR, f"stale: nothing received for {age_s:.1f} s"
+        elif own.interleaved - before.interleaved > max(_MIN_INTERLEAVED, _INTERLEAVED_SHARE * received):
+            count = own.interleaved - before.interleaved
+            level = DiagnosticStatus.ERROR
+            message = f"two senders with its identifiers: {count} frames do not fit the counter"
         elif own.faults > before.faults:
             level, message = DiagnosticStatus.ERROR, "the load cell reports a fault"
         elif own.saturated > before.saturated:
@@ -118,6 +148,7 @@ class DriverDiagnostics:
             "gaps": own.gaps,
             "drops": own.drops,
             "unaligned": own.unaligned,
+            "interleaved": own.interleaved,
             "saturated_samples": own.saturated,
             "saturated_gauges": " ".join(map(str, gauges)),
             "faults": own.faults,

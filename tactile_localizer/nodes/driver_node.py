@@ -27,6 +27,7 @@ from tactile_localizer.io.can_cycle import Cycle
 from tactile_localizer.io.can_driver import DriverSettings, LoadCellDriver
 from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames
 from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.io.can_reader import WAITING
 from tactile_localizer.io.tare import load_tare, store_tare
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes.driver_diagnostics import DriverDiagnostics
@@ -71,6 +72,11 @@ PARAMETERS = (
     ),
     Parameter(
         "reconnect_delay_limit_s", 5.0, "Longest wait before a failed bus is opened again", "s", 0.0, 600.0
+    ),
+    Parameter(
+        "wait_for_interface",
+        False,
+        "Wait for a CAN interface that is absent at activation, instead of refusing to activate",
     ),
     Parameter("tare_duration_s", 1.0, "How long ~/tare averages", "s", 0.05, 10.0, live=True),
     Parameter(
@@ -125,16 +131,20 @@ class DriverNode(ManagedNode):
             parameters["cycle_timeout_s"],
             parameters["reconnect_delay_s"],
             parameters["reconnect_delay_limit_s"],
+            parameters["wait_for_interface"],
         )
         self._use_sim_time = self.get_parameter("use_sim_time").value
         self._tare_file = _tare_path(parameters["tare_file"], self.get_namespace())
-        self._driver = LoadCellDriver(protocol, settings, self._publish, self.get_logger().warning)
+        self._bus = str(bus)
+        log = self.get_logger()
+        self._driver = LoadCellDriver(protocol, settings, self._publish, log.warning, log.info)
         self._driver.offset = load_tare(self._tare_file, phalanges, protocol.channels)
         self._diagnostics = DriverDiagnostics(
             self._driver,
             self.get_fully_qualified_name().lstrip("/"),
-            str(bus),
+            self._bus,
             parameters["stale_timeout_s"],
+            lambda: self.count_publishers("strain"),
         )
         self._message = StrainVectors(phalanges=phalanges, channels=protocol.channels.counts)
         self._message.header.frame_id = parameters["frame_id"]
@@ -155,6 +165,9 @@ class DriverNode(ManagedNode):
         """Open the bus and begin to read."""
         assert self._driver is not None
         self._driver.start()
+        if self._driver.status.state != WAITING:
+            names = ", ".join(self._driver.protocol.phalanges)
+            self.get_logger().info(f"CAN bus {self._bus} is open, reading {names}")
         self._publish_offset()
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where simulated time stands still
         self._timer = self.create_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics, clock=steady)

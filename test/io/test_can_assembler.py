@@ -323,6 +323,19 @@ def test_after_a_reset_nothing_is_compared_with_before() -> None:
     assert [p.gaps for p in assembler.counts.phalanges] == [0, 0]
 
 
+@pytest.mark.parametrize("ahead", [0, 2, 5, 8, 14])
+def test_two_senders_of_the_same_identifiers_are_counted_as_such(ahead: int) -> None:
+    assembler = CycleAssembler(HAND, 0.02)
+    for n in range(500):
+        other = [f for p in range(2) for f in HAND.encode(p, strain_of(p, n), n + ahead)]
+        for frame, second in zip(cycle(HAND, n), other, strict=True):
+            second.timestamp = frame.timestamp + 1e-4
+            feed(assembler, [frame, second])
+    for phalanx in assembler.counts.phalanges:
+        assert phalanx.interleaved > 400
+        assert phalanx.drops < 200
+
+
 def test_two_samples_of_one_counter_value_are_not_joined() -> None:
     """A load cell restarts with the counter value that it had, and each of the two samples is half lost."""
     assembler = warm_up(CycleAssembler(HAND, 0.02), HAND)

@@ -11,7 +11,14 @@ from support.load_cells import protocol
 from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
-from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options, receive_queue
+from tactile_localizer.io.can_bus import (
+    AbsentBusError,
+    BusSettings,
+    known_options,
+    open_bus,
+    parse_options,
+    receive_queue,
+)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +52,7 @@ def test_options_are_read_as_yaml() -> None:
 
 
 class FilteringBus(VirtualBus):
-    """A bus whose filters are not python-can's own, as a kernel's are."""
+    """A bus whose filters are applied elsewhere than in this process, as SocketCAN's are."""
 
     applied: list[Any]
 
@@ -56,7 +63,7 @@ class FilteringBus(VirtualBus):
 def test_filters_are_left_to_the_kernel_where_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
     hand = protocol()
     monkeypatch.setattr(can, "Bus", lambda interface, channel: FilteringBus(channel))
-    bus = open_bus(BusSettings("kernel", "filters"), hand)
+    bus = open_bus(BusSettings("socketcan", "filters"), hand)
     assert bus.applied[-1] == hand.filters  # type: ignore[attr-defined]
     bus.shutdown()
 
@@ -74,9 +81,43 @@ def test_a_bus_that_does_not_take_its_filters_is_closed_and_refused(monkeypatch:
             super().shutdown()
 
     monkeypatch.setattr(can, "Bus", lambda interface, channel: Refusing(channel))
-    with pytest.raises(CanError, match="CAN bus kernel refusing: expected it to take its options, got: no f"):
-        open_bus(BusSettings("kernel", "refusing"), protocol())
+    with pytest.raises(
+        CanError, match="CAN bus socketcan refusing: expected it to take its options, got: no f"
+    ):
+        open_bus(BusSettings("socketcan", "refusing"), protocol())
     assert len(closed) == 1
+
+
+@pytest.mark.parametrize(
+    ("interface", "options", "reason"),
+    [
+        ("udp_multicast", {"hop_limits": 1}, "'hop_limits': expected an option of .*did you mean hop_limit"),
+        ("socketcan", {"speed": 1}, "'speed': expected an option of the interface socketcan, one of can_fi"),
+        ("kvaser", {"bitrte": 500_000}, "did you mean bitrate"),
+    ],
+)
+def test_an_unknown_option_is_refused_with_the_one_that_may_be_meant(
+    interface: str, options: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(CanError, match=reason) as refusal:
+        open_bus(BusSettings(interface, "can0", options))
+    assert not isinstance(refusal.value, AbsentBusError)
+
+
+def test_every_interface_of_python_can_knows_its_common_options() -> None:
+    assert {"port", "hop_limit", "fd", "receive_own_messages"} <= known_options("udp_multicast")
+    assert {"fd", "local_loopback", "receive_own_messages"} <= known_options("socketcan")
+    assert {"bitrate", "fd", "data_bitrate", "receive_own_messages"} <= known_options("kvaser")
+    assert {"bitrate", "btr", "tty_baudrate"} <= known_options("slcan")
+    assert known_options("no_such_interface") == set()
+
+
+def test_an_interface_that_is_absent_is_told_apart_from_one_that_cannot_be() -> None:
+    with pytest.raises(AbsentBusError):
+        open_bus(BusSettings("socketcan", "can7"))
+    with pytest.raises(CanError) as refusal:
+        open_bus(BusSettings("no_such_interface", "can0"))
+    assert not isinstance(refusal.value, AbsentBusError)
 
 
 def test_frames_of_other_devices_are_let_through_where_it_cannot(simulated_can: dict[str, Any]) -> None:

@@ -14,7 +14,9 @@ from can.interfaces.virtual import VirtualBus
 from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
-from tactile_localizer.io.can_reader import BUS_OFF, CLOSED, FAILED, OPEN, CanReader
+from tactile_localizer.io.can_bus import AbsentBusError
+from tactile_localizer.io.can_errors import BUS_OFF, ERROR_PASSIVE, NO_ACKNOWLEDGEMENT, OTHER
+from tactile_localizer.io.can_reader import CLOSED, FAILED, OPEN, WAITING, CanReader
 
 
 class Line:
@@ -26,12 +28,13 @@ class Line:
         self.opened: list[can.BusABC] = []
         self.batches: list[list[can.Message]] = []
         self.log: list[str] = []
+        self.notes: list[str] = []
         self.sender = can.Bus(interface="virtual", channel=channel)
-        self.reader = CanReader(self._open, self._take, log=self.log.append, **kwargs)  # type: ignore[arg-type]
+        self.reader = CanReader(self._open, self._take, log=self.log.append, note=self.notes.append, **kwargs)
 
     def _open(self) -> can.BusABC:
         if not self.up:
-            raise CanError("interface is down")
+            raise AbsentBusError("interface is down")
         self.opened.append(can.Bus(interface="virtual", channel=self.channel))
         return self.opened[-1]
 
@@ -103,7 +106,10 @@ def test_a_bus_closed_under_the_reader_is_opened_again_and_good_data_goes_on(
         wait_until(lambda: one.reader.status.reconnects == attempt + 1, "the bus to be back", 5.0)  # noqa: B023
     assert one.reader.status.state == OPEN
     assert "closed" in one.reader.status.error
-    assert len(one.log) == 6  # that it failed and that it is back, each once
+    assert len(one.log) == 3  # each failure once
+    one.send(3)
+    wait_until(lambda: len(one.notes) == 4, "a line for the frames after each failure", 5.0)
+    assert one.notes == ["CAN bus: receiving"] + ["CAN bus: receiving again"] * 3
 
 
 def test_an_interface_that_is_down_opens_and_is_back_only_when_it_can_be_read(
@@ -128,7 +134,8 @@ def test_an_interface_that_is_down_opens_and_is_back_only_when_it_can_be_read(
     one.send(7)
     one.wait_for(7)
     assert one.reader.status.reconnects == 1
-    assert len(one.log) == 2
+    assert len(one.log) == 1
+    assert one.notes == ["CAN bus: receiving again"]
 
 
 def test_waits_between_attempts_double_up_to_the_limit(
@@ -143,7 +150,7 @@ def test_waits_between_attempts_double_up_to_the_limit(
     wait_until(lambda: len(waits) >= 5, "five attempts", 5.0)
     assert waits[:5] == [0.01, 0.02, 0.04, 0.04, 0.04]
     assert one.reader.status.state == FAILED
-    assert len(one.log) == 2  # not a line an attempt
+    assert len(one.log) == 2  # not a line per attempt
     one.up = True
     wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
     one.send(7)
@@ -190,6 +197,37 @@ def test_other_error_frames_are_delivered_and_do_no_harm(line: Callable[..., Lin
     one.send(0x04, 0x80, is_error_frame=True)
     one.wait_for(0x04, 0x80)
     assert (one.reader.status.state, one.reader.status.reconnects) == (OPEN, 0)
+
+
+def test_error_frames_are_counted_by_what_they_report(line: Callable[..., Line]) -> None:
+    one = line()
+    one.send(0x20, 0x20, is_error_frame=True)  # no acknowledgement
+    controller = can.Message(
+        arbitration_id=0x04, is_error_frame=True, data=bytes([0, 0x20, 0, 0, 0, 0, 0, 0])
+    )
+    one.sender.send(controller)
+    one.send(0, is_error_frame=True)
+    wait_until(lambda: sum(one.reader.status.errors.values()) == 4, "four error frames", 5.0)
+    assert one.reader.status.errors == {NO_ACKNOWLEDGEMENT: 2, ERROR_PASSIVE: 1, OTHER: 1}
+    assert one.notes == []
+
+
+def test_an_absent_interface_is_waited_for_where_that_is_wanted(request: pytest.FixtureRequest) -> None:
+    one = Line(request.node.name, wait=True, backoff_s=0.01)
+    one.up = False
+    one.reader.start()
+    try:
+        assert one.reader.status.state == WAITING
+        assert one.log == ["CAN bus is absent, waiting for it: interface is down"]
+        one.up = True
+        wait_until(lambda: one.reader.status.state == OPEN, "the bus", 5.0)
+        one.send(5)
+        one.wait_for(5)
+        assert one.reader.status.reconnects == 0
+        assert len(one.log) == 1
+        assert len(one.notes) == 1
+    finally:
+        one.close()
 
 
 def test_a_mistake_in_the_receiver_is_told_and_the_thread_goes_on(line: Callable[..., Line]) -> None:

@@ -203,6 +203,53 @@ def test_diagnostics_tell_idle_from_well_from_stale_and_count_faults(
     assert int(middle["drops"]) == 2 * (complete - received) > 0
 
 
+def test_an_absent_interface_is_waited_for_where_that_is_wanted(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    absent = {"interface": "socketcan", "channel": "can7", "bus_options": [], "wait_for_interface": True}
+    node = node_process("driver_node", parameters={**parameters, **absent})
+    probe.until(lambda: arrays, "diagnostics of an active driver")
+    level, message, _ = values(arrays[-1], "CAN bus")
+    assert level == DiagnosticStatus.ERROR
+    assert message.startswith("waiting for the interface: CAN bus socketcan can7: expected")
+    assert node.running
+    node.wait_for_line("CAN bus is absent, waiting for it")
+
+
+def test_a_start_that_succeeds_is_one_line_and_frames_another(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
+) -> None:
+    node = node_process("driver_node", parameters=parameters)
+    node.wait_for_line("is open, reading index, middle")
+    probe.until(lambda: hand.send() or "CAN bus: receiving" in node.output, "the line about frames")
+
+
+def test_two_senders_and_two_drivers_are_reported(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from tactile_localizer.msg import StrainVectors
+
+    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    node_process("driver_node", parameters=parameters)
+
+    def reported(what: str, message: str) -> Callable[[], bool]:
+        def condition() -> bool:
+            frames = [f for n in (hand.number, hand.number + 5) for f in cycle(HAND, n)]
+            hand.send(frames)
+            return bool(arrays) and message in values(arrays[-1], what)[1]
+
+        return condition
+
+    probe.until(reported("middle", "two senders with its identifiers"), "two senders of a phalanx")
+    probe.publisher(StrainVectors, "strain")
+    probe.until(reported("CAN bus", "2 publishers of strain"), "two publishers")
+
+
 class Tares:
     """The strain and the offsets that a driver node publishes, and its services, while ``hand`` sends."""
 
