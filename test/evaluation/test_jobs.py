@@ -60,8 +60,8 @@ def test_a_run_goes_on_with_what_is_missing(tmp_path: Path) -> None:
 
 
 def test_what_was_done_before_a_failure_is_kept(tmp_path: Path) -> None:
-    bad = task(2, replace(QUICK[0].configuration, particles=0))
-    with pytest.raises(ParameterError, match="particles: expected at least 1, got 0"):
+    bad = task(2, replace(QUICK[0].configuration, model="absent_module:Model"))
+    with pytest.raises(ParameterError, match="absent_module"):
         run_tasks([task(1), bad], tmp_path, Workers(1))
     assert [file.name for file in tmp_path.iterdir()] == [f"{task(1).key}.json"]
 

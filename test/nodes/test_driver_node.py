@@ -20,7 +20,11 @@ HAND = protocol()
 BAD_PARAMETERS = {
     "no such DBC": ({"dbc": "/nowhere/hand.dbc"}, "/nowhere/hand.dbc: expected a DBC file, No such file"),
     "a DBC without the phalanx": ({"phalanges": ["pinky"]}, "phalanx 'pinky': expected a message pinky"),
-    "no such interface": ({"interface": "socketcan", "channel": "can7"}, "CAN bus socketcan can7: expected"),
+    "no such interface": (
+        {"interface": "socketcan", "channel": "can7", "bus_options": ["fd=false"]},
+        "CAN bus socketcan can7: expected",
+    ),
+    "an option of another interface": ({"interface": "socketcan"}, "bus option 'port': expected an option"),
     "an unknown interface": ({"interface": "canopener"}, "CAN bus canopener 239.74.163.2: expected"),
     "a wait out of range": ({"cycle_timeout_s": 5.0}, "cycle_timeout_s"),
     "a wait that is text": ({"cycle_timeout_s": "long"}, "cycle_timeout_s: expected a value such as 0.03"),
@@ -246,8 +250,9 @@ def test_two_senders_and_two_drivers_are_reported(
         return condition
 
     probe.until(reported("middle", "two senders with its identifiers"), "two senders of a phalanx")
-    probe.publisher(StrainVectors, "strain")
+    second = probe.node.create_publisher(StrainVectors, "strain", 10)
     probe.until(reported("CAN bus", "2 publishers of strain"), "two publishers")
+    probe.node.destroy_publisher(second)
 
 
 class Tares:
