@@ -30,10 +30,10 @@ _CHOICES = {
 
 
 RANGES: dict[str, tuple[float, float]] = {
-    "particles": (1, 10_000_000),
+    "particles": (1, 1_000_000),
     "cell": (0.01, 10.0),
     "resample_below": (0.01, 1.0),
-    "random_particles": (0, 10_000_000),
+    "random_particles": (0, 1_000_000),
     "update_distance": (1e-6, 1.0),
     "convergence_std": (1e-6, 1.0),
     "convergence_yaw_std": (1e-6, 10.0),
