@@ -126,7 +126,7 @@ def test_a_recording_without_truth_is_localised_and_says_so(folder: Path, capsys
         ("none.csv --scan scan.db", "none.csv: expected a recording, No such file or directory"),
         ("test.csv --scan scan.db --scene none.yaml", "none.yaml: expected a scene file"),
         ("test.csv --scan scan.db --config none.yaml", "none.yaml: expected a configuration file"),
-        ("test.csv --scan scan.db --filter particle --particles 0", "particles: expected 1 to 1e+07, got 0"),
+        ("test.csv --scan scan.db --filter particle --particles 0", "particles: expected 1 to 1e+06, got 0"),
         (
             "test.csv --scan scan.db --particles 10",
             "--particles: expected --filter particle with it, got grid",
