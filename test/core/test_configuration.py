@@ -25,7 +25,7 @@ def test_whole_numbers_serve_where_numbers_are_expected() -> None:
         ({"filter": "kalman"}, "filter 'kalman': expected one of grid, particle"),
         ({"particles": 7.5}, "particles: expected a whole number, got 7.5"),
         ({"particles": "many"}, "particles: expected int, got 'many'"),
-        ({"particles": 0}, r"particles: expected 1 to 1e\+07, got 0"),
+        ({"particles": 0}, r"particles: expected 1 to 1e\+06, got 0"),
         ({"adaptive": 1}, "expected bool"),
         ({"update_distance": 0.0}, "update_distance: expected 1e-06 to 1, got 0.0"),
         ({"update_distance": float("nan")}, "update_distance"),
