@@ -25,6 +25,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.assembly import build_localizer, completed
+from tactile_localizer.core.configuration import SWEEP_MIXTURE
 from tactile_localizer.evaluation.metrics import INCH
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.evaluation.plain_json import write_json
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if odometry != RECORDED:
         recording = with_odometry(recording, scene, noise, odometry)
     with progress_bars() as progress:
-        scene = completed(scan, scene, progress)
+        scene = scene if configuration.model == SWEEP_MIXTURE else completed(scan, scene, progress)
         localizer = build_localizer(scan, scene, configuration, np.random.default_rng(args.seed), progress)
         tracks = replay(localizer, recording, progress)
     document = replay_document(scene, configuration, recording, tracks, odometry=odometry, seed=args.seed)

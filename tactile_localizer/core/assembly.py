@@ -10,7 +10,8 @@ import numpy as np
 
 from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.between_sweeps import with_interpolated_sweeps
-from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.calibration.sweep_assembly import build_sweep_localizer
+from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.featureless import Featureless
@@ -32,6 +33,7 @@ from tactile_localizer.core.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.sweep_offset import SweepOffset
+from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
@@ -61,6 +63,8 @@ def build_localizer(
     ParameterError
         A parameter out of its range.
     """
+    if configuration.model == SWEEP_MIXTURE:
+        return build_sweep_localizer(scan, scene, configuration.update_distance, configuration.cell, progress)
     scene = completed(scan, scene, progress)
     parameters = ModelParameters.from_mapping(scene.measurement)
     scan, offset = _without_offsets(scan, scene, parameters)
@@ -78,6 +82,8 @@ def build_identifier(
     A narrower kernel promises a higher density whether or not it is right, so all candidates share the widest
     of their kernel widths and the longest of their correlation lengths.
     """
+    if configuration.model == SWEEP_MIXTURE:
+        raise ParameterError(f"model: expected one that identifies, {', '.join(MODELS)}, got {SWEEP_MIXTURE}")
     scenes = {name: completed(scan, scene, progress) for name, (scan, scene) in candidates.items()}
     chosen = [ModelParameters.from_mapping(scene.measurement) for scene in scenes.values()]
     common = ModelParameters(

@@ -15,6 +15,9 @@ from tactile_localizer.core.resampling import RESAMPLERS
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number
 
+SWEEP_MIXTURE = "sweep_mixture"
+"""The model that learns its noise from the scan and needs no kernel widths (:mod:`.sweep_localizer`)."""
+
 MODELS = ("sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
 RECOVERIES = ("evidence", "constant", "none")
@@ -49,7 +52,8 @@ class Configuration:
 
     Parameters
     ----------
-    model : measurement model, one of :data:`MODELS`, or one's own as ``module:Class`` (:mod:`.own_model`)
+    model : measurement model, one of :data:`MODELS`, :data:`SWEEP_MIXTURE`, or one's own as
+        ``module:Class`` (:mod:`.own_model`)
     filter : ``particle``, or ``grid``, the exact recursion on cells
     particles : how many particles
     cell : largest cell of the grid filter, in position kernel widths
@@ -93,16 +97,17 @@ class Configuration:
     convergence_travel: float = 0.0005
 
     def __post_init__(self) -> None:
-        if self.model not in MODELS and SEPARATOR not in self.model:
-            raise ParameterError(
-                f"model {self.model!r}: expected one of {', '.join(MODELS)}, or module:Class"
-            )
+        if self.model not in (*MODELS, SWEEP_MIXTURE) and SEPARATOR not in self.model:
+            known = ", ".join((*MODELS, SWEEP_MIXTURE))
+            raise ParameterError(f"model {self.model!r}: expected one of {known}, or module:Class")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")
         for name, (lower, upper) in RANGES.items():
             if not lower <= getattr(self, name) <= upper:
                 raise ParameterError(f"{name}: expected {lower:g} to {upper:g}, got {getattr(self, name)}")
+        if self.model == SWEEP_MIXTURE and self.filter != "grid":
+            raise ParameterError(f"filter: expected grid with model {SWEEP_MIXTURE}, got {self.filter}")
         if self.recovery == "constant" and self.filter == "grid":
             raise ParameterError("recovery constant: expected filter particle, got grid")
 

@@ -11,6 +11,7 @@ from tactile_localizer.core.configuration import (
     PRECISIONS,
     RANGES,
     RECOVERIES,
+    SWEEP_MIXTURE,
     Configuration,
 )
 from tactile_localizer.core.kernel_sum import EVALUATIONS
@@ -37,7 +38,9 @@ def _plain(name: str, description: str) -> Parameter:
 
 
 CONFIGURATION = (
-    _plain("model", f"Measurement model: {', '.join(MODELS)}, or one's own as module:Class"),
+    _plain(
+        "model", f"Measurement model: {', '.join((*MODELS, SWEEP_MIXTURE))}, or one's own as module:Class"
+    ),
     _choice("filter", "Particles, or the exact recursion on the cells of a grid", FILTERS),
     _number("particles", "How many particles; the paper has 75"),
     _number("cell", "Largest cell of the grid, in widths of the position kernel"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.core.assembly import Progress, build_identifier, build_localizer
+from tactile_localizer.core.configuration import SWEEP_MIXTURE
 from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.palm_frame import PalmFrame
@@ -60,7 +61,7 @@ def load_map(paths: Sequence[Path], of: Parameters, progress: Progress) -> Loade
     frame = palm_frame(of, scenes[0])
     rng, choices = np.random.default_rng(of["seed"]), configuration(of)
     scenes = tuple(
-        completed_scene(path, scan, scene, progress)
+        scene if choices.model == SWEEP_MIXTURE else completed_scene(path, scan, scene, progress)
         for path, scan, scene in zip(paths, scans, scenes, strict=True)
     )
     localizer: Localizer | FeatureLocalizer

@@ -1,0 +1,105 @@
+"""Whether the position has converged: a probability, held over a distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from tactile_localizer.core.weights import wrap_angle
+
+
+class State(Enum):
+    """Where a localization stands."""
+
+    SEARCHING = "searching"
+    CONVERGED = "converged"
+    LOST = "lost"
+
+
+@dataclass(frozen=True)
+class ConvergenceCriteria:
+    """Thresholds of :class:`Convergence`.
+
+    Parameters
+    ----------
+    radius : (d,) m (yaw: rad) about the estimate within which the hand has to be
+    probability : that it is on the map and there, above which the position has converged
+    sustain : m of travel over which this must hold
+    release : probability below which a converged position is lost
+    """
+
+    radius: np.ndarray
+    probability: float = 0.99
+    sustain: float = 0.001
+    release: float = 0.5
+
+
+class Convergence:
+    """Decides from the probability that the hand is on the map and near the estimate.
+
+    Attributes
+    ----------
+    criteria : may be changed at any time
+    state, reason : as of the last update
+    probability : that the position is right
+    """
+
+    def __init__(self, criteria: ConvergenceCriteria) -> None:
+        self.criteria = criteria
+        self.reset()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the position has converged."""
+        return self.state is State.CONVERGED
+
+    def reset(self) -> None:
+        """Start anew."""
+        self.state = State.SEARCHING
+        self.reason = "not converged: no measurement yet"
+        self.probability = 0.0
+        self._held = 0.0
+
+    def update(self, near: float, on_map: float, travel: float) -> None:
+        """Take in one update of the filter.
+
+        Parameters
+        ----------
+        near : mass of the belief within the radius of its mean
+        on_map : probability of being on the map
+        travel : m since the last update
+        """
+        criteria = self.criteria
+        self.probability = near * on_map
+        holds = self.probability > criteria.probability
+        self._held = self._held + travel if holds else 0.0
+        if self.state is State.CONVERGED:
+            if self.probability < criteria.release:
+                self.state = State.LOST
+        elif holds and self._held >= criteria.sustain:
+            self.state = State.CONVERGED
+        self.reason = self._explain(near, on_map, holds)
+
+    def _explain(self, near: float, on_map: float, holds: bool) -> str:
+        if self.state is State.CONVERGED:
+            return f"converged: probability {self.probability:.3f}"
+        if holds:
+            held, needed = 1e3 * self._held, 1e3 * self.criteria.sustain
+            return f"not converged: held over {held:.1f} of {needed:.1f} mm"
+        prefix = "lost" if self.state is State.LOST else "not converged"
+        if on_map < near:
+            return f"{prefix}: the map explains what is felt with probability {on_map:.2f}"
+        return f"{prefix}: the position is within the radius with probability {near:.2f}"
+
+
+def mass_near(
+    states: np.ndarray, weights: np.ndarray, mean: np.ndarray, radius: np.ndarray, wraps: np.ndarray
+) -> float:
+    """Share of the weights (P,) of ``states`` (P, d) in the ellipsoid of ``radius`` (d,) about ``mean``."""
+    deviation = states - mean
+    if wraps.any():
+        deviation[:, wraps] = wrap_angle(deviation[:, wraps])
+    inside = np.sum((deviation / radius) ** 2, axis=1) <= 1.0
+    return float(weights[inside].sum() / weights.sum())

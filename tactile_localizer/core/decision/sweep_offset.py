@@ -1,0 +1,61 @@
+"""Constant by which the strains of a sweep differ from those of the scan, by Kalman filters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+
+
+class SweepOffset:
+    """Learns the whitened offset of a sweep while the hand moves.
+
+    The residual of a strain is averaged over the belief, and the variance of the expected strain over the
+    belief counts as noise: while the position is open, little is learned.
+
+    Parameters
+    ----------
+    layout : channels of each phalanx
+    variance : (C,) whitened variance of the offsets of the scan's sweeps
+
+    Attributes
+    ----------
+    mean, variance : (C,) of the offset
+    """
+
+    def __init__(self, layout: ChannelLayout, variance: np.ndarray) -> None:
+        self._layout, self._prior = layout, variance
+        self.reset()
+
+    def reset(self) -> None:
+        """Start a new sweep."""
+        self.mean = np.zeros(len(self._prior))
+        self.variance = self._prior.copy()
+
+    def phalanx_variance(self) -> np.ndarray:
+        """Mean variance of each phalanx's channels, (F,)."""
+        return self._layout.sum(self.variance) / np.array(self._layout.counts)
+
+    def update(
+        self, residual: np.ndarray, spread: np.ndarray, noise: np.ndarray, used: np.ndarray, exponent: float
+    ) -> None:
+        """Take in one strain.
+
+        Parameters
+        ----------
+        residual : (C,) whitened strain, without the offset, less its expectation under the belief
+        spread : (C,) variance of that expectation over the belief
+        noise : (F,) variance of one visit
+        used : (F,) bool, phalanges that count
+        exponent : share of an independent measurement that this strain makes
+        """
+        counts = np.array(self._layout.counts)
+        noise_by_channel = self._layout.expand(noise)
+        total = self.variance + spread + noise_by_channel
+        surprise = self._layout.sum(residual**2 / total)
+        weight = np.minimum((DEGREES_OF_FREEDOM + counts) / (DEGREES_OF_FREEDOM + surprise), 1.0) * used
+        observed = (spread + noise_by_channel) / max(exponent, 1e-6)
+        gain = self._layout.expand(weight) * self.variance / np.maximum(self.variance + observed, 1e-300)
+        self.mean = self.mean + gain * residual
+        self.variance = self.variance * (1.0 - gain)

@@ -1,0 +1,1 @@
+"""Bayes filters: given log-likelihoods, they own no measurement model."""

@@ -1,0 +1,205 @@
+"""Grid filter: the exact Bayes recursion (paper, Eq. 1 and 2) on cells that cover the scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import ndimage
+
+from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.filters.base import Prior
+from tactile_localizer.core.filters.components import switched
+from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.weights import moments, wrap_angle
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.scene import Scene
+
+_THREE_POINT = 0.6
+"""Variance, in cells squared, up to which three points represent a Gaussian step."""
+_WORTH_DIFFUSING = 0.02
+"""Variance, in cells squared, below which diffusion is saved up: a step costs the same however small."""
+_NEGLIGIBLE = 1e-10
+"""Weight of a cell, relative to the largest, below which it is not evaluated."""
+
+
+class GridFilter:
+    """Probability of every cell and component; the accuracy limit of any number of particles.
+
+    The cells ride along with the palm: a displacement moves all of them, and only when they have moved by
+    half their size are the probabilities shifted by a whole cell. Motion below a cell's size is so
+    represented exactly. Memory stays where it is: its cells are numbered along the trajectory.
+
+    Parameters
+    ----------
+    scene : bounds and motion noise
+    cell : (d,) largest size of a cell, m (yaw: rad)
+    log_components : (K,) logarithms of the components' probabilities in a cell of which nothing is known
+    channels : C of the memory of a component
+
+    Raises
+    ------
+    ParameterError
+        More cells than memory is meant for.
+    """
+
+    MOST_CELLS = 4_000_000
+
+    def __init__(self, scene: Scene, cell: np.ndarray, log_components: np.ndarray, channels: int = 0) -> None:
+        extent = scene.upper - scene.lower
+        counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
+        components = len(log_components)
+        if float(np.prod(counts)) * components > self.MOST_CELLS:
+            raise ParameterError(
+                f"cells: expected at most {self.MOST_CELLS}, got {counts.prod() * components:.3g}; "
+                "use larger cells"
+            )
+        self._shape = tuple(int(count) for count in counts)
+        self._cell = extent / counts
+        self._lower = scene.lower
+        self._motion = MotionModel(scene)
+        self._wraps = scene.wraps
+        self._belief: np.ndarray
+        self._memory: np.ndarray
+        self._offset: np.ndarray
+        self._pending: np.ndarray
+        self._size, self._components, self._channels = int(np.prod(self._shape)), components, channels
+        self._fresh = np.exp(log_components)
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to a uniform belief over the scene."""
+        self._place(np.ones(self._shape))
+
+    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
+        """Start from a Gaussian; deviations ``std`` (d,) below half a cell are taken as half a cell."""
+        log_density = np.zeros(self._shape)
+        for axis, count in enumerate(self._shape):
+            deviation = self._lower[axis] + self._cell[axis] * (np.arange(count) + 0.5) - mean[axis]
+            if self._wraps[axis]:
+                deviation = wrap_angle(deviation)
+            scaled = deviation / max(std[axis], 0.5 * self._cell[axis])
+            others = tuple(a for a in range(len(self._shape)) if a != axis)
+            log_density += np.expand_dims(-0.5 * scaled**2, others)
+        self._place(np.exp(log_density - log_density.max()))
+
+    def predict(self, displacement: np.ndarray, travel: float) -> float:
+        """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres.
+
+        Returns the share of the belief that left the scene.
+        """
+        displacement = np.where(self._wraps, wrap_angle(displacement), displacement)
+        if (np.abs(displacement) > self._cell * self._shape).any():
+            self.reset()
+            return 1.0
+        self._offset = self._offset + displacement
+        cells = np.rint(self._offset / self._cell).astype(int)
+        kept = 1.0
+        for axis in np.flatnonzero(cells):
+            kept *= self._shift(int(axis), int(cells[axis]))
+        self._offset -= cells * self._cell
+        self._pending = self._pending + self._motion.variance(travel) / self._cell**2
+        for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
+            kept *= self._diffuse(int(axis))
+        return 1.0 - kept
+
+    def inject(self, fraction: float) -> None:
+        """Replace ``fraction`` of the belief by a uniform belief over the scene."""
+        if fraction > _NEGLIGIBLE:
+            self._belief *= 1.0 - fraction
+            self._belief += fraction / self._size * self._fresh
+
+    def prior(self) -> Prior:
+        """The cells that have weight."""
+        weights = self._belief.reshape(self._size, -1)
+        total = weights.sum(axis=1)
+        self._alive = np.flatnonzero(total > _NEGLIGIBLE * total.max())
+        with np.errstate(divide="ignore"):
+            self._log_prior = np.log(weights[self._alive])
+        self._slots = self._slots_of(self._alive)
+        return Prior(self._states(self._alive), self._log_prior, self._memory[self._slots])
+
+    def switch(self, log_prior: np.ndarray, probability: float) -> np.ndarray:
+        """Draw each cell's component anew from ``log_prior`` (P, K) with ``probability``.
+
+        Returns the log-weights (P, K).
+        """
+        self._log_prior = switched(self._log_prior, log_prior, probability)
+        return self._log_prior
+
+    def update(self, log_likelihood: np.ndarray, memory: np.ndarray) -> None:
+        """Weight the cells of :meth:`prior` by ``log_likelihood`` (P, K), and store their ``memory``."""
+        log_posterior = self._log_prior + log_likelihood
+        peak = log_posterior.max()
+        if peak > -math.inf:
+            posterior = np.exp(log_posterior - peak)
+            belief = np.zeros((self._size, self._components))
+            belief[self._alive] = posterior / posterior.sum()
+            self._belief = belief.reshape(*self._shape, self._components)
+        self._memory[self._slots] = memory
+
+    def belief(self) -> Belief:
+        """Moments of the belief; the spread within a cell counts."""
+        states, weights = self.hypotheses()
+        mean, covariance = moments(states, weights, self._wraps)
+        covariance += np.diag(self._cell**2 / 12.0 + self._pending * self._cell**2)
+        return Belief(mean, covariance, float(1.0 / (weights @ weights)), len(weights))
+
+    def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
+        """States (P, d) and weights (P,) that sum to one."""
+        weights = self._belief.reshape(self._size, -1).sum(axis=1)
+        alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
+        return self._states(alive), weights[alive] / weights[alive].sum()
+
+    def _place(self, belief: np.ndarray) -> None:
+        self._belief = belief[..., None] / belief.sum() * self._fresh
+        self._memory = np.zeros((self._size, self._components, self._channels), dtype=np.float32)
+        self._turn = [0] * len(self._shape)
+        self._offset = np.zeros(len(self._shape))
+        self._pending = np.zeros(len(self._shape))
+
+    def _states(self, cells: np.ndarray) -> np.ndarray:
+        index = np.stack(np.unravel_index(cells, self._shape), axis=1)
+        return self._lower + self._cell * (index + 0.5) + self._offset
+
+    def _slots_of(self, cells: np.ndarray) -> np.ndarray:
+        """Where the memory of ``cells`` is kept: it does not move when the belief does."""
+        if not any(self._turn):
+            return cells
+        index = np.unravel_index(cells, self._shape)
+        turned = [(i - t) % n for i, t, n in zip(index, self._turn, self._shape, strict=True)]
+        return np.asarray(np.ravel_multi_index(turned, self._shape))
+
+    def _shift(self, axis: int, cells: int) -> float:
+        """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""
+        moved = np.roll(self._belief, cells, axis=axis)
+        self._turn[axis] = (self._turn[axis] + cells) % self._shape[axis]
+        if not self._wraps[axis]:
+            emptied: list[slice | int] = [slice(None)] * moved.ndim
+            emptied[axis] = slice(None, cells) if cells > 0 else slice(cells, None)
+            moved[tuple(emptied)] = 0.0
+            entered = np.arange(self._size).reshape(self._shape)[tuple(emptied[:-1])].ravel()
+            self._memory[self._slots_of(entered)] = 0.0
+        return self._normalize(moved)
+
+    def _diffuse(self, axis: int) -> float:
+        """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
+        mode = "wrap" if self._wraps[axis] else "constant"
+        # A spread as wide as the axis is as good as any wider one.
+        variance = min(float(self._pending[axis]), float(self._shape[axis]) ** 2)
+        if variance <= _THREE_POINT:
+            kernel = [0.5 * variance, 1.0 - variance, 0.5 * variance]
+            spread = ndimage.correlate1d(self._belief, kernel, axis=axis, mode=mode)
+        else:
+            spread = ndimage.gaussian_filter1d(self._belief, math.sqrt(variance), axis=axis, mode=mode)
+        self._pending[axis] = 0.0
+        return self._normalize(spread)
+
+    def _normalize(self, belief: np.ndarray) -> float:
+        """Store a belief scaled to one, and return what it summed to."""
+        total = float(belief.sum())
+        if total > 0.0:
+            self._belief = belief / total
+        else:
+            self._belief = np.ones(belief.shape) / self._size * self._fresh
+        return total

@@ -1,0 +1,1 @@
+"""What a place feels like, and how well a strain fits it."""

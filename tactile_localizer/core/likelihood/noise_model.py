@@ -1,0 +1,232 @@
+"""Noise of one visit: how a sweep differs from what the other sweeps of the scan felt at the same place.
+
+This is the one noise model of the package: the map, the alternatives to it, the consistency of a phalanx and
+the offset of a sweep all use it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.student_t import scatter
+from tactile_localizer.core.likelihood.tracks import (
+    PITCH,
+    Expectation,
+    Track,
+    expectation,
+    line_spacing,
+    tracks_of,
+)
+from tactile_localizer.core.scan import Scan
+from tactile_localizer.scene import Scene
+
+_DIAGONAL_LOADING = 0.05
+"""Share of each channel's variance that is added to it, so that no direction is free of noise."""
+_FEATURELESS_STRETCH = 0.2
+"""Share of a sweep's length in which its featureless strain is looked for, the stretch that varies least."""
+_REPRODUCIBLE = 0.15
+"""Product of the deviations of two neighbouring sweeps, in variances of the noise, above which a place has a
+signal; the noise of two sweeps is independent. By judgement."""
+_MOSTLY_FEATURELESS = 0.35
+"""Share of places without a reproducible signal from which a material counts as featureless between
+features: 0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
+_SMOOTHING = 0.002
+"""m over which the energy of a deviation is averaged."""
+
+
+class Residuals(NamedTuple):
+    """What a track felt less what the other tracks let one expect: (n, K, C), and that expectation."""
+
+    residual: np.ndarray
+    expected: Expectation
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Coordinates in which the difference between two visits has unit covariance, phalanx by phalanx.
+
+    Parameters
+    ----------
+    layout : channels of each phalanx
+    centre : (C,) V, subtracted from every strain
+    whitening : (C, C) block-diagonal; ``whitening @ (strain - centre)`` are whitened strains
+    log_volume : (F,) logarithms of the determinants of its blocks, for densities over strains in volts
+    offset_variance : (C,) whitened variance of the constant by which one sweep's strains differ from
+        another's
+    """
+
+    layout: ChannelLayout
+    centre: np.ndarray
+    whitening: np.ndarray
+    log_volume: np.ndarray
+    offset_variance: np.ndarray
+
+    def whitened(self, strain: np.ndarray) -> np.ndarray:
+        """Strains (..., C), V, in whitened coordinates."""
+        return (strain - self.centre) @ self.whitening.T
+
+
+class NoiseEstimate(NamedTuple):
+    """A noise model with the whitened tracks that it was estimated from.
+
+    Parameters
+    ----------
+    model : the noise model
+    tracks : whitened; without their offsets and, where nothing is reproducible, exactly zero
+    visits : the same tracks as they were felt, for judging predictions
+    spacing : m between neighbouring tracks
+    featureless : whether the material has nothing to feel at most places
+    """
+
+    model: NoiseModel
+    tracks: list[Track]
+    visits: list[Track]
+    spacing: float
+    featureless: bool
+
+
+def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
+    """Estimate the noise of one visit from how the scan's sweeps differ.
+
+    Raises
+    ------
+    SceneError
+        The scene names an axis or a phalanx that the scan does not have.
+    """
+    tracks = tracks_of(scan, scene)
+    spacing = line_spacing(tracks, scene)
+    resolution = _resolution(scan.strain[:, scene.channels(scan.phalanges, scan.channels)])
+    first = _whitening(_between_sweeps(tracks, scene, spacing, centred=True), resolution, scene.layout)
+    flat = [_featureless_strain(track.strain @ first.T) for track in tracks]
+    level = np.array(flat) @ np.linalg.inv(first).T
+    moved = [Track(track.positions, track.strain - own) for track, own in zip(tracks, level, strict=True)]
+    featureless = len(tracks) > 1 and _is_featureless(moved, first, scene, spacing)
+    offsets: np.ndarray
+    if featureless:
+        tracks, centre, offsets = moved, level.mean(axis=0), level
+        whitening = _whitening(_between_sweeps(tracks, scene, spacing, False), resolution, scene.layout)
+    else:
+        centre = np.mean([track.strain.mean(axis=0) for track in tracks], axis=0)
+        tracks = [Track(track.positions, track.strain - centre) for track in tracks]
+        differences = _between_sweeps(tracks, scene, spacing, centred=False)
+        offsets = np.array([np.median(difference, axis=0) for difference in differences])
+        whitening = _whitening(
+            [d - o for d, o in zip(differences, offsets, strict=True)], resolution, scene.layout
+        )
+    offsets = offsets @ whitening.T
+    centred = offsets - (offsets.mean(axis=0) if featureless else 0.0)
+    variance = np.sum(centred**2, axis=0) / max(len(offsets) - 1, 1)
+    # The variance of a channel is estimated from few sweeps: its phalanx's mean steadies it. Without
+    # featureless places an offset cannot be told from a place, and one that is learned lets any material fit.
+    variance = 0.5 * featureless * (variance + scene.layout.expand(_means(scene.layout, variance)))
+    log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in scene.layout.slices])
+    model = NoiseModel(scene.layout, centre, whitening, log_volume, variance)
+    visits = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
+    shown = visits
+    if featureless or scene.feature is not None:
+        shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
+    return NoiseEstimate(model, shown, visits, spacing, featureless)
+
+
+def held_out(
+    tracks: Sequence[Track], visits: Sequence[Track], scene: Scene, spacing: float, components: int
+) -> list[Residuals]:
+    """Each visit less what the *other* tracks let one expect of it, in the order of the tracks."""
+    found = []
+    for index, visit in enumerate(visits):
+        others = [track for other, track in enumerate(tracks) if other != index]
+        expected = expectation(others, scene, visit.positions, spacing, components)
+        found.append(Residuals(visit.strain[:, None] - expected.mean, expected))
+    return found
+
+
+def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centred: bool) -> list[np.ndarray]:
+    """Differences of each track from the others, (n, C), scaled to the variance of one visit."""
+    if len(tracks) == 1:  # nothing to compare with: the unevenness along the sweep
+        strain = tracks[0].strain
+        if len(strain) < 3:
+            return [np.zeros_like(strain)]
+        return [(strain[1:-1] - 0.5 * (strain[2:] + strain[:-2])) / np.sqrt(1.5)]
+    found = []
+    for residual, expected in held_out(tracks, tracks, scene, spacing, 1):
+        inside = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH)
+        rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
+        difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows])
+        found.append(difference - np.median(difference, axis=0) if centred else difference)
+    return found
+
+
+def _whitening(
+    differences: Sequence[np.ndarray], resolution: np.ndarray, layout: ChannelLayout
+) -> np.ndarray:
+    """Inverse Cholesky factor of the robust scatter of differences, a block per phalanx."""
+    joined = np.concatenate(differences)
+    whitening = np.zeros((joined.shape[1],) * 2)
+    for own in layout.slices:
+        # In units of each channel, so that volts and counts are factorised alike.
+        unit = np.maximum(np.sqrt(np.mean(joined[:, own] ** 2, axis=0)), resolution[own])
+        matrix = scatter(joined[:, own] / unit)
+        matrix += np.diag(_DIAGONAL_LOADING * matrix.diagonal() + (resolution[own] / unit) ** 2 / 12.0)
+        whitening[own, own] = np.linalg.inv(np.linalg.cholesky(matrix)) / unit
+    return whitening
+
+
+def _resolution(strain: np.ndarray) -> np.ndarray:
+    """Smallest step between two values of each channel, (C,): a load cell cannot be more exact than that."""
+    sample = np.sort(strain[:: max(1, len(strain) // 20_000)], axis=0)
+    steps = np.diff(sample, axis=0)
+    smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
+    floor = 1e-9 * np.abs(strain).max(axis=0) + 1e-30
+    return np.maximum(np.where(np.isfinite(smallest), smallest, 0.0), floor)
+
+
+def _featureless_strain(strain: np.ndarray) -> np.ndarray:
+    """Mean (C,) of the stretch of a sweep that varies least."""
+    width = max(3, round(_FEATURELESS_STRETCH * len(strain)))
+    if len(strain) <= width:
+        return np.asarray(np.median(strain, axis=0))
+    sums = np.cumsum(np.vstack([np.zeros(strain.shape[1]), strain]), axis=0)
+    squares = np.cumsum(np.vstack([np.zeros(strain.shape[1]), strain**2]), axis=0)
+    mean = (sums[width:] - sums[:-width]) / width
+    variance = (squares[width:] - squares[:-width]) / width - mean**2
+    return np.asarray(mean[variance.sum(axis=1).argmin()])
+
+
+def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene, spacing: float) -> bool:
+    """Whether most places feel alike: their deviations do not recur in the neighbouring sweeps."""
+    whitened = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
+    shares = []
+    for visit, (residual, _) in zip(whitened, held_out(whitened, whitened, scene, spacing, 1), strict=True):
+        product = visit.strain * (visit.strain - residual[:, 0])
+        shares.append(_means(scene.layout, _smoothed(product)) < _REPRODUCIBLE)
+    return bool(np.mean(np.concatenate(shares)) > _MOSTLY_FEATURELESS)
+
+
+def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Track:
+    """Deviations shrunk towards zero by what of their energy is noise (James and Stein, 1961).
+
+    Featureless places so become exactly alike, and say nothing about the position (paper, III-D). Where the
+    scene gives the feature's region, what lies outside it is zero.
+    """
+    strain = track.strain
+    if featureless:
+        energy = _means(scene.layout, _smoothed(strain**2))
+        strain = strain * scene.layout.expand(np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0))
+    if featureless and scene.feature is not None:
+        strain = strain * scene.layout.expand(scene.phalanges_on_feature(track.positions).astype(np.float64))
+    return Track(track.positions, strain)
+
+
+def _smoothed(values: np.ndarray) -> np.ndarray:
+    return np.asarray(uniform_filter1d(values, max(1, round(_SMOOTHING / PITCH)), axis=0, mode="nearest"))
+
+
+def _means(layout: ChannelLayout, values: np.ndarray) -> np.ndarray:
+    """Means over the channels of each phalanx, (..., C) to (..., F)."""
+    return layout.sum(values) / np.array(layout.counts)
