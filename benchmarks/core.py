@@ -43,14 +43,14 @@ from workload import (
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.credit import NO_CREDIT
-from tactile_localizer.core.featureless import Featureless
-from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.grid_filter import GridFilter
-from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.featureless import Featureless
+from tactile_localizer.core.likelihood.gaussian import Gaussian
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.particle_filter import ParticleFilter
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import load_naming
 from tactile_localizer.io.csv_recording import read_csv

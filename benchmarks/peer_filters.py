@@ -23,7 +23,7 @@ from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.state import ParticleState
 from stonesoup.updater.particle import ParticleUpdater
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 _ROWS = 1000

@@ -67,8 +67,8 @@ def compare() -> list[dict[str, Any]]:
 
     from tactile_localizer.core.configuration import Configuration
     from tactile_localizer.core.credit import NO_CREDIT
+    from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
     from tactile_localizer.core.particle_filter import ParticleFilter
-    from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 
     scan, scene = bump_scan(), bump_scene()
     floor = floor_us(scan)

@@ -18,9 +18,9 @@ from record import record, row
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from tactile_localizer.cli import main as command
-from tactile_localizer.core.coverage import Coverage
-from tactile_localizer.core.pairing import Pairing
-from tactile_localizer.core.tactile_map import make_map
+from tactile_localizer.core.geometry.synchronization import Pairing
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.io.bag_reader import typestore
 from tactile_localizer.io.bag_recording import read_bag
 from tactile_localizer.io.scan_store import ScanStore

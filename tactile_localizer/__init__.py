@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tactile_localizer.core.configuration import Configuration
     from tactile_localizer.core.localizer import Estimate, Localizer
-    from tactile_localizer.core.scan import Scan
+    from tactile_localizer.core.scan.scan import Scan
     from tactile_localizer.errors import TactileLocalizerError
     from tactile_localizer.io.recording import RecordedSweep, Recording
     from tactile_localizer.io.scene_file import load_scene

@@ -9,7 +9,7 @@ import numpy as np
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.bag_recording import read_bag
 from tactile_localizer.io.csv_recording import read_csv
 from tactile_localizer.io.recording import Recording, select

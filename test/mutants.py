@@ -60,7 +60,7 @@ def faults() -> list[Fault]:
     text = (ROOT / "test" / "mutants.txt").read_text()
     return [
         Fault(name, module, right, wrong.strip())
-        for module, name, right, wrong in re.findall(r"^(\w+): (.+)\n- (.+)\n\+(.*)$", text, re.MULTILINE)
+        for module, name, right, wrong in re.findall(r"^([\w/]+): (.+)\n- (.+)\n\+(.*)$", text, re.MULTILINE)
     ]
 
 
@@ -91,7 +91,7 @@ def seed(copy: Path, fault: Fault) -> str:
     sound = path.read_text()
     path.write_text(fault.seeded(sound))
     try:
-        own = copy / "test" / "core" / f"test_{fault.module}.py"
+        own = copy / "test" / "core" / f"test_{Path(fault.module).name}.py"
         return (failing(copy, own) if own.exists() else "") or failing(copy, copy / "test" / "core")
     finally:
         path.write_text(sound)

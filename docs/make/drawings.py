@@ -11,7 +11,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangl
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan, simulate_sweep

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import gammaln
 
-from tactile_localizer.core.measurement import MeasurementModel, checked
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked
+from tactile_localizer.core.likelihood.sum_of_gaussians import training_pairs
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 FREEDOM = 4.0

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.core.tactile_map import make_map
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES
 from tactile_localizer.evaluation.live_figures import error_along_the_sweep, sweep_in_detail

@@ -17,7 +17,7 @@ from tactile_localizer.cli.recording_options import (
     speed_from_arguments,
 )
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.tables import Table
 from tactile_localizer.io.bag_recording import read_bag

@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tactile_localizer.core.palm_frame import PalmFrame
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.bag_recording import BagTopics
 from tactile_localizer.io.csv_columns import ColumnNaming, load_naming, naming_from_pairs

@@ -14,7 +14,7 @@ from tactile_localizer.cli.recording_options import (
     speed_from_arguments,
 )
 from tactile_localizer.core.configuration import FILTERS, MODELS, SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.evaluation.odometry import EXACT, RECORDED, SIMULATED
 from tactile_localizer.io.bag_recording import read_bag

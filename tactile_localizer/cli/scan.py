@@ -249,7 +249,7 @@ def _box(scene: Scene) -> str:
 def _plot(args: argparse.Namespace) -> int:
     # matplotlib takes a second, which no other action needs.
     from tactile_localizer.core.region_confidence import judged_proposal
-    from tactile_localizer.core.tactile_map import make_map
+    from tactile_localizer.core.scan.tactile_map import make_map
     from tactile_localizer.evaluation.map_figures import scan_figures
     from tactile_localizer.evaluation.region_figure import region_sheet
 

@@ -9,29 +9,29 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.bayes_filter import BayesFilter
-from tactile_localizer.core.between_sweeps import with_interpolated_sweeps
 from tactile_localizer.core.calibration.sweep_assembly import build_sweep_localizer
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.correlation import Correlation
-from tactile_localizer.core.featureless import Featureless
 from tactile_localizer.core.fit import held_out_fit
-from tactile_localizer.core.gaussian import Gaussian
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.identification import FeatureIdentifier
+from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.featureless import Featureless
+from tactile_localizer.core.likelihood.gaussian import Gaussian
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.measurement import MeasurementModel
 from tactile_localizer.core.naming import Namer, disagreement
 from tactile_localizer.core.null_model import NullModel
-from tactile_localizer.core.own_model import SEPARATOR, build_own_model
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery
 from tactile_localizer.core.region_confidence import with_region
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.between_sweeps import with_interpolated_sweeps
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.selection import choose_parameters
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.sweep_offset import SweepOffset
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene

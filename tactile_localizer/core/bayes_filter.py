@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from tactile_localizer.core.credit import Credit
-from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.filters.belief import Belief
 
 
 class Marginal(NamedTuple):

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tactile_localizer.core.kernel_sum import EVALUATIONS
-from tactile_localizer.core.own_model import SEPARATOR
-from tactile_localizer.core.resampling import RESAMPLERS
+from tactile_localizer.core.filters.resampling import RESAMPLERS
+from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
+from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number
 

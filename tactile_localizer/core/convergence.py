@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.filters.belief import Belief
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
-from tactile_localizer.core.normal import Normal
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import training_pairs
+from tactile_localizer.core.likelihood.kernels.normal import Normal
+from tactile_localizer.core.likelihood.sum_of_gaussians import training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 _ORDINARY = 1.0 - 1e-4

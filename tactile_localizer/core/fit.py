@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_localizer.core.measurement import MeasurementModel
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sweep_spacing import divided
+from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import divided
 from tactile_localizer.scene import Scene
 
 QUANTILE = 0.05

@@ -9,10 +9,11 @@ from scipy import ndimage
 
 from tactile_localizer.core.bayes_filter import Marginal
 from tactile_localizer.core.credit import Credit
-from tactile_localizer.core.estimate import Belief
-from tactile_localizer.core.measurement import MeasurementModel, flatten_axes
-from tactile_localizer.core.motion import MotionModel
-from tactile_localizer.core.weights import moments, normalize, wrap_angle
+from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.filters.weights import moments, normalize
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.likelihood.base import MeasurementModel, flatten_axes
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 

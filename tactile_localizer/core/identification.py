@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.naming import Namer
-from tactile_localizer.core.weights import normalize
 
 NONE = "none of them"
 

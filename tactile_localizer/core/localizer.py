@@ -13,9 +13,9 @@ import numpy as np
 from tactile_localizer.core.bayes_filter import BayesFilter
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.correlation import Correlation
-from tactile_localizer.core.estimate import Belief
-from tactile_localizer.core.measurement import checked, usable
-from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.likelihood.base import checked, usable
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.phalanx_health import PhalanxHealth
 from tactile_localizer.core.recovery import Recovery

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from tactile_localizer.core.between_sweeps import with_interpolated_sweeps
-from tactile_localizer.core.resampling import evenly
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
-from tactile_localizer.core.sweep_spacing import nearest_of_other_sweeps
-from tactile_localizer.core.weights import log_mean
+from tactile_localizer.core.filters.resampling import evenly
+from tactile_localizer.core.filters.weights import log_mean
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians, training_pairs
+from tactile_localizer.core.scan.between_sweeps import with_interpolated_sweeps
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import nearest_of_other_sweeps
 from tactile_localizer.scene import Scene
 
 _STATES = 48

@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.background import Background
 from tactile_localizer.core.credit import Credit
 from tactile_localizer.core.featureless_pairs import featureless_pairs
+from tactile_localizer.core.filters.weights import log_mean
 from tactile_localizer.core.fit import HeldOutFit
-from tactile_localizer.core.normal import Normal
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import training_pairs
-from tactile_localizer.core.weights import log_mean
+from tactile_localizer.core.likelihood.kernels.background import Background
+from tactile_localizer.core.likelihood.kernels.normal import Normal
+from tactile_localizer.core.likelihood.sum_of_gaussians import training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 _LOG_2 = math.log(2.0)

@@ -8,12 +8,13 @@ import numpy as np
 
 from tactile_localizer.core.bayes_filter import Marginal
 from tactile_localizer.core.credit import NO_CREDIT, Credit
-from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.filters.resampling import resampler
+from tactile_localizer.core.filters.weights import effective_sample_size, moments, normalize
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.kld import kld_sample_size
-from tactile_localizer.core.measurement import MeasurementModel
-from tactile_localizer.core.motion import MotionModel
-from tactile_localizer.core.resampling import resampler
-from tactile_localizer.core.weights import effective_sample_size, moments, normalize, wrap_angle
+from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 

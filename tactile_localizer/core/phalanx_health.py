@@ -14,10 +14,10 @@ import math
 
 import numpy as np
 
-from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.filters.resampling import evenly
+from tactile_localizer.core.filters.weights import log_mean
+from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.null_model import NullModel
-from tactile_localizer.core.resampling import evenly
-from tactile_localizer.core.weights import log_mean
 from tactile_localizer.scene import Scene
 
 _STATES = 48

@@ -16,9 +16,9 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
-from tactile_localizer.core.normal import Normal
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import training_pairs
+from tactile_localizer.core.likelihood.kernels.normal import Normal
+from tactile_localizer.core.likelihood.sum_of_gaussians import training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Region, Scene
 
 _CORE = 0.25

@@ -8,11 +8,11 @@ import math
 import numpy as np
 
 from tactile_localizer.core.fit import held_out_log_densities
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians, training_pairs
 from tactile_localizer.core.null_model import NullModel
 from tactile_localizer.core.region import Proposal, propose_region
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians, training_pairs
-from tactile_localizer.core.sweep_spacing import base_widths
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import base_widths
 from tactile_localizer.scene import Scene
 
 BELIEVED_REGION = 0.5

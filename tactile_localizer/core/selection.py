@@ -24,17 +24,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from tactile_localizer.core.between_sweeps import leaves_gaps, with_interpolated_sweeps
 from tactile_localizer.core.correlation import Correlation
 from tactile_localizer.core.credit import NO_CREDIT
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.grid_filter import GridFilter
-from tactile_localizer.core.measurement import MeasurementModel
-from tactile_localizer.core.motion import MotionModel
+from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.scan.between_sweeps import leaves_gaps, with_interpolated_sweeps
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import base_widths, divided
 from tactile_localizer.core.sweep_offset import SweepOffset, knows_offsets
-from tactile_localizer.core.sweep_spacing import base_widths, divided
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 

@@ -13,11 +13,11 @@ from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsisten
 from tactile_localizer.core.decision.presence import Presence
 from tactile_localizer.core.decision.sweep_offset import SweepOffset
 from tactile_localizer.core.filters.grid import GridFilter
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.evaluation import Evaluation
 from tactile_localizer.core.likelihood.slow_residual import SlowResidual
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.motion import MotionModel
 from tactile_localizer.scene import Scene
 
 _SWITCHING_RATE = 20.0

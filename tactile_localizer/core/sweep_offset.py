@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import block_diag, eigh
 
 from tactile_localizer.core.featureless_pairs import featureless_pairs
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import training_pairs
+from tactile_localizer.core.likelihood.sum_of_gaussians import training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import Scene
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.evaluation.odometry import SIMULATED, random_starts, with_odometry
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
 from tactile_localizer.io.scene_file import load_scene, scene_to_dict

@@ -12,7 +12,7 @@ import numpy as np
 
 from tactile_localizer.core.assembly import build_localizer, completed
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.neighbours import choose_neighbours
+from tactile_localizer.core.likelihood.neighbours import choose_neighbours
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.evaluation.conditions import RecordedCondition
 from tactile_localizer.io.csv_columns import load_naming
 from tactile_localizer.io.csv_recording import read_csv

@@ -22,7 +22,7 @@ from typing import Any
 import joblib
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.own_model import SEPARATOR
+from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.evaluation.plain_json import plain, write_json
 from tactile_localizer.resources import PACKAGE

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import TactileMap, axis_scale, make_map
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
 from tactile_localizer.evaluation.display import label_axis, legend_below, literal, shown
 from tactile_localizer.scene import Phalanx, Region, Scene

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tactile_localizer.core.motion import YAW_LEVER
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.region import Proposal
 from tactile_localizer.core.region_confidence import BELIEVED_REGION
-from tactile_localizer.core.tactile_map import TactileMap
+from tactile_localizer.core.scan.tactile_map import TactileMap
 from tactile_localizer.evaluation.display import label_axis, legend_below, literal, shown
 from tactile_localizer.scene import Region, Scene
 

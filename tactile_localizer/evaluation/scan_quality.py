@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tactile_localizer.core.coverage import Coverage
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import sweep_distance
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import sweep_distance
 from tactile_localizer.evaluation.display import MM, shown
 from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.scene import Scene

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactile_localizer.core.neighbours import NeighbourTrial
+from tactile_localizer.core.likelihood.neighbours import NeighbourTrial
 from tactile_localizer.core.selection import Trial, best_of
 from tactile_localizer.evaluation.tables import Table
 

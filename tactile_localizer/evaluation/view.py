@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
+from tactile_localizer.core.filters.resampling import evenly
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.resampling import evenly
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import axis_scale
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import axis_scale
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.evaluation.display import MM
 from tactile_localizer.io.recording import RecordedSweep, Recording, usable

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 

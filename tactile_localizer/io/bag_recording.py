@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.palm_frame import PalmFrame
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.bag_adapted import read_adapted
 from tactile_localizer.io.bag_decode import PoseDecoder, Poses, StrainDecoder, Strains

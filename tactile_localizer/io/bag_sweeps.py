@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.io.bag_decode import stamp_of
 
 _END_NS = 2**63 - 1

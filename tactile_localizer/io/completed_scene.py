@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tactile_localizer.core.assembly import completed
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.scan_digest import digest_of
+from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
 from tactile_localizer.io.scans.learned import LearnedResults
 from tactile_localizer.io.scene_file import scene_from_dict, scene_to_dict

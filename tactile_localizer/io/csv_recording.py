@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.pose_buffer import near_bounds
+from tactile_localizer.core.geometry.pose_buffer import near_bounds
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv_columns import ColumnNaming
 from tactile_localizer.io.csv_table import listed, read_table

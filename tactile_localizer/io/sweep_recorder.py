@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_localizer.core.coverage import Coverage
-from tactile_localizer.core.pairing import Pair
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.geometry.synchronization import Pair
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import screen
 from tactile_localizer.io.scan_store import ScanStore

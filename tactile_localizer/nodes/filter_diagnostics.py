@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from tactile_localizer.core.pairing import Pairing
-from tactile_localizer.core.pose_buffer import NANOSECONDS
+from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
+from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.nodes.tracker import Tracker
 
 

@@ -27,8 +27,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.assembly import convergence_criteria
+from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.confinement import confined
 from tactile_localizer.msg import StrainVectors

@@ -14,10 +14,10 @@ from tactile_localizer.core.configuration import (
     SWEEP_MIXTURE,
     Configuration,
 )
-from tactile_localizer.core.kernel_sum import EVALUATIONS
-from tactile_localizer.core.pairing import DEFAULT_PATIENCE_S
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
-from tactile_localizer.core.resampling import RESAMPLERS
+from tactile_localizer.core.filters.resampling import RESAMPLERS
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S
+from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.nodes import palm_pose
 from tactile_localizer.nodes.parameters import Parameter, Parameters
 

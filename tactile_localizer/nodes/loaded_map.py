@@ -11,9 +11,9 @@ import numpy as np
 from tactile_localizer.core.assembly import Progress, build_identifier, build_localizer
 from tactile_localizer.core.configuration import SWEEP_MIXTURE
 from tactile_localizer.core.feature_localizer import FeatureLocalizer
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.palm_frame import PalmFrame
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.completed_scene import completed_scene
 from tactile_localizer.io.scan_store import ScanStore

@@ -8,7 +8,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
-from tactile_localizer.core.tactile_map import TactileMap
+from tactile_localizer.core.scan.tactile_map import TactileMap
 from tactile_localizer.nodes.posterior_messages import cloud
 from tactile_localizer.scene import Scene
 

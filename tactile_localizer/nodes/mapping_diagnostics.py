@@ -7,7 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from tactile_localizer.core.pairing import Pairing
+from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
 
 

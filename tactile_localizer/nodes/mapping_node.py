@@ -14,10 +14,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from tactile_localizer.core.coverage import SWEEP_DISTANCE_M, Coverage
-from tactile_localizer.core.pairing import DEFAULT_PATIENCE_S, Pair, Pairing
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S
-from tactile_localizer.core.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S, Pair, Pairing
+from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M, Coverage
+from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
 from tactile_localizer.errors import MeasurementError, ParameterError, ScanError, TactileLocalizerError
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import load_scene

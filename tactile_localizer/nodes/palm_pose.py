@@ -8,7 +8,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile
 
-from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.nodes.hearing import Topic
 from tactile_localizer.nodes.parameters import Parameter, Parameters

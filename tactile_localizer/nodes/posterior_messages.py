@@ -10,9 +10,9 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
+from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.identification import Identification
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.core.resampling import systematic
 from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.nodes.stamps import from_ns
 

@@ -17,8 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from scipy.spatial.transform import Rotation
 
+from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.core.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.nodes.hearing import Topic
 from tactile_localizer.nodes.stamps import from_ns

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.noise import child

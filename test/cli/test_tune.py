@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tactile_localizer.cli import main, tune
-from tactile_localizer.core.gaussian import Shrinkage
-from tactile_localizer.core.neighbours import NeighbourTrial
+from tactile_localizer.core.likelihood.gaussian import Shrinkage
+from tactile_localizer.core.likelihood.neighbours import NeighbourTrial
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.selection import Trial, best_of
 from tactile_localizer.evaluation.tuning import (

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.core.between_sweeps import (
+from tactile_localizer.core.scan.between_sweeps import (
     leaves_gaps,
     with_interpolated_sweeps,
 )
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sweep_spacing import divided, nearest_of_other_sweeps
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import divided, nearest_of_other_sweeps
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

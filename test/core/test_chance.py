@@ -14,7 +14,7 @@ import pytest
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SIDE, SPACING, STEP = 0.06, 0.005, 0.0004

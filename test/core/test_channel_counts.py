@@ -8,11 +8,11 @@ from support.scans import SIDE, axes
 
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.gaussian import Gaussian
-from tactile_localizer.core.kernel_sum import KernelSum
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
-from tactile_localizer.core.tactile_map import make_map
+from tactile_localizer.core.likelihood.gaussian import Gaussian
+from tactile_localizer.core.likelihood.kernels.sums import KernelSum
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import MeasurementError, SceneError
 from tactile_localizer.scene import Phalanx, Region, Scene
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
-from tactile_localizer.core.estimate import Belief
+from tactile_localizer.core.filters.belief import Belief
 
 CRITERIA = ConvergenceCriteria(std=np.array([0.002, 0.004]), evidence=6.0, sustain=0.002)
 NARROW = Belief(np.zeros(2), np.diag([0.001**2, 0.002**2]), 50.0, 75)

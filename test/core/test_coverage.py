@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_localizer.core.coverage import Coverage
+from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from support.scans import density, scan, scene, strain_at, total_variation
 
-from tactile_localizer.core.featureless import Featureless
+from tactile_localizer.core.likelihood.featureless import Featureless
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene

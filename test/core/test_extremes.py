@@ -11,14 +11,14 @@ from support.scans import SIDE, density, scan, scene, strain_at, total_variation
 from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import MODELS, Configuration
 from tactile_localizer.core.credit import NO_CREDIT
-from tactile_localizer.core.featureless import Featureless
-from tactile_localizer.core.gaussian import Gaussian
+from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.grid_filter import GridFilter
-from tactile_localizer.core.pair_block import HEADROOM, PairBlock
+from tactile_localizer.core.likelihood.featureless import Featureless
+from tactile_localizer.core.likelihood.gaussian import Gaussian
+from tactile_localizer.core.likelihood.kernels.pair_block import HEADROOM, PairBlock
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.particle_filter import ParticleFilter
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, SceneError
 from tactile_localizer.scene import Region
 

@@ -11,8 +11,8 @@ from scipy.special import logsumexp
 from support import densities
 from support.scans import density, total_variation
 
-from tactile_localizer.core.featureless import Featureless
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.likelihood.featureless import Featureless
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 

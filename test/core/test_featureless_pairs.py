@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_localizer.core.featureless_pairs import featureless_pairs, ordinary
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = Scene("strip", (Axis("x", 0.0, 0.1, 0.002),), (Phalanx("index", (0.0,)),), Region((0.04,), (0.06,)))

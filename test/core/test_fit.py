@@ -10,9 +10,9 @@ from support.models import FlatModel
 from support.scans import scan, scene
 
 from tactile_localizer.core.fit import HeldOutFit, held_out_fit, held_out_log_densities
-from tactile_localizer.core.measurement import MeasurementModel
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Region, Scene
 
 NOWHERE = Region((1.0, 1.0), (2.0, 2.0))

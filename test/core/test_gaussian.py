@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.scans import scan, scene, strain_at
 
-from tactile_localizer.core.gaussian import Gaussian
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.likelihood.gaussian import Gaussian
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.sim import simulate_scan
 
@@ -117,7 +117,7 @@ def test_sweeps_that_it_has_not_seen_are_explained_better_than_by_another_shrink
         return [model.log_likelihood(test.states[row][None], test.strain[row])[0] for row in rows]
 
     chosen = np.median(explained())
-    monkeypatch.setattr("tactile_localizer.core.gaussian._SHARES", (share,))
+    monkeypatch.setattr("tactile_localizer.core.likelihood.gaussian._SHARES", (share,))
     assert chosen > np.median(explained()) + 0.5
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.scans import SIDE
 
-from tactile_localizer.core.interpolation import interpolated
+from tactile_localizer.core.likelihood.kernels.interpolation import interpolated
 
 WIDTH = np.array([0.002, 0.003])
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.kernel_grid import Density, KernelGrid
+from tactile_localizer.core.likelihood.kernels.grid import Density, KernelGrid
 
 
 def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 from support.scans import scan, scene, strain_at
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.kernel_sum import KernelSum
-from tactile_localizer.core.pair_block import HEADROOM
+from tactile_localizer.core.likelihood.kernels.pair_block import HEADROOM
+from tactile_localizer.core.likelihood.kernels.sums import KernelSum
 from tactile_localizer.errors import ParameterError
 
 WIDTHS = np.array([0.003, 0.003, 0.15])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.measurement import checked, flatten_axes, positive
+from tactile_localizer.core.likelihood.base import checked, flatten_axes, positive
 from tactile_localizer.errors import MeasurementError, ParameterError
 
 TWO = ChannelLayout((8, 8))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.scans import scene
 
-from tactile_localizer.core.motion import YAW_LEVER, MotionModel
+from tactile_localizer.core.geometry.motion import YAW_LEVER, MotionModel
 
 
 def test_states_move_by_the_displacement_and_spread_by_the_travelled_distance():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.naming import Namer, disagreement
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene(

@@ -7,8 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tactile_localizer.core.neighbours import NEIGHBOURS, NeighbourTrial, choose_neighbours, search_neighbours
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.likelihood.neighbours import (
+    NEIGHBOURS,
+    NeighbourTrial,
+    choose_neighbours,
+    search_neighbours,
+)
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tactile_localizer.core.normal import Normal
+from tactile_localizer.core.likelihood.kernels.normal import Normal
 
 
 def test_its_logarithm_is_that_of_the_textbook():

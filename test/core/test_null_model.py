@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.special import logsumexp
 
-from tactile_localizer.core.background import Background
 from tactile_localizer.core.fit import HeldOutFit
+from tactile_localizer.core.likelihood.kernels.background import Background
 from tactile_localizer.core.null_model import NullModel
 
 BOTH, INDEX = np.ones(2, bool), np.array([True, False])

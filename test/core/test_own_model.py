@@ -11,13 +11,13 @@ from support.scans import scan, scene
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.assembly import build_localizer, build_model, with_parameters
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError
 
 OWN = """
 import numpy as np
-from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.likelihood.base import MeasurementModel
 
 class Slope(MeasurementModel):
     def __init__(self, scan, scene, parameters):

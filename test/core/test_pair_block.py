@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.kernel_grid import REACH
-from tactile_localizer.core.pair_block import HEADROOM, PairBlock
+from tactile_localizer.core.likelihood.kernels.grid import REACH
+from tactile_localizer.core.likelihood.kernels.pair_block import HEADROOM, PairBlock
 
 
 def block_of(positions: np.ndarray, strain: np.ndarray) -> PairBlock:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.pairing import Pairing
-from tactile_localizer.core.pose_buffer import interpolate_poses
+from tactile_localizer.core.geometry.pose_buffer import interpolate_poses
+from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 

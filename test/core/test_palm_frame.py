@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.scene import Axis
 

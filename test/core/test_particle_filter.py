@@ -11,9 +11,9 @@ from support.models import FlatModel, KalmanFilter, LinearModel
 from support.scans import scene
 
 from tactile_localizer.core.credit import NO_CREDIT, Credit
+from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.particle_filter import ParticleFilter
-from tactile_localizer.core.resampling import RESAMPLERS
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.pose_buffer import PoseBuffer, interpolate_poses, near_bounds
+from tactile_localizer.core.geometry.pose_buffer import PoseBuffer, interpolate_poses, near_bounds
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 

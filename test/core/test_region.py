@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.region import featureless_cluster, propose_region
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene

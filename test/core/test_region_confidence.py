@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from tactile_localizer.core.region_confidence import with_region
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan

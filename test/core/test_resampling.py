@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tactile_localizer.core.resampling import RESAMPLERS, evenly, resampler
+from tactile_localizer.core.filters.resampling import RESAMPLERS, evenly, resampler
 from tactile_localizer.errors import ParameterError
 
 every_scheme = pytest.mark.parametrize("name", RESAMPLERS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 
 GOOD = {

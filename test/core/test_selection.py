@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import base_widths
 from tactile_localizer.core.selection import (
     Trial,
     choose_parameters,
     held_out_segments,
     search,
 )
-from tactile_localizer.core.sweep_spacing import base_widths
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

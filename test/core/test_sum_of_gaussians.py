@@ -10,8 +10,8 @@ from scipy.special import logsumexp
 from support import densities
 from support.scans import scan, scene, strain_at
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError, SceneError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

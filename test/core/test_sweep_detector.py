@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.scene import Axis
 
 AXES = (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1))

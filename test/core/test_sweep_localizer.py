@@ -8,7 +8,7 @@ import pytest
 from tactile_localizer.core.assembly import build_identifier, build_localizer
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import make_map, sweep_distance
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import make_map, sweep_distance
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

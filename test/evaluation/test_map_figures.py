@@ -5,8 +5,8 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Rectangle
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import make_map
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import SceneError
 from tactile_localizer.evaluation.map_figures import map_sheet, neighbour_values, scan_figures
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.region import Proposal, propose_region
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.tactile_map import make_map
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.evaluation.region_figure import region_sheet
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 from tactile_localizer.sim import simulate_scan

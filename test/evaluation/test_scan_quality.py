@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.scene import Axis, Phalanx, Scene

@@ -16,7 +16,7 @@ from support.browser import look_at
 from support.evaluations import QUICK, TUNED, condition
 
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
-from tactile_localizer.core.kernel_sum import EVALUATIONS
+from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.evaluation.bootstrap import Interval
 from tactile_localizer.evaluation.jobs import Workers
 from tactile_localizer.evaluation.tradeoff import (

@@ -18,7 +18,7 @@ from support.bags import slide, write_bag
 from support.load_cells import cycle, protocol
 from support.old_scans import make_old
 
-from tactile_localizer.core.scan_digest import digest_of
+from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.scan_export import export_scan
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scene_file import save_scene

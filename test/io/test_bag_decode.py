@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support.bags import SCENE, pose, strain, write_bag
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.bag_decode import PoseDecoder, StrainDecoder
 from tactile_localizer.io.bag_reader import read_messages, typestore

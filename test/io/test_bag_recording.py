@@ -12,8 +12,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bags import MS, SCENE, START, STORE, pose, posterior, slide, status, strain, write_bag, x_at
 
-from tactile_localizer.core.palm_frame import PalmFrame
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bag_decode import StrainDecoder
 from tactile_localizer.io.bag_recording import BagTopics, read_bag

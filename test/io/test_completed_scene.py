@@ -9,7 +9,7 @@ import pytest
 from support.sweeps import scene_of, write_scan
 
 from tactile_localizer.cli import main
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io import completed_scene as module
 from tactile_localizer.io.completed_scene import completed_scene
 from tactile_localizer.io.scan_store import ScanStore

@@ -6,9 +6,9 @@ import signal
 import numpy as np
 import pytest
 
-from tactile_localizer.core.coverage import Coverage
-from tactile_localizer.core.pairing import Pair
-from tactile_localizer.core.sweep_detector import SweepDetector
+from tactile_localizer.core.geometry.synchronization import Pair
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.status import MISSING

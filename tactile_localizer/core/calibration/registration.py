@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
+from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 _MOST_SWEEPS = 5

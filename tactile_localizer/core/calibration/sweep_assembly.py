@@ -12,7 +12,7 @@ from tactile_localizer.core.decision.convergence import Convergence, Convergence
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.likelihood.slow_residual import SlowResidual
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.sweep_localizer import SweepLocalizer
 from tactile_localizer.scene import Scene
 

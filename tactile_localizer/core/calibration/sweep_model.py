@@ -7,7 +7,7 @@ from typing import NamedTuple
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, estimate_noise
 from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 

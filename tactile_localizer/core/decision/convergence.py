@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
 
 
 class State(Enum):

@@ -7,11 +7,12 @@ import math
 import numpy as np
 from scipy import ndimage
 
-from tactile_localizer.core.estimate import Belief
 from tactile_localizer.core.filters.base import Prior
+from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.components import switched
-from tactile_localizer.core.motion import MotionModel
-from tactile_localizer.core.weights import moments, wrap_angle
+from tactile_localizer.core.filters.weights import moments
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 

@@ -15,7 +15,8 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.student_t import scatter
-from tactile_localizer.core.likelihood.tracks import (
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import (
     PITCH,
     Expectation,
     Track,
@@ -23,7 +24,6 @@ from tactile_localizer.core.likelihood.tracks import (
     line_spacing,
     tracks_of,
 )
-from tactile_localizer.core.scan import Scan
 from tactile_localizer.scene import Scene
 
 _DIAGONAL_LOADING = 0.05

@@ -11,16 +11,16 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.motion import YAW_LEVER
+from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, held_out
 from tactile_localizer.core.likelihood.student_t import log_density
-from tactile_localizer.core.likelihood.tracks import (
+from tactile_localizer.core.scan.tracks import (
     PITCH,
     Expectation,
     Track,
     expectation,
 )
-from tactile_localizer.core.measurement import flatten_axes
-from tactile_localizer.core.motion import YAW_LEVER
 from tactile_localizer.scene import Scene
 
 PAIRS = 3

@@ -36,7 +36,7 @@ class LearnedResults:
         Parameters
         ----------
         key : names what was learned, by which algorithm and version
-        digest : of the data, from :func:`~tactile_localizer.core.scan_digest.digest_of`
+        digest : of the data, from :func:`~tactile_localizer.core.scan.digest.digest_of`
         """
         try:
             connection = scan_file.open_existing(self.path, writable=False)

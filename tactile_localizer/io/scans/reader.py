@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io import scan_file
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status

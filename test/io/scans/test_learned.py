@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from support import scans
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.scan_digest import digest_of
+from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io import scan_lock
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scans.learned import LearnedResults

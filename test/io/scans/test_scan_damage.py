@@ -10,8 +10,8 @@ import pytest
 from support import scans
 from support.old_scans import make_old
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.scan_digest import digest_of
+from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scans.repair import repair

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SIDE = 0.05

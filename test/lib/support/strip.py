@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = Scene(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.scene import Scene
 
 YAW_LEVER = 0.02

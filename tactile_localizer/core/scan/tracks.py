@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tactile_localizer.core.motion import YAW_LEVER
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import YAW_LEVER
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 PITCH = 0.0005

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.kernel_grid import REACH, box
-from tactile_localizer.core.measurement import flatten_axes
-from tactile_localizer.core.pair_block import PairBlock
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.likelihood.base import flatten_axes
+from tactile_localizer.core.likelihood.kernels.grid import REACH, box
+from tactile_localizer.core.likelihood.kernels.pair_block import PairBlock
 from tactile_localizer.errors import ParameterError
 
 EVALUATIONS = ("field", "truncated", "exact")

@@ -2,7 +2,7 @@
 
 One class for all that do so live: the mapping node records the pairs, the filter node localises by
 them. Whichever topic is late, the pairs are those that
-:func:`~tactile_localizer.core.pose_buffer.interpolate_poses` finds in a recording of both.
+:func:`~tactile_localizer.core.geometry.pose_buffer.interpolate_poses` finds in a recording of both.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from tactile_localizer.core.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS, PoseBuffer
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS, PoseBuffer
 from tactile_localizer.scene import Axis
 
 T = TypeVar("T")

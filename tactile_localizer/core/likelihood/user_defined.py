@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from tactile_localizer.core.measurement import MeasurementModel
+from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 

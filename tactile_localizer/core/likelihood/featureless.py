@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.interpolation import interpolated
-from tactile_localizer.core.measurement import MeasurementModel, checked, positive
-from tactile_localizer.core.normal import Normal
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import FLOOR, PhalanxKernels, dtype_of, training_pairs
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive
+from tactile_localizer.core.likelihood.kernels.interpolation import interpolated
+from tactile_localizer.core.likelihood.kernels.normal import Normal
+from tactile_localizer.core.likelihood.sum_of_gaussians import FLOOR, PhalanxKernels, dtype_of, training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import Phalanx, Scene
 

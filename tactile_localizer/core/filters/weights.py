@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from tactile_localizer.core.geometry.angles import wrap_angle
+
 
 def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     """Scale weights to sum to one.
@@ -62,8 +64,3 @@ def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple
     if wraps.any():
         deviation[:, wraps] = wrap_angle(deviation[:, wraps])
     return mean, (deviation * weights[:, None]).T @ deviation
-
-
-def wrap_angle(angle: np.ndarray) -> np.ndarray:
-    """The same angle in [-pi, pi), rad."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi

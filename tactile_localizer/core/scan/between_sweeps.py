@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sweep_spacing import nearest_of_other_sweeps, scaled_states
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.spacing import nearest_of_other_sweeps, scaled_states
 from tactile_localizer.scene import Scene
 
 _STEP = 0.2

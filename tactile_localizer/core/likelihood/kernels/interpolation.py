@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import ndimage
 
-from tactile_localizer.core.kernel_grid import box
+from tactile_localizer.core.likelihood.kernels.grid import box
 
 _NODES_PER_WIDTH = 3.5
 _NODES_A_STATE = 15

@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 
 from tactile_localizer.core.fit import held_out_log_densities
-from tactile_localizer.core.gaussian import Gaussian, Shrinkage
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.likelihood.gaussian import Gaussian, Shrinkage
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 

@@ -10,12 +10,12 @@ from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
-from tactile_localizer.core.background import Background
-from tactile_localizer.core.kernel_sum import unroll
-from tactile_localizer.core.measurement import MeasurementModel, checked
-from tactile_localizer.core.normal import ridge
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.sum_of_gaussians import FLOOR, training_pairs
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked
+from tactile_localizer.core.likelihood.kernels.background import Background
+from tactile_localizer.core.likelihood.kernels.normal import ridge
+from tactile_localizer.core.likelihood.kernels.sums import unroll
+from tactile_localizer.core.likelihood.sum_of_gaussians import FLOOR, training_pairs
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.background import Background
-from tactile_localizer.core.interpolation import interpolated
-from tactile_localizer.core.kernel_grid import box
-from tactile_localizer.core.kernel_sum import KernelSum
-from tactile_localizer.core.measurement import MeasurementModel, checked, positive
-from tactile_localizer.core.scan import Scan
-from tactile_localizer.core.weights import wrap_angle
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive
+from tactile_localizer.core.likelihood.kernels.background import Background
+from tactile_localizer.core.likelihood.kernels.grid import box
+from tactile_localizer.core.likelihood.kernels.interpolation import interpolated
+from tactile_localizer.core.likelihood.kernels.sums import KernelSum
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.scan import Scan
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 

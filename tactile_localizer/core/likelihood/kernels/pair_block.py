@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.kernel_grid import REACH, Density, KernelGrid, box
+from tactile_localizer.core.likelihood.kernels.grid import REACH, Density, KernelGrid, box
 
 HEADROOM = 64.0
 """Logarithm of the nearest pair's weight, so that float32 still holds weights smaller by exp(-150)."""

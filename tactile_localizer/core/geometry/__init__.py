@@ -1,0 +1,1 @@
+"""Angles, motion, palm frames, and synchronising palm poses with strains."""

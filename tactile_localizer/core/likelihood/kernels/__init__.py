@@ -1,0 +1,1 @@
+"""Evaluation of kernel sums, for the paper's measurement models."""

@@ -1,0 +1,1 @@
+"""The training scan: pairs of palm position and strain, in sweeps."""
