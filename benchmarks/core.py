@@ -51,7 +51,7 @@ from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 TILES = {PAIRS: (1, 1), 10 * PAIRS: (5, 2), 100 * PAIRS: (10, 10)}

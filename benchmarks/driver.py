@@ -20,9 +20,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nodes import BEST_EFFORT, BUS, CHANNEL, PORT, Nodes, cpu_s
 from record import record, row
 
-from tactile_localizer.io.can_assembler import CycleAssembler
-from tactile_localizer.io.can_layout import SignalNames, load_dbc, phalanges_of
-from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.can.assembler import CycleAssembler
+from tactile_localizer.io.can.layout import SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import resource_path
 

@@ -27,7 +27,7 @@ from nodes import BEST_EFFORT, BUS, Nodes, cpu_s
 from rclpy.qos import QoSProfile
 from record import record, row
 
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import Posterior, StrainVectors
 from tactile_localizer.resources import resource_path

@@ -19,8 +19,8 @@ import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv_columns import load_naming
-from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.csv.columns import load_naming
+from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

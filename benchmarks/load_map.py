@@ -13,7 +13,7 @@ import numpy as np
 from tactile_localizer.core.credit import NO_CREDIT
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.particle_filter import ParticleFilter
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 
 POSITION_STD, STRAIN_STD = 0.0254 * math.sqrt(0.0075), math.sqrt(0.001)
 

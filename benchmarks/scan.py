@@ -21,10 +21,10 @@ from tactile_localizer.cli import main as command
 from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.io.bag_reader import typestore
-from tactile_localizer.io.bag_recording import read_bag
-from tactile_localizer.io.scan_store import ScanStore
-from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
+from tactile_localizer.io.bags.reader import typestore
+from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.scans.recorder import Felt, SweepRecorder
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene(

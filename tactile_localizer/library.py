@@ -10,11 +10,11 @@ from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.bag_recording import read_bag
-from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, select
 from tactile_localizer.io.recording_kind import is_bag, is_scan_file
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
 

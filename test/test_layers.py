@@ -31,6 +31,15 @@ MAY_IMPORT_LAYERS = {
 }
 """Layers of the package that each may import; ``errors``, ``scene`` and ``resources`` are below them all."""
 
+IO_ROOMS_MAY_IMPORT: dict[str, set[str]] = {
+    "": set(),
+    "can": {"", "can"},
+    "bags": {"", "bags"},
+    "csv": {"", "csv"},
+    "scans": {"", "csv", "scans"},
+}
+"""Rooms of ``io`` that the modules of each may import; ``""`` stands for the modules beside the rooms."""
+
 
 def modules(layer: str) -> list[Path]:
     return sorted((PACKAGE / layer).rglob("*.py"))
@@ -71,6 +80,32 @@ def test_a_layer_imports_only_the_layers_below_it(layer: str) -> None:
         if (found := layer_of(name)) is not None and found not in MAY_IMPORT_LAYERS[layer]
     }
     assert modules(layer), f"{layer}: expected modules, found none"
+    assert wrong == set()
+
+
+def io_room_of(name: str) -> str | None:
+    """The room of ``io`` that a full name belongs to; ``None`` where it is not in ``io``."""
+    parts = name.split(".")
+    if parts[:2] != ["tactile_localizer", "io"]:
+        return None
+    return parts[2] if parts[2] in IO_ROOMS_MAY_IMPORT else ""
+
+
+def test_every_folder_of_io_is_a_room() -> None:
+    assert {path.parent.name for path in PACKAGE.glob("io/*/__init__.py")} == set(IO_ROOMS_MAY_IMPORT) - {""}
+
+
+@pytest.mark.parametrize("room", IO_ROOMS_MAY_IMPORT)
+def test_a_room_of_io_imports_only_the_rooms_below_it(room: str) -> None:
+    allowed = IO_ROOMS_MAY_IMPORT[room] | {room}
+    paths = sorted((PACKAGE / "io" / room).glob("*.py"))
+    wrong = {
+        f"{path.relative_to(PACKAGE)} imports {name}"
+        for path in paths
+        for name in imported(path)
+        if (found := io_room_of(name)) is not None and found not in allowed
+    }
+    assert paths, f"io/{room}: expected modules, found none"
     assert wrong == set()
 
 

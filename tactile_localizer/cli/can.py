@@ -16,12 +16,12 @@ from rich.console import Console
 from rich.table import Table
 
 from tactile_localizer.errors import CanError, ParameterError
-from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
-from tactile_localizer.io.can_check import CanCheck, identifier
-from tactile_localizer.io.can_driver import DriverSettings
-from tactile_localizer.io.can_layout import SignalNames, load_dbc, phalanges_of
-from tactile_localizer.io.can_log import BATCH, read_log
-from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
+from tactile_localizer.io.can.check import CanCheck, identifier
+from tactile_localizer.io.can.driver import DriverSettings
+from tactile_localizer.io.can.layout import SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can.log import BATCH, read_log
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.resources import given_or_shipped
 

@@ -22,7 +22,7 @@ from tactile_localizer.evaluation.live_figures import error_along_the_sweep, swe
 from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep, summarize
 from tactile_localizer.evaluation.map_figures import map_pair
 from tactile_localizer.evaluation.plain_json import write_json
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 

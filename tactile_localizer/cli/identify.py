@@ -22,7 +22,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.evaluation.identify import identification_figure, identification_table, identify
 from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
 NAME = "identify"

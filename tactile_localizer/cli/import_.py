@@ -20,12 +20,12 @@ from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.tables import Table
-from tactile_localizer.io.bag_recording import read_bag
-from tactile_localizer.io.csv_columns import naming_to_dict
-from tactile_localizer.io.csv_guess import Guess, guess_columns
-from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.csv.columns import naming_to_dict
+from tactile_localizer.io.csv.guess import Guess, guess_columns
+from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, join
-from tactile_localizer.io.scan_import import import_recording
+from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.resources import given_or_shipped

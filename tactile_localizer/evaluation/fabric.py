@@ -9,8 +9,8 @@ import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.evaluation.conditions import RecordedCondition
-from tactile_localizer.io.csv_columns import load_naming
-from tactile_localizer.io.csv_recording import read_csv
+from tactile_localizer.io.csv.columns import load_naming
+from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, screen
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path

@@ -16,7 +16,7 @@ from std_srvs.srv import Empty, Trigger
 
 from tactile_localizer.errors import LiveError
 from tactile_localizer.evaluation.live_sweep import LiveSweep, contact_of
-from tactile_localizer.io.bag_writer import BagWriter
+from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.live.domain import Domain, own_domain
 from tactile_localizer.live.heard import TOPICS, Heard
 from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped

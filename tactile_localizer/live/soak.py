@@ -16,7 +16,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from tactile_localizer.errors import LiveError
-from tactile_localizer.io.can_bus import BusSettings, open_bus
+from tactile_localizer.io.can.bus import BusSettings, open_bus
 from tactile_localizer.live.belief_watch import BeliefWatch
 from tactile_localizer.live.domain import Domain, own_domain
 from tactile_localizer.live.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from tactile_localizer.io.can_cycle import PhalanxCounts
-from tactile_localizer.io.can_driver import LoadCellDriver
-from tactile_localizer.io.can_errors import ERROR_KINDS
-from tactile_localizer.io.can_protocol import FrameKind
-from tactile_localizer.io.can_reader import OPEN
+from tactile_localizer.io.can.cycle import PhalanxCounts
+from tactile_localizer.io.can.driver import LoadCellDriver
+from tactile_localizer.io.can.error_frames import ERROR_KINDS
+from tactile_localizer.io.can.protocol import FrameKind
+from tactile_localizer.io.can.reader import OPEN
 
 _MIN_INTERLEAVED = 10
 _INTERLEAVED_SHARE = 0.2

@@ -22,13 +22,13 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from tactile_localizer.errors import CanError, TactileLocalizerError
-from tactile_localizer.io.can_bus import BusSettings, parse_options
-from tactile_localizer.io.can_cycle import Cycle
-from tactile_localizer.io.can_driver import DriverSettings, LoadCellDriver
-from tactile_localizer.io.can_layout import GAUGE_SIGNALS, SignalNames
-from tactile_localizer.io.can_protocol import LoadCellProtocol
-from tactile_localizer.io.can_reader import WAITING
-from tactile_localizer.io.tare import load_tare, store_tare
+from tactile_localizer.io.can.bus import BusSettings, parse_options
+from tactile_localizer.io.can.cycle import Cycle
+from tactile_localizer.io.can.driver import DriverSettings, LoadCellDriver
+from tactile_localizer.io.can.layout import GAUGE_SIGNALS, SignalNames
+from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.io.can.reader import WAITING
+from tactile_localizer.io.can.tare import load_tare, store_tare
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes.driver_diagnostics import DriverDiagnostics
 from tactile_localizer.nodes.lifecycle import ManagedNode, run

@@ -13,7 +13,7 @@ from visualization_msgs.msg import Marker
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import TactileLocalizerError
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.nodes.map_messages import map_cloud, region_marker
 from tactile_localizer.scene import Scene
 

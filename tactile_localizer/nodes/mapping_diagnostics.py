@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from tactile_localizer.core.geometry.synchronization import Pairing
-from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
+from tactile_localizer.io.scans.recorder import Felt, SweepRecorder
 
 
 class MappingDiagnostics:

@@ -19,9 +19,9 @@ from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S, 
 from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M, Coverage
 from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
 from tactile_localizer.errors import MeasurementError, ParameterError, ScanError, TactileLocalizerError
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.recorder import Felt, SweepRecorder
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.io.sweep_recorder import Felt, SweepRecorder
 from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.nodes import palm_pose, stamps
 from tactile_localizer.nodes.hearing import Topic, hear

@@ -25,8 +25,8 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from tactile_localizer.errors import CanError, ParameterError
-from tactile_localizer.io.can_bus import BusSettings, open_bus, parse_options
-from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
+from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.nodes.lifecycle import ManagedNode, run
 from tactile_localizer.nodes.parameters import Parameter
 from tactile_localizer.resources import given_or_shipped

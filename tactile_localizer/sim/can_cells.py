@@ -9,7 +9,7 @@ import can
 import numpy as np
 
 from tactile_localizer.errors import CanError, ParameterError
-from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.io.can.protocol import LoadCellProtocol
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import pytest
 from support.bags import SCENE, slide, write_bag
 
 from tactile_localizer.cli import main
-from tactile_localizer.io.csv_columns import load_naming
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.csv.columns import load_naming
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

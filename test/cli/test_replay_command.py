@@ -11,7 +11,7 @@ import pytest
 from support.bags import pose, strain, write_bag
 
 from tactile_localizer.cli import main
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
 

@@ -9,7 +9,7 @@ import pytest
 from support.old_scans import make_old
 
 from tactile_localizer.cli import main
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene, scene_from_dict
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import simulate_scan

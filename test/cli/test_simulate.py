@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tactile_localizer import cli
-from tactile_localizer.io.csv_recording import read_csv
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan

@@ -21,7 +21,7 @@ from tactile_localizer.evaluation.tuning import (
     tuning_figure,
     tuning_table,
 )
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.sim import simulate_scan
 

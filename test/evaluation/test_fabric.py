@@ -10,7 +10,7 @@ import pytest
 from tactile_localizer.cli import main
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.fabric import STARTS, TRAVEL, fabric_condition
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 
 
 def test_a_fabric_is_mapped_from_two_repeats_and_started_anywhere_on_the_third(data_dir: Path) -> None:

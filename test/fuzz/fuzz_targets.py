@@ -19,8 +19,8 @@ from support.load_cells import cycle, protocol
 from support.old_scans import make_old
 
 from tactile_localizer.core.scan.digest import digest_of
-from tactile_localizer.io.scan_export import export_scan
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.export import export_scan
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.sweeps import scene_of, stamp_of
 
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
 

@@ -8,7 +8,7 @@ import can
 import pytest
 from support.load_cells import cycle, protocol
 
-from tactile_localizer.io.can_bus import BusSettings, open_bus, receive_queue
+from tactile_localizer.io.can.bus import BusSettings, open_bus, receive_queue
 
 CHANNEL = os.environ.get("TACTILE_LOCALIZER_CAN", "")
 pytestmark = pytest.mark.skipif(not CHANNEL, reason="TACTILE_LOCALIZER_CAN names no SocketCAN interface")

@@ -7,8 +7,8 @@ import signal
 import pytest
 from support.processes import children
 
-from tactile_localizer.io.bag_reader import read_messages
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.bags.reader import read_messages
+from tactile_localizer.io.scans.store import ScanStore
 
 pytestmark = pytest.mark.ros
 

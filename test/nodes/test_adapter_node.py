@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.bags import MS, START
 
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 
 pytestmark = pytest.mark.ros
 

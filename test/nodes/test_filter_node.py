@@ -10,7 +10,7 @@ from support.sweeps import MEASUREMENT, SlidingHand, scene_of, stamp_of, unseen_
 
 from tactile_localizer.core.assembly import build_identifier, build_localizer
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

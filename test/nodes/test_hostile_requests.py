@@ -12,7 +12,7 @@ from support.filter import CELL, Filter, set_parameter
 from support.old_scans import make_old
 from support.sweeps import SlidingHand, scene_of, unseen_sweep, write_scan
 
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros

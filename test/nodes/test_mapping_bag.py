@@ -6,7 +6,7 @@ from support.bags import SCENE, write_bag
 from support.hand import Hand
 
 from tactile_localizer.cli import main
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros

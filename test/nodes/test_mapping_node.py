@@ -11,7 +11,7 @@ import pytest
 from support.bags import MS, SCENE, START
 from support.hand import Hand, stamp_of
 
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from support.waiting import wait_until
 
-from tactile_localizer.io.can_bus import BusSettings, open_bus
-from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.can.bus import BusSettings, open_bus
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_sweep
 from tactile_localizer.sim.scan import sweep_plan

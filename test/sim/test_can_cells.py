@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.errors import CanError, ParameterError
-from tactile_localizer.io.can_protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.can_cells import CanLoadCells, Faults
 

@@ -12,8 +12,8 @@ import logging
 from pathlib import Path
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io import scan_file
-from tactile_localizer.io.scan_lock import ScanLock
+from tactile_localizer.io.scans import file as scan_file
+from tactile_localizer.io.scans.lock import ScanLock
 
 _log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ import sqlite3
 from pathlib import Path
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io import scan_file
+from tactile_localizer.io.scans import file as scan_file
 from tactile_localizer.io.scans.batch import COLUMNS
 from tactile_localizer.io.scans.reader import ScanReader
 from tactile_localizer.io.scans.seals import contents_seal, header_seal, seal_of, sweep_seal

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tactile_localizer.io.scan_file import PAGE_SIZE
+from tactile_localizer.io.scans.file import PAGE_SIZE
 
 _TABLE_LEAF = 13
 _LOG_MAGIC = (0x377F0682, 0x377F0683)

@@ -14,9 +14,9 @@ import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io import scan_file
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
 from tactile_localizer.io.scans import batch as batch_rows
+from tactile_localizer.io.scans import file as scan_file
 from tactile_localizer.io.scans.batch import Batch
 from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
 from tactile_localizer.io.scans.sweep_info import SweepInfo
@@ -41,7 +41,7 @@ class ScanReader:
     Parameters
     ----------
     path : for messages
-    connection : to the file, from :mod:`~tactile_localizer.io.scan_file`; closed where this fails
+    connection : to the file, from :mod:`~tactile_localizer.io.scans.file`; closed where this fails
 
     Attributes
     ----------

@@ -12,9 +12,9 @@ from support import scans
 
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io import scan_lock
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans import lock as scan_lock
 from tactile_localizer.io.scans.learned import LearnedResults
+from tactile_localizer.io.scans.store import ScanStore
 
 SCENE = scans.scene()
 PAYLOAD = bytes(range(256)) * 8

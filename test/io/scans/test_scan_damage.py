@@ -13,8 +13,8 @@ from support.old_scans import make_old
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.scan_store import ScanStore
 from tactile_localizer.io.scans.repair import repair
+from tactile_localizer.io.scans.store import ScanStore
 
 SCENE = scans.scene()
 SWEEPS, COMMITS, PAIRS = 6, 4, 12

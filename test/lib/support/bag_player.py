@@ -17,7 +17,7 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 
-from tactile_localizer.io.bag_reader import typestore
+from tactile_localizer.io.bags.reader import typestore
 
 
 def main(arguments: list[str]) -> int:

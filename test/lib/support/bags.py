@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from tactile_localizer.io.bag_reader import typestore
+from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene(

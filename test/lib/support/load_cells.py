@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import can
 import numpy as np
 
-from tactile_localizer.io.can_assembler import CycleAssembler
-from tactile_localizer.io.can_protocol import LoadCellProtocol
+from tactile_localizer.io.can.assembler import CycleAssembler
+from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.resources import resource_path
 
 PERIOD_NS = 5_000_000

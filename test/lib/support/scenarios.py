@@ -14,7 +14,7 @@ from support.probe import Probe
 from support.processes import node_command
 from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep, write_scan
 
-from tactile_localizer.io.bag_writer import BagWriter
+from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.resources import resource_path
 
 BIN = Path(__file__).parents[1] / "bin"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.io.scan_store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene

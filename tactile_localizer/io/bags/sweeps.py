@@ -1,0 +1,96 @@
+"""Where the sweeps of a bag begin and end: as a node told it, or as the motion shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.io.bags.decode import stamp_of
+
+_END_NS = 2**63 - 1
+
+
+class Span(NamedTuple):
+    """A sweep: samples with stamps after ``after_ns`` up to ``until_ns``."""
+
+    number: int
+    after_ns: int
+    until_ns: int
+
+
+WHOLE = Span(1, -1, _END_NS)
+
+
+class Change(NamedTuple):
+    """What a ``ScanStatus`` of the mapping node tells: from which stamp on a sweep is recorded, or none."""
+
+    stamp_ns: int
+    is_active: bool
+    number: int
+
+    @classmethod
+    def of_message(cls, message: Any) -> Change:
+        """From a message object."""
+        return cls(stamp_of(message), bool(message.sweep_active), int(message.sweep))
+
+
+class Travel(NamedTuple):
+    """What a ``Posterior`` of the filter node tells: how far the hand came since the belief was spread."""
+
+    stamp_ns: int
+    travel_m: float
+
+    @classmethod
+    def of_message(cls, message: Any) -> Travel:
+        """From a message object."""
+        return cls(stamp_of(message), float(message.travel))
+
+
+def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[Span]:
+    """The sweeps that the motion shows.
+
+    Parameters
+    ----------
+    stamp_ns : (n,) rising stamps, ns
+    position : (n, d) palm positions, m (yaw: rad)
+    """
+    numbers = np.array(
+        [detector.update(int(t), p) for t, p in zip(stamp_ns, position, strict=True)], dtype=int
+    )
+    starts = np.flatnonzero(np.diff(numbers, prepend=0))
+    ends = np.append(stamp_ns[starts], _END_NS)[1:]
+    return [
+        Span(int(numbers[start]), int(stamp_ns[start]) - 1, int(end) - 1)
+        for start, end in zip(starts, ends, strict=True)
+        if numbers[start]
+    ]
+
+
+def status_spans(changes: Sequence[Change]) -> list[Span]:
+    """The sweeps between the stamps at which the mapping node's status changed."""
+    spans = []
+    begun: Change | None = None
+    for change in changes:
+        if begun is not None and (not change.is_active or change.number != begun.number):
+            spans.append(Span(begun.number, begun.stamp_ns, change.stamp_ns))
+            begun = None
+        if change.is_active and begun is None:
+            # A stamp of 0 is before the first sample, whose own stamp is later than that.
+            begun = change
+    if begun is not None:
+        spans.append(Span(begun.number, begun.stamp_ns, _END_NS))
+    return spans
+
+
+def held_spans(told: Sequence[Travel]) -> list[Span]:
+    """What the filter node heard, parted where its belief was spread: it has travelled nothing since."""
+    begun = [told[0].stamp_ns]
+    begun += [after.stamp_ns for before, after in pairwise(told) if after.travel_m == 0.0 < before.travel_m]
+    ends = [*(stamp_ns - 1 for stamp_ns in begun[1:]), _END_NS]
+    return [
+        Span(number, first - 1, end) for number, (first, end) in enumerate(zip(begun, ends, strict=True), 1)
+    ]

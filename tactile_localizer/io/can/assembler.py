@@ -1,0 +1,406 @@
+"""Assembly of frames into cycles: the strain of all phalanges at one time, with what is missing marked.
+
+A cycle is one sample of every load cell. Its first frame opens it; it closes
+
+- when all its frames are there,
+- when a load cell sends a frame of a later cycle, or
+- when the given wait has passed since its first frame.
+
+A phalanx of which a frame is missing then is marked ``MISSING``, and its voltages are NaN. Frames are
+never mixed with those of another cycle: the load cell's counter says which cycle a frame belongs to
+(:mod:`~tactile_localizer.io.can.alignment`). While that is not certain, for the first cycles or after a
+load cell was silent or restarted, the phalanx is ``MISSING`` too. A frame that arrives after its cycle has
+closed is counted and dropped.
+
+A load cell whose DBC has no counter is placed by time: a frame later than half the cycle's period, which
+is learned from complete cycles, belongs to the next one.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_localizer.io.can.alignment import (
+    CERTAIN_LEAD,
+    MAX_ABSENCE,
+    SHORTEST_PAUSE_NS,
+    Alignment,
+    LoadCellCounter,
+)
+from tactile_localizer.io.can.cycle import Counts, Cycle, PhalanxCounts
+from tactile_localizer.io.can.frames import FrameBatch
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.status import FAULT, MISSING, SATURATED
+
+MAX_LOST = 1000
+"""Most cycles that are counted as lost at once; a counter further ahead has restarted."""
+
+_ALTERNATIONS = 8  # in a row, which lost samples do not make
+
+_LATE = -1
+_UNALIGNED = -2
+
+
+class _LoadCell:
+    """State of one load cell between frames."""
+
+    __slots__ = (
+        *("alignment", "at", "complete", "counter", "counts", "cycle", "flags", "have"),
+        *("alternations", "began_ns", "begun", "doubled", "opened", "other", "parts", "sequence"),
+    )
+
+    def __init__(self, parts: int, alignment: LoadCellCounter | None, counts: PhalanxCounts) -> None:
+        self.parts = parts  # frames per sample
+        self.complete = (1 << parts) - 1
+        self.alignment = alignment  # None: no counter
+        self.counts = counts
+        self.counter: int | None = None  # of the newest sample
+        self.alternations = 0  # breaks in a row that continued the sample before the last break
+        self.other: int | None = None  # counter of the sample before the last break
+        self.cycle = _UNALIGNED  # number of the cycle that the newest sample is in, or _LATE, or _UNALIGNED
+        self.at = 0  # newest cycle when the newest sample began, its own included
+        self.began_ns = 0  # stamp of the first frame of the newest sample
+        self.begun = 0  # samples of all load cells when the newest one began
+        self.opened = 0  # cycles opened by then
+        self.have = 0  # bits of the frames of the newest sample that have arrived
+        self.doubled = False  # a frame came twice before the sample was complete: it may be of another sample
+        self.flags = 0
+        self.sequence = 0
+
+
+class _Jump(NamedTuple):
+    """A load cell that skipped cycles, which no other load cell has confirmed yet."""
+
+    cell: _LoadCell
+    cycles: int
+    before: tuple[int, int, int]  # its sequence, gaps and drops
+
+
+class CycleAssembler:
+    """Assembles cycles from frames.
+
+    Parameters
+    ----------
+    protocol : the frames' layout
+    wait_s : how long a cycle waits for its frames, s
+    """
+
+    def __init__(self, protocol: LoadCellProtocol, wait_s: float) -> None:
+        layout = protocol.layout
+        phalanx_of = layout.phalanx.tolist()
+        bits = [int(layout.counter_bits[phalanx_of.index(p)]) for p in range(len(protocol.phalanges))]
+        self._protocol = protocol
+        self._wait_ns = round(wait_s * 1e9)
+        self._window_ns = self._wait_ns  # how long a cycle is open
+        self.counts = Counts(
+            frames=[0] * len(FrameKind), phalanges=[PhalanxCounts() for _ in protocol.phalanges]
+        )
+        self._alignment = Alignment(bits)
+        self._cells = [
+            _LoadCell(phalanx_of.count(p), self._alignment.counters[p], counts)
+            for p, counts in enumerate(self.counts.phalanges)
+        ]
+        self._cell_of = [self._cells[p] for p in phalanx_of]
+        self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
+        self._channel = layout.channel
+        self._channels = protocol.channels
+        self._cycles: list[Cycle] = []  # closed, not yet handed out
+        self._voltage = np.empty((0, layout.channel.shape[1]))  # of the frames being fed
+        self._strain = np.empty(0)
+        self._period_ns = 0
+        self._periods = 0  # periods learned from
+        self._cycle = 0  # number of the newest cycle
+        self._expired = 0  # number of the newest cycle that was closed for its wait was over
+        self._open = False
+        self._opened = 0  # cycles opened
+        self._begun = 0  # samples of all load cells that have begun
+        self.reset()
+
+    def reset(self) -> None:
+        """Close the open cycle and forget the counters' values, as after a pause. Totals stay."""
+        self._close()
+        self._first: _LoadCell | None = None  # load cell that opened the cycle
+        self._first_ns = 0
+        self._last_ns: int | None = None  # of the newest frame of a load cell
+        self._jump: _Jump | None = None
+        self._awaited = 0  # frames that the open cycle still lacks
+        self._rows: list[int] = []  # the open cycle's frames in the batch
+        self._slots: list[int] = []
+        self._alignment.reset()
+        for cell in self._cells:
+            cell.counter = cell.other = None
+            cell.have = 0
+
+    @property
+    def aligned(self) -> list[bool]:
+        """For each phalanx whether it is certain which cycle its samples belong to."""
+        return [
+            self._periods >= CERTAIN_LEAD if cell.alignment is None else cell.alignment.certain
+            for cell in self._cells
+        ]
+
+    def feed(self, frames: FrameBatch) -> list[Cycle]:
+        """Cycles that ``frames``, in the order of their arrival, complete or close."""
+        decoded = self._protocol.decode(frames)
+        totals = self.counts.frames
+        for kind, count in enumerate(np.bincount(decoded.kind, minlength=len(totals)).tolist()):
+            totals[kind] += count
+        rows = np.flatnonzero(decoded.kind == FrameKind.DATA)
+        self._voltage = decoded.voltage
+        flags = decoded.fault[rows] * FAULT | decoded.saturated[rows] * SATURATED
+        for row, slot, counter, flag, stamp_ns in zip(
+            rows.tolist(),
+            decoded.slot[rows].tolist(),
+            decoded.counter[rows].tolist(),
+            flags.tolist(),
+            frames.stamp_ns[rows].tolist(),
+            strict=True,
+        ):
+            cell, bit = self._cell_of[slot], self._bit_of[slot]
+            self._expire(stamp_ns)
+            kind = self._take_frame(cell, bit, counter, stamp_ns)
+            self._last_ns = stamp_ns
+            if kind != FrameKind.DATA:
+                totals[FrameKind.DATA] -= 1
+                totals[kind] += 1
+                continue
+            cell.have |= bit
+            cell.counts.last_ns = stamp_ns
+            if cell.cycle == _UNALIGNED:
+                continue
+            cell.flags |= flag
+            self._rows.append(row)
+            self._slots.append(slot)
+            self._awaited -= 1
+            if not self._awaited:
+                self._close()
+        self._keep()
+        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._hand_out()
+
+    def flush(self, now_ns: int) -> list[Cycle]:
+        """The open cycle, where its wait is over at ``now_ns``, by the clock of the frames' stamps."""
+        self._expire(now_ns)
+        return self._hand_out()
+
+    def remaining_ns(self, now_ns: int) -> int | None:
+        """How long from ``now_ns`` the open cycle still waits, ns; ``None`` where none is open."""
+        return max(0, self._first_ns + self._window_ns - now_ns) if self._open else None
+
+    def _take_frame(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
+        """Put a frame into its sample, and its sample into its cycle; ``DATA``, or why it is not used."""
+        if cell.counter == counter and cell.have and not cell.have & bit and self._follows(cell, 1):
+            if cell.cycle == _UNALIGNED or (self._open and cell.cycle == self._cycle):
+                return FrameKind.DATA
+            if cell.alignment is not None:
+                return FrameKind.OUT_OF_ORDER
+        if cell.alignment is None:
+            return self._begin_by_time(cell, counter, stamp_ns)
+        return self._begin_sample(cell, cell.alignment, bit, counter, stamp_ns)
+
+    def _follows(self, cell: _LoadCell, cycles: int) -> bool:
+        """Whether the newest sample of a load cell began within ``cycles`` samples of each other one."""
+        return self._begun - cell.begun <= cycles * len(self._cells)
+
+    def _begin_by_time(self, cell: _LoadCell, counter: int, stamp_ns: int) -> FrameKind:
+        """Begin a sample of a load cell that has no counter."""
+        self._learn_period(cell, stamp_ns)
+        cell.began_ns = stamp_ns
+        if self._open and cell.have and cell.cycle == self._cycle:
+            self._close()
+        if self._open:
+            self._put(cell, counter, self._cycle)
+        else:
+            self._open_cycle(cell, counter, self._cycle + 1, stamp_ns)
+        cell.sequence = self._cycle
+        return FrameKind.DATA
+
+    def _begin_sample(
+        self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
+    ) -> FrameKind:
+        """Begin a sample of a load cell, closing and opening cycles as needed; or say why there is none."""
+        before = cell.sequence, cell.counts.gaps, cell.counts.drops
+        kind = self._count(cell, own, bit, counter, stamp_ns)
+        if kind != FrameKind.DATA:
+            return kind
+        cycle = self._cycle_of(cell, own, counter, stamp_ns)
+        joins = self._open and cycle == self._cycle != cell.cycle
+        if cycle is not None and cycle <= self._cycle and not joins:
+            if cycle != self._expired:  # nothing but a wrong offset makes it late
+                own.doubt()
+            self._put(cell, counter, _LATE)
+            cell.have = bit
+            return FrameKind.OUT_OF_ORDER
+        alone = self._alignment.alone(own)
+        if cycle is None or not (alone or own.admits(first=not joins)):
+            self._put(cell, counter, _UNALIGNED)
+            cell.counts.unaligned += 1
+            return FrameKind.DATA
+        if joins:
+            if self._first is not None and self._first.alignment is not None:
+                self._first.alignment.placed(first=True)
+                own.placed(first=False)
+            self._put(cell, counter, cycle)
+            return FrameKind.DATA
+        if cycle > self._cycle + 1 and not alone:
+            self._jump = _Jump(cell, cycle - self._cycle, before)
+        self._close()
+        self._open_cycle(cell, counter, cycle, stamp_ns)
+        return FrameKind.DATA
+
+    def _count(
+        self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
+    ) -> FrameKind:
+        """Count what was lost since the load cell's newest sample; or say why the frame begins none."""
+        if cell.counter is None:
+            cell.sequence += (counter - cell.sequence) % own.span
+            return FrameKind.DATA
+        step = (counter - cell.counter) % own.span or own.span
+        if step == 1:
+            cell.alternations = 0
+        else:
+            own.broken()
+            if self._alternates(cell, own, counter):
+                return FrameKind.DATA
+        if self._follows(cell, 2) and abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
+            step_back = own.span - step
+            if step_back <= own.latest:
+                cell.doubled |= cell.have != cell.complete
+                cell.counts.interleaved += 1
+                return FrameKind.OUT_OF_ORDER if step_back or not cell.have & bit else FrameKind.DUPLICATE
+        passed = self._cycle - cell.at  # cycles since its newest sample, by the other load cells
+        least = max(1, passed - own.span // 2)
+        advance = least + (step - least) % own.span
+        if advance - passed > MAX_LOST:
+            advance = max(1, passed)
+        used = 0 if cell.cycle == _LATE else cell.have.bit_count()
+        cell.sequence += advance
+        cell.counts.gaps += advance - 1
+        cell.counts.drops += advance * cell.parts - used
+        return FrameKind.DATA
+
+    @staticmethod
+    def _alternates(cell: _LoadCell, own: LoadCellCounter, counter: int) -> bool:
+        """Whether two senders seem to count by turns; then what lies between their counters is not lost."""
+        other, cell.other = cell.other, cell.counter
+        if other is None or (counter - other) % own.span > 1:
+            cell.alternations = 0
+            return False
+        cell.alternations += 1
+        if cell.alternations < _ALTERNATIONS:
+            return False
+        cell.counts.interleaved += 1
+        return True
+
+    def _cycle_of(self, cell: _LoadCell, own: LoadCellCounter, counter: int, stamp_ns: int) -> int | None:
+        """Number of the cycle of a sample that begins; ``None`` where it is not certain."""
+        if not own.certain:
+            cell.opened = self._opened
+        elif self._opened - cell.opened > MAX_ABSENCE:
+            own.broken()
+        latest = 0 if self._alignment.alone(own) else own.latest
+        in_open = self._open and cell.cycle == self._cycle
+        earliest = self._cycle + (in_open or not self._open) - latest
+        pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
+        self._alignment.begin(own, counter, pause_ns, earliest)
+        if not own.certain:
+            return None
+        cycle = own.cycle(counter, earliest)
+        if self._jump is not None and self._jump.cell is not cell:
+            jump, self._jump = self._jump, None
+            ahead = cycle - self._cycle
+            if ahead not in (0, 1) and (ahead + jump.cycles) % own.span in (0, 1):
+                self._undo(jump)
+                cycle = own.cycle(counter, self._cycle - own.latest)
+        return cycle
+
+    def _put(self, cell: _LoadCell, counter: int, cycle: int) -> None:
+        self._begun += 1
+        cell.begun = self._begun
+        cell.counter = counter
+        cell.cycle = cycle
+        cell.at = self._cycle
+        cell.have = cell.flags = 0
+        cell.doubled = False
+        if cycle >= 0:
+            cell.opened = self._opened
+
+    def _open_cycle(self, cell: _LoadCell, counter: int, cycle: int, stamp_ns: int) -> None:
+        self._open = True
+        self._opened += 1
+        self._cycle = cycle
+        self._first = cell
+        self._first_ns = stamp_ns
+        self._awaited = len(self._cell_of)
+        self._strain = np.full(self._channels.size + 1, np.nan)  # the last is for what has no channel
+        self._put(cell, counter, cycle)
+
+    def _undo(self, jump: _Jump) -> None:
+        """Take back cycles that one load cell skipped and another did not: the first has restarted."""
+        cell = jump.cell
+        if self._open and cell.cycle == self._cycle:
+            self._open = False
+            self._rows, self._slots = [], []
+        if cell.cycle != _UNALIGNED:
+            cell.cycle = _UNALIGNED
+            cell.counts.unaligned += 1
+        cell.sequence, cell.counts.gaps, cell.counts.drops = jump.before
+        self._cycle -= jump.cycles
+        cell.at = self._cycle
+        if cell.alignment is not None:
+            cell.alignment.forget()
+        self._alignment.revise()
+
+    def _expire(self, now_ns: int) -> None:
+        if self._open and abs(now_ns - self._first_ns) > self._window_ns:
+            self._expired = self._cycle
+            self._close()
+
+    def _close(self) -> None:
+        if not self._open:
+            return
+        self._keep()
+        self._open = False
+        incomplete = self._awaited > 0
+        status, sequence = array("B"), array("I")
+        for p, (cell, aligned) in enumerate(zip(self._cells, self.aligned, strict=True)):
+            here = cell.cycle == self._cycle and cell.have != 0
+            flags = cell.flags if here else 0
+            if here and cell.have == cell.complete and aligned and not cell.doubled:
+                cell.counts.samples += 1
+            else:
+                flags |= MISSING
+                cell.counts.missing += 1
+                self._strain[self._channels.slices[p]] = np.nan
+            if flags:
+                cell.counts.saturated += flags & SATURATED != 0
+                cell.counts.faults += flags & FAULT != 0
+            status.append(flags)
+            sequence.append(cell.sequence & 0xFFFFFFFF)
+        self.counts.cycles += 1
+        self.counts.incomplete += incomplete
+        self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
+
+    def _learn_period(self, cell: _LoadCell, stamp_ns: int) -> None:
+        """Learn the period from two samples of a load cell that has no counter."""
+        elapsed = stamp_ns - cell.began_ns
+        if cell.began_ns and elapsed > SHORTEST_PAUSE_NS:
+            if self._period_ns:
+                elapsed = min(elapsed, 2 * self._period_ns)  # samples lost, or frames held up
+                self._period_ns += (elapsed - self._period_ns) // 8
+            else:
+                self._period_ns = elapsed
+            self._periods += 1
+            self._window_ns = min(self._wait_ns, self._period_ns // 2)
+
+    def _keep(self) -> None:
+        # Voltages of the open cycle's frames leave the batch's array: when it closes, or the batch ends.
+        if self._rows:
+            self._strain[self._channel[self._slots]] = self._voltage[self._rows]
+            self._rows, self._slots = [], []
+
+    def _hand_out(self) -> list[Cycle]:
+        cycles, self._cycles = self._cycles, []
+        return cycles

@@ -1,0 +1,187 @@
+"""Opening a python-can bus: filters in the kernel, the receive buffer, and what the kernel dropped."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import os
+import re
+import socket
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Any
+
+import can
+import yaml
+from can.interfaces import BACKENDS
+
+from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.protocol import LoadCellProtocol
+
+# python-can logs what it also raises; the exception's line is enough.
+logging.getLogger("can").addHandler(logging.NullHandler())
+
+FILTERING_INTERFACES = ("socketcan", "kvaser", "vector", "etas", "systec")
+"""Interfaces of python-can that filter by identifier in the kernel or the adapter, as of version 4.6."""
+
+_SO_RCVBUFFORCE = 33  # Linux; Python's socket module does not name it
+_SO_MEMINFO = 55
+_MEMINFO = struct.Struct("9I")
+_DOCUMENTED = re.compile(r":param\s+(?:[^:\n]*\s)?(\w+):")
+_READ = re.compile(r"kwargs(?:\.get|\.pop)?[(\[]\s*[\"'](\w+)[\"']")
+
+
+class AbsentBusError(CanError):
+    """A bus that cannot be opened now, and may be later: an adapter that is not plugged in, or not up."""
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """Which bus to open, and how.
+
+    Parameters
+    ----------
+    interface : a python-can interface, such as ``socketcan`` or ``udp_multicast``
+    channel : the interface's channel, such as ``can0`` or ``239.74.163.2``
+    options : further arguments of the interface, such as ``bitrate`` or ``port``
+    receive_buffer : bytes that the kernel keeps for frames not yet read; 0 leaves its default
+    """
+
+    interface: str
+    channel: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    receive_buffer: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.interface} {self.channel}"
+
+
+@dataclass(frozen=True)
+class ReceiveQueue:
+    """The kernel's queue of a bus: bytes in it, bytes that fit, frames dropped since the bus was opened."""
+
+    used: int
+    limit: int
+    drops: int
+
+
+def parse_options(texts: list[str]) -> dict[str, Any]:
+    """Options written as ``name=value``, with the value read as YAML: ``port=43113`` is a number.
+
+    Raises
+    ------
+    CanError
+        A text is not of that form.
+    """
+    options = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (equals and name.isidentifier()):
+            raise CanError(f"bus option {text!r}: expected name=value")
+        try:
+            options[name] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            reason = " ".join(str(error).split())
+            raise CanError(f"bus option {text!r}: expected a value in YAML, {reason}") from None
+    return options
+
+
+def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) -> can.BusABC:
+    """Open the bus; with a ``protocol``, for its frames alone where the kernel or the adapter can filter.
+
+    Where filtering would be python-can's own, in this process, all frames are let through: it would cost
+    more than it saves, and those that are not in the DBC could not be counted.
+
+    Raises
+    ------
+    AbsentBusError
+        The bus cannot be opened now.
+    CanError
+        There is no such interface, or an option is not one of the interface.
+    """
+    options = dict(settings.options)
+    _check_options(settings)
+    if protocol is not None and protocol.is_fd:
+        options.setdefault("fd", True)
+    try:
+        bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
+    except Exception as error:  # interfaces raise what they like
+        reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
+        absent = isinstance(error, OSError | can.CanInitializationError | can.CanOperationError)
+        refusal = AbsentBusError if absent else CanError
+        raise refusal(f"CAN bus {settings}: expected an interface that opens, got: {reason}") from error
+    try:
+        if protocol is not None and settings.interface in FILTERING_INTERFACES:
+            bus.set_filters(protocol.filters)
+        if settings.receive_buffer:
+            _set_receive_buffer(bus, settings.receive_buffer)
+    except Exception as error:
+        bus.shutdown()
+        raise CanError(f"CAN bus {settings}: expected it to take its options, got: {error}") from error
+    return bus
+
+
+def _check_options(settings: BusSettings) -> None:
+    known = known_options(settings.interface)
+    for name in settings.options if known else ():
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            meant = f" (did you mean {near[0]}?)" if near else f", one of {', '.join(sorted(known))}"
+            raise CanError(
+                f"bus option {name!r}: expected an option of the interface {settings.interface}{meant}"
+            )
+
+
+def known_options(interface: str) -> set[str]:
+    """Options that the interface's constructor declares, documents or reads; empty where nothing is known."""
+    try:
+        module, name = BACKENDS[interface]
+        bus = getattr(import_module(module), name)
+        source = "".join(
+            inspect.getsource(one.__init__) for one in bus.__mro__ if issubclass(one, can.BusABC)
+        )
+    except (KeyError, AttributeError, ImportError, OSError, TypeError):
+        return set()
+    names = {
+        parameter
+        for one in bus.__mro__
+        if issubclass(one, can.BusABC)
+        for parameter in inspect.signature(one.__init__).parameters
+    }
+    names |= set(_DOCUMENTED.findall(source)) | set(_READ.findall(source))
+    return names - {"self", "args", "kwargs", "config", "channel"}
+
+
+def receive_queue(bus: can.BusABC) -> ReceiveQueue | None:
+    """The kernel's receive queue of ``bus``; ``None`` where the interface is not a socket."""
+    sock = _socket_of(bus)
+    if sock is None:
+        return None
+    with sock:
+        try:
+            info = _MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))
+        except (OSError, struct.error):
+            return None
+    return ReceiveQueue(used=info[0], limit=info[1], drops=info[8])
+
+
+def _set_receive_buffer(bus: can.BusABC, size: int) -> None:
+    sock = _socket_of(bus)
+    if sock is None:
+        return
+    with sock:
+        try:  # beyond net.core.rmem_max, where the process has the right
+            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
+        except PermissionError:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+
+
+def _socket_of(bus: can.BusABC) -> socket.socket | None:
+    # A second handle on the bus's socket, to be closed by the caller.
+    try:
+        return socket.socket(fileno=os.dup(bus.fileno()))
+    except (NotImplementedError, OSError, ValueError):
+        return None

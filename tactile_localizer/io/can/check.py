@@ -1,0 +1,198 @@
+"""What is on a bus, against a DBC: frames and rates of messages, samples of phalanges, what is wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import can
+import numpy as np
+
+from tactile_localizer.io.can.assembler import CycleAssembler
+from tactile_localizer.io.can.cycle import Cycle, PhalanxCounts
+from tactile_localizer.io.can.frames import ERROR, EXTENDED, REMOTE
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.status import SATURATED
+
+_FOR_EVER_NS = 10**18
+
+
+@dataclass(frozen=True)
+class MessageReport:
+    """One message of the DBC: its identifier, frames seen, their rate and lengths."""
+
+    name: str
+    identifier: str
+    frames: int
+    rate_hz: float
+    expected_bytes: int
+    found_bytes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class PhalanxReport:
+    """One phalanx: samples and what went wrong with them; ``lowest`` and ``highest`` (c,) V seen."""
+
+    name: str
+    counts: PhalanxCounts
+    rate_hz: float
+    lowest: np.ndarray
+    highest: np.ndarray
+    saturated_gauges: tuple[int, ...]
+
+
+class CanCheck:
+    """Looks at the frames of a bus or of a log.
+
+    Parameters
+    ----------
+    protocol : what is expected
+    wait_s : how long a cycle waits for its frames, s
+    all_there : whether every phalanx must be there, or only one
+    """
+
+    def __init__(self, protocol: LoadCellProtocol, wait_s: float, all_there: bool) -> None:
+        self._protocol = protocol
+        self._all_there = all_there
+        self._assembler = CycleAssembler(protocol, wait_s)
+        self._frames: Counter[int] = Counter()  # by key
+        self._lengths: dict[int, set[int]] = {}
+        channels = protocol.channels.size
+        self._lowest = np.full(channels, np.inf)
+        self._highest = np.full(channels, -np.inf)
+        self._saturated = np.zeros(channels, dtype=bool)
+        self._first_ns: int | None = None
+        self._last_ns = 0
+
+    @property
+    def frames(self) -> int:
+        """Frames seen."""
+        return sum(self._assembler.counts.frames)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first frame to the last, s."""
+        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
+
+    def feed(self, messages: Sequence[can.Message]) -> None:
+        """Look at ``messages``, in the order of their arrival."""
+        if not messages:
+            return
+        batch = self._protocol.batch(messages)
+        for key, length in zip(batch.key.tolist(), batch.length.tolist(), strict=True):
+            self._frames[key] += 1
+            self._lengths.setdefault(key, set()).add(length)
+        if self._first_ns is None:
+            self._first_ns = int(batch.stamp_ns[0])
+        self._last_ns = int(batch.stamp_ns[-1])
+        self._look_at(self._assembler.feed(batch))
+
+    def finish(self) -> None:
+        """No more frames come: the last cycle waits for none."""
+        self._look_at(self._assembler.flush(self._last_ns + _FOR_EVER_NS))
+
+    def _look_at(self, cycles: list[Cycle]) -> None:
+        for cycle in cycles:
+            self._lowest = np.fmin(self._lowest, cycle.strain)
+            self._highest = np.fmax(self._highest, cycle.strain)
+            if any(status & SATURATED for status in cycle.status):
+                self._saturated |= self._protocol.saturated(cycle.strain)
+
+    def absent(self) -> list[str]:
+        """Phalanges of which no frame was seen, and need not be."""
+        return (
+            [] if self._all_there else [name for name in self._protocol.phalanges if name not in self._seen()]
+        )
+
+    def messages(self) -> list[MessageReport]:
+        """Each message that is in use, but for those of absent phalanges."""
+        layout = self._protocol.layout
+        absent = self.absent()
+        return [
+            MessageReport(
+                name,
+                identifier(key),
+                self._frames[key],
+                self._rate(self._frames[key]),
+                expected,
+                tuple(sorted(self._lengths.get(key, ()))),
+            )
+            for name, key, expected, p in zip(
+                self._protocol.message_names,
+                layout.key.tolist(),
+                layout.length.tolist(),
+                layout.phalanx.tolist(),
+                strict=True,
+            )
+            if self._protocol.phalanges[p] not in absent
+        ]
+
+    def phalanges(self) -> list[PhalanxReport]:
+        """Each phalanx, but for those that are absent."""
+        reports = []
+        absent = self.absent()
+        for p, (name, counts) in enumerate(
+            zip(self._protocol.phalanges, self._assembler.counts.phalanges, strict=True)
+        ):
+            if name in absent:
+                continue
+            own = self._protocol.channels.slices[p]
+            gauges = tuple((np.flatnonzero(self._saturated[own]) + 1).tolist())
+            keys = self._protocol.layout.key[self._protocol.layout.phalanx == p]
+            rate_hz = self._rate(min(self._frames[key] for key in keys.tolist()))
+            reports.append(
+                PhalanxReport(name, counts, rate_hz, self._lowest[own], self._highest[own], gauges)
+            )
+        return reports
+
+    def unknown(self) -> list[tuple[str, int, float]]:
+        """Identifier, frames and rate of each message that is not in use, the most frequent first."""
+        known = set(self._protocol.layout.key.tolist())
+        return [
+            (identifier(key), frames, self._rate(frames))
+            for key, frames in self._frames.most_common()
+            if key not in known and not key & (ERROR | REMOTE)
+        ]
+
+    def problems(self) -> list[str]:
+        """What is wrong, one line each; empty where a hand may be used."""
+        if not self.frames:
+            return ["nothing received: is the interface up, the bit rate right, the hand switched on?"]
+        found = [] if self._seen() else ["nothing received that is in the DBC"]
+        for message in self.messages():
+            if not message.frames:
+                found.append(f"{message.name} ({message.identifier}): no frame")
+            elif message.found_bytes != (message.expected_bytes,):
+                lengths = ", ".join(map(str, message.found_bytes))
+                found.append(f"{message.name}: expected {message.expected_bytes} bytes, found {lengths}")
+        for phalanx in self.phalanges():
+            counts = phalanx.counts
+            gauges = f"samples saturated, gauges {' '.join(map(str, phalanx.saturated_gauges))}"
+            told = {
+                "frames lost": counts.drops,
+                gauges: counts.saturated,
+                "samples with a fault": counts.faults,
+            }
+            found += [f"{phalanx.name}: {what}: {count}" for what, count in told.items() if count]
+        totals = self._assembler.counts.frames
+        for kind in (FrameKind.ERROR, FrameKind.REMOTE, FrameKind.DUPLICATE, FrameKind.OUT_OF_ORDER):
+            if totals[kind]:
+                found.append(f"{kind.name.lower().replace('_', ' ')} frames: {totals[kind]}")
+        return found
+
+    def _seen(self) -> set[str]:
+        layout = self._protocol.layout
+        return {
+            self._protocol.phalanges[p]
+            for key, p in zip(layout.key.tolist(), layout.phalanx.tolist(), strict=True)
+            if self._frames[key]
+        }
+
+    def _rate(self, count: int) -> float:
+        return (count - 1) / self.duration_s if count > 1 and self.duration_s > 0 else 0.0
+
+
+def identifier(key: int) -> str:
+    """How a frame's key is written: three hexadecimal digits, or eight of an extended identifier."""
+    return f"{key & 0x1FFFFFFF:0{8 if key & EXTENDED else 3}X}"

@@ -1,0 +1,143 @@
+"""The load cells of a hand on a bus: receive thread, decoding, assembly and tare, as one thing."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import can
+import numpy as np
+
+from tactile_localizer.io.can.assembler import CycleAssembler
+from tactile_localizer.io.can.bus import BusSettings, open_bus
+from tactile_localizer.io.can.cycle import Counts, Cycle
+from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.io.can.reader import LONGEST_WAIT_S, BusStatus, CanReader
+from tactile_localizer.io.can.tare import TareAverage
+
+
+@dataclass(frozen=True)
+class DriverSettings:
+    """How the load cells are read.
+
+    Parameters
+    ----------
+    bus : the bus to open
+    cycle_timeout_s : how long a cycle waits for its frames, s
+    wait_for_interface : whether to wait for an interface that is absent at the start
+    backoff_s, backoff_limit_s : see :class:`~tactile_localizer.io.can.reader.CanReader`
+    """
+
+    bus: BusSettings
+    cycle_timeout_s: float = 0.03
+    backoff_s: float = 0.1
+    backoff_limit_s: float = 5.0
+    wait_for_interface: bool = False
+
+
+class LoadCellDriver:
+    """Reads load cells and hands out cycles.
+
+    Parameters
+    ----------
+    protocol : the frames' layout
+    settings : how to read
+    on_cycle : takes each cycle, in the receive thread, with the tare offset taken off
+    log : takes a line when the bus fails
+    note : takes a line when frames arrive, at the start and after a failure
+    """
+
+    def __init__(
+        self,
+        protocol: LoadCellProtocol,
+        settings: DriverSettings,
+        on_cycle: Callable[[Cycle], None],
+        log: Callable[[str], None],
+        note: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self.protocol = protocol
+        self.offset = np.zeros(protocol.channels.size)  # V, taken off each strain vector
+        self.latest: Cycle | None = None  # as the load cells sent it
+        self._on_cycle = on_cycle
+        self._assembler = CycleAssembler(protocol, settings.cycle_timeout_s)
+        self._average: TareAverage | None = None
+        self._reader = CanReader(
+            lambda: open_bus(settings.bus, protocol),
+            self._deliver,
+            batch=len(protocol.message_names),
+            backoff_s=settings.backoff_s,
+            backoff_limit_s=settings.backoff_limit_s,
+            opened=self._assembler.reset,
+            wait=settings.wait_for_interface,
+            log=log,
+            note=note,
+        )
+
+    @property
+    def counts(self) -> Counts:
+        """Totals of frames, cycles and phalanges."""
+        return self._assembler.counts
+
+    @property
+    def aligned(self) -> list[bool]:
+        """For each phalanx whether it is certain which cycle its samples belong to."""
+        return self._assembler.aligned
+
+    @property
+    def status(self) -> BusStatus:
+        """State of the bus."""
+        return self._reader.status
+
+    def start(self) -> None:
+        """Open the bus and begin.
+
+        Raises
+        ------
+        CanError
+            The bus cannot be opened.
+        """
+        self._reader.start()
+
+    def stop(self) -> bool:
+        """End the receive thread and close the bus; whether that was done in time."""
+        return self._reader.stop()
+
+    def reconnect(self) -> None:
+        """Close the bus and open it again."""
+        self._reader.reconnect()
+
+    def tare(self, duration_s: float, spread_limit: float, cancelled: Callable[[], bool]) -> np.ndarray:
+        """Average the load cells for ``duration_s`` and take that off from now on: the offset (C,), V.
+
+        Called in another thread than the receive thread, which goes on meanwhile.
+
+        Raises
+        ------
+        MeasurementError
+            Too few good samples came, or the hand moved: the offset stays as it was.
+        """
+        average = TareAverage(self.protocol.phalanges, spread_limit, self.protocol.channels)
+        self._average = average
+        end_s = time.monotonic() + duration_s
+        pause = threading.Event()
+        while (left_s := end_s - time.monotonic()) > 0 and not cancelled():
+            pause.wait(min(left_s, LONGEST_WAIT_S))
+        self._average = None
+        self.offset = average.offset()
+        return self.offset
+
+    def _deliver(self, messages: list[can.Message]) -> float:
+        if messages:
+            cycles = self._assembler.feed(self.protocol.batch(messages))
+        else:
+            cycles = self._assembler.flush(time.time_ns())
+        average = self._average
+        for cycle in cycles:
+            self.latest = cycle
+            if average is not None:
+                average.add(cycle.strain, np.array(cycle.status))
+            self._on_cycle(replace(cycle, strain=cycle.strain - self.offset))
+        remaining_ns = self._assembler.remaining_ns(time.time_ns())
+        return LONGEST_WAIT_S if remaining_ns is None else remaining_ns * 1e-9

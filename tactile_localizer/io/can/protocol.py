@@ -1,0 +1,224 @@
+"""Bytes to volts and back, by a DBC: pure, and for many frames at once."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import numpy as np
+from cantools.database.can import Signal
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.io.can.frames import ERROR, REMOTE, FrameBatch, wire_length
+from tactile_localizer.io.can.layout import (
+    VOLTS,
+    Layout,
+    PhalanxMessages,
+    SignalNames,
+    compile_layout,
+    load_dbc,
+    phalanx_messages,
+    raw_range,
+)
+
+
+class FrameKind(enum.IntEnum):
+    """What becomes of a frame. The last two are the assembler's verdict on a ``DATA`` frame."""
+
+    DATA = 0
+    UNKNOWN_ID = 1
+    WRONG_LENGTH = 2
+    REMOTE = 3
+    ERROR = 4
+    DUPLICATE = 5
+    OUT_OF_ORDER = 6
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What N frames say.
+
+    Attributes
+    ----------
+    kind : (N,) uint8 of :class:`FrameKind`; what follows means something for ``DATA`` only
+    slot : (N,) index of the message, in the order of :attr:`LoadCellProtocol.layout`
+    counter : (N,) uint64 rolling counter, 0 where the message has none
+    fault : (N,) bool, the load cell's status is not 0, or a voltage is not finite
+    saturated : (N,) bool, a gauge pair stands at an end of its range
+    voltage : (N, G) V, the message's gauges, padded with columns of no meaning
+    """
+
+    kind: np.ndarray
+    slot: np.ndarray
+    counter: np.ndarray
+    fault: np.ndarray
+    saturated: np.ndarray
+    voltage: np.ndarray
+
+
+class LoadCellProtocol:
+    """The frames of a hand's load cells.
+
+    Made by :meth:`from_dbc`. Holds no state: what belongs to which cycle is
+    :class:`~tactile_localizer.io.can.assembler.CycleAssembler`'s concern.
+
+    Attributes
+    ----------
+    phalanges : names, in the order of the strain vector
+    layout : the messages' bits as arrays
+    width : bytes of data of the longest frame
+    is_fd : whether any message needs CAN FD
+    """
+
+    def __init__(self, phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> None:
+        self.phalanges = tuple(phalanges)
+        self.layout: Layout = compile_layout(self.phalanges, messages, names)
+        self.width = int(self.layout.length.max())
+        self.is_fd = self.width > 8 or any(message.is_fd for own in messages for message in own)
+        self._float_widths = sorted(set(self.layout.float_bits.ravel().tolist()) - {0})
+        self._messages = messages
+        self._names = names
+        self._order = np.argsort(self.layout.key)
+        self._sorted_keys = self.layout.key[self._order]
+
+    @classmethod
+    def from_dbc(
+        cls,
+        path: str | Path,
+        phalanges: Sequence[str],
+        messages: Mapping[str, Sequence[str]] | None = None,
+        names: SignalNames | None = None,
+    ) -> LoadCellProtocol:
+        """The protocol that the DBC file ``path`` describes for the load cells of ``phalanges``.
+
+        Parameters
+        ----------
+        path : DBC file, read once
+        phalanges : names, in the order of the strain vector
+        messages : names of a phalanx's messages; a phalanx left out has the messages called after it
+        names : what the DBC calls the signals
+
+        Raises
+        ------
+        CanError
+            The file is not a DBC, or lacks a message or signal of a phalanx.
+        """
+        own = phalanx_messages(load_dbc(path), phalanges, messages or {})
+        return cls(phalanges, own, names or SignalNames())
+
+    @property
+    def channels(self) -> ChannelLayout:
+        """The strain vector's channels by phalanx."""
+        return self.layout.channels
+
+    @property
+    def message_names(self) -> tuple[str, ...]:
+        """Name of each message, in the order of :attr:`layout`."""
+        return tuple(message.name for own in self._messages for message in own)
+
+    @property
+    def filters(self) -> list[can.typechecking.CanFilter]:
+        """Filters, for the kernel or the adapter, that pass exactly the messages in use."""
+        return [
+            {"can_id": message.frame_id, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+            for own in self._messages
+            for message in own
+            for extended in [bool(message.is_extended_frame)]
+        ]
+
+    def batch(self, messages: Sequence[can.Message]) -> FrameBatch:
+        """Frames of python-can ``messages`` as arrays, as wide as this protocol needs."""
+        return FrameBatch.from_messages(messages, self.width)
+
+    def decode(self, frames: FrameBatch) -> Decoded:
+        """What ``frames`` say; never raises, whatever the bytes are."""
+        place = np.searchsorted(self._sorted_keys, frames.key)
+        place[place == len(self._sorted_keys)] = 0
+        slot = self._order[place]
+        kind = np.where(self._sorted_keys[place] == frames.key, FrameKind.DATA, FrameKind.UNKNOWN_ID)
+        kind[(kind == FrameKind.DATA) & (frames.length != self.layout.length[slot])] = FrameKind.WRONG_LENGTH
+        kind[frames.key & REMOTE != 0] = FrameKind.REMOTE
+        kind[frames.key & ERROR != 0] = FrameKind.ERROR
+
+        raw, value = self._signals(frames.data, slot)
+        voltage = value[:, :-2] * self.layout.volts[slot]
+        saturated = (voltage <= self.layout.lowest[slot]) | (voltage >= self.layout.highest[slot])
+        with_fault = (raw[:, -1] != 0) | ~np.isfinite(voltage).all(axis=1)
+        return Decoded(kind, slot, raw[:, -2], with_fault, saturated.any(axis=1), voltage)
+
+    def _signals(self, data: np.ndarray, slot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Raw bits (N, S) uint64 and physical values (N, S), in the DBC's units, of frames of ``slot``."""
+        layout = self.layout
+        row = np.arange(len(data))
+        shift = layout.shift[slot]
+        word = data[row[:, None, None], layout.start[slot]].view("<u8")[:, :, 0]
+        # A wide signal may begin within the word and end in the byte after it; numpy shifts by 64 to 0.
+        ninth = data[row[:, None], layout.ninth[slot]].astype(np.uint64)
+        raw = (word >> shift | ninth << (np.uint64(64) - shift)) & layout.mask[slot]
+        sign = layout.sign[slot]
+        signed = ((raw ^ sign) - sign).view(np.int64).astype(np.float64)
+        value = np.where(sign != 0, signed, raw.astype(np.float64))
+        float_bits = layout.float_bits[slot]
+        with np.errstate(invalid="ignore", over="ignore"):  # a float's bits may be anything
+            for bits in self._float_widths:
+                chosen = float_bits == bits
+                if chosen.any():
+                    value[chosen] = raw[chosen].astype(f"u{bits // 8}").view(f"f{bits // 8}")
+            return raw, value * layout.scale[slot] + layout.offset[slot]
+
+    def saturated(self, strain: np.ndarray) -> np.ndarray:
+        """Which gauges of ``strain`` (C,), V, as decoded, stand at an end of their range: (C,) bool."""
+        layout, used = self.layout, self.layout.channel >= 0
+        lowest, highest = np.empty(len(strain)), np.empty(len(strain))
+        lowest[layout.channel[used]] = layout.lowest[used]
+        highest[layout.channel[used]] = layout.highest[used]
+        return np.asarray((strain <= lowest) | (strain >= highest))
+
+    def encode(
+        self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0
+    ) -> list[can.Message]:
+        """Frames of one sample of a load cell, in the order of its messages.
+
+        Parameters
+        ----------
+        phalanx : index of the phalanx
+        strain : (c,) V, its channels; a voltage out of the range is cut to its end, as an amplifier does
+        sequence : number of the sample; its low bits become the counter
+        status : the load cell's own status, 0 is well
+        stamp_s : time stamp of the frames, s
+        """
+        name = self.phalanges[phalanx]
+        gauges = {g.replace("{phalanx}", name): i for i, g in enumerate(self._names.gauges)}
+        counter, status_name = (
+            signal.replace("{phalanx}", name) for signal in (self._names.counter, self._names.status)
+        )
+        frames = []
+        for message in self._messages[phalanx]:
+            values: dict[str, float] = {}
+            for signal in message.signals:
+                if signal.name in gauges:
+                    values[signal.name] = _to_raw(signal, float(strain[gauges[signal.name]]))
+                elif signal.name == counter:
+                    values[signal.name] = sequence % (1 << signal.length)
+                else:
+                    values[signal.name] = status if signal.name == status_name else 0
+            data = message.encode(values, scaling=False, strict=False)
+            frames.append(
+                can.Message(
+                    timestamp=stamp_s,
+                    arbitration_id=message.frame_id,
+                    is_extended_id=message.is_extended_frame,
+                    is_fd=self.is_fd,
+                    data=data.ljust(wire_length(message.length), b"\0"),
+                )
+            )
+        return frames
+
+
+def _to_raw(signal: Signal, volts: float) -> float:
+    raw = (volts / VOLTS[signal.unit] - signal.offset) / signal.scale
+    lowest, highest = raw_range(signal)
+    return raw if signal.is_float else max(lowest, min(highest, round(raw)))

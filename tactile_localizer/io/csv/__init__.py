@@ -1,0 +1,1 @@
+"""CSV recordings: the names and units of their columns, and their samples."""

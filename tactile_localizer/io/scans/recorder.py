@@ -1,0 +1,249 @@
+"""Recording sweeps live: pairs as they come, by stamps, into a scan file."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_localizer.core.geometry.synchronization import Pair
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import screen
+from tactile_localizer.io.scans.store import ScanStore
+
+Felt = tuple[np.ndarray, np.ndarray]
+"""Strain voltages (C,), V, and status bits (F,)."""
+
+_BEFORE_ALL_NS = -1
+_BATCH = 256
+
+
+@dataclass
+class _Sweep:
+    """A sweep that is asked for: samples after ``after_ns`` up to ``until_ns`` (``None``: still open)."""
+
+    number: int
+    after_ns: int
+    until_ns: int | None = None
+
+
+class SweepRecorder:
+    """Puts pairs into the sweeps that were asked for, or that the motion shows.
+
+    Sweeps begin and end at stamps, not at the moment of asking, so that samples that still wait for
+    their poses when a sweep is ended belong to it, and a bag of the same topics makes the same file.
+
+    Parameters
+    ----------
+    store : open for writing
+    detector : finds the sweeps; ``None``: they are asked for by :meth:`start` and :meth:`end`
+    coverage : counts the recorded pairs
+    on_change : called with the stamp, ns, after which a sweep was opened or closed
+
+    Attributes
+    ----------
+    sweeps : sweeps in the file
+    gaps : samples of sweeps that had no pose near enough in time
+    skipped : samples of sweeps left out because they were missing, saturated or out of bounds
+    """
+
+    def __init__(
+        self,
+        store: ScanStore,
+        detector: SweepDetector | None,
+        coverage: Coverage,
+        on_change: Callable[[int], None] = lambda stamp_ns: None,
+    ) -> None:
+        self.store = store
+        known = store.sweeps()
+        self.sweeps = len(known)
+        self.gaps = 0
+        self.skipped = 0
+        self._detector = detector
+        self._coverage = coverage
+        self._planned: deque[_Sweep] = deque()
+        self._on_change = on_change
+        self._last_number = max((sweep.number for sweep in known), default=0)
+        self._detected = 0
+        self._newest_ns = _BEFORE_ALL_NS
+        self._batch: list[Pair[Felt]] = []
+        self._sweep_gaps = 0
+        self._sweep_skipped = 0
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a sweep is open."""
+        return bool(self._planned) and self._planned[-1].until_ns is None
+
+    @property
+    def number(self) -> int:
+        """Number of the open or, without one, the last sweep; 0 before the first."""
+        return self._last_number
+
+    def start(self, after_ns: int) -> int:
+        """Open a sweep of the samples with stamps later than ``after_ns``; returns its number.
+
+        Raises
+        ------
+        ScanError
+            A sweep is open, or the file cannot be written.
+        """
+        if self.is_active:
+            raise ScanError(f"start sweep: expected none under way, found sweep {self._last_number}")
+        sweep = _Sweep(self._last_number + 1, after_ns)
+        if self.store.active_sweep is None:
+            self.store.begin_sweep(sweep.number)
+        self._last_number = sweep.number
+        self.sweeps += 1
+        self._planned.append(sweep)
+        self._on_change(after_ns)
+        return sweep.number
+
+    def end(self, until_ns: int) -> int:
+        """Close the open sweep after the sample with stamp ``until_ns``; returns its number.
+
+        Raises
+        ------
+        ScanError
+            No sweep is open.
+        """
+        if not self.is_active:
+            raise ScanError("end sweep: expected one under way, found none")
+        self._planned[-1].until_ns = until_ns
+        self._on_change(until_ns)
+        return self._last_number
+
+    def take(self, pairs: Sequence[Pair[Felt]]) -> None:
+        """Take the pairs that belong to a sweep; :meth:`settle` writes them.
+
+        Parameters
+        ----------
+        pairs : in the order of their stamps. A stamp that goes back ends the sweep and, where sweeps
+            are asked for, opens another
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written. The sweep is given up; what was committed of it is kept.
+        """
+        try:
+            for pair in pairs:
+                self._place(pair)
+            if len(self._batch) >= _BATCH:
+                self._flush()
+        except ScanError:
+            self._give_up()
+            raise
+
+    def settle(self, waiting_ns: int | None) -> None:
+        """Commit, and end in the file each closed sweep of which no sample waits for its pose any more.
+
+        To be called every quarter of a second or more often.
+
+        Parameters
+        ----------
+        waiting_ns : stamp of the oldest sample that waits; ``None``: none waits
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written. The sweep is given up; what was committed of it is kept.
+        """
+        try:
+            while self._planned and (until_ns := self._planned[0].until_ns) is not None:
+                if waiting_ns is not None and waiting_ns <= until_ns:
+                    break
+                self._finish()
+            self._flush()
+            self.store.commit()
+        except ScanError:
+            self._give_up()
+            raise
+
+    def close(self) -> None:
+        """End every sweep, with what it has.
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written.
+        """
+        if self.is_active:
+            self.end(self._newest_ns)
+        self.settle(None)
+
+    def _place(self, pair: Pair[Felt]) -> None:
+        if pair.stamp_ns < self._newest_ns:
+            self._begin_anew()
+        self._newest_ns = pair.stamp_ns
+        if self._detector is not None and pair.position is not None:
+            self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
+        while (
+            self._planned and (until_ns := self._planned[0].until_ns) is not None and pair.stamp_ns > until_ns
+        ):
+            self._finish()
+        if self._planned and pair.stamp_ns > self._planned[0].after_ns:
+            if pair.position is None:
+                self.gaps += 1
+                self._sweep_gaps += 1
+            else:
+                self._batch.append(pair)
+
+    def _follow(self, detected: int, stamp_ns: int) -> None:
+        """End and start sweeps as the motion shows, from the sample at ``stamp_ns`` on."""
+        if detected != self._detected:
+            self._detected = detected
+            if self.is_active:
+                self.end(stamp_ns - 1)
+            if detected:
+                self.start(stamp_ns - 1)
+
+    def _begin_anew(self) -> None:
+        """Time was set back: what follows is another sweep."""
+        was_active = self.is_active
+        self.close()
+        if self._detector is not None:
+            self._detector.reset()
+            self._detected = 0
+        elif was_active:
+            self.start(_BEFORE_ALL_NS)
+
+    def _flush(self) -> None:
+        if not self._batch:
+            return
+        stamp_ns = np.array([pair.stamp_ns for pair in self._batch], dtype=np.int64)
+        states = np.array([pair.position for pair in self._batch])
+        strain = np.array([pair.felt[0] for pair in self._batch])
+        status = np.array([pair.felt[1] for pair in self._batch])
+        self._batch = []
+        screening = screen(self.store.scene, states, strain, status)
+        self.skipped += screening.skipped
+        self._sweep_skipped += screening.skipped
+        keep = screening.keep
+        if keep.any():
+            self._coverage.add(states[keep])
+            self.store.append(stamp_ns[keep], states[keep], strain[keep])
+
+    def _finish(self) -> None:
+        """End the oldest sweep in the file and begin the next one that is waiting."""
+        self._flush()
+        self._planned.popleft()
+        gaps, skipped = self._sweep_gaps, self._sweep_skipped
+        self._sweep_gaps = self._sweep_skipped = 0
+        self.store.end_sweep(gaps=gaps, skipped=skipped)
+        if self._planned:
+            self.store.begin_sweep(self._planned[0].number)
+
+    def _give_up(self) -> None:
+        self._planned.clear()
+        self._batch = []
+        self._detected = 0
+        if self.store.active_sweep is not None:
+            with contextlib.suppress(ScanError):
+                self.store.end_sweep(gaps=self._sweep_gaps, skipped=self._sweep_skipped)
+        self._sweep_gaps = self._sweep_skipped = 0

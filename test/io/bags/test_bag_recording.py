@@ -1,0 +1,366 @@
+"""Bags are read as they were felt: whatever their storage, and damaged ones as far as they go."""
+
+import dataclasses
+import shutil
+import sqlite3
+import zipfile
+from unittest import mock
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from support.bags import MS, SCENE, START, STORE, pose, posterior, slide, status, strain, write_bag, x_at
+
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.io.bags.decode import StrainDecoder
+from tactile_localizer.io.bags.recording import BagTopics, read_bag
+from tactile_localizer.io.scans.importer import import_recording
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.strain_adapter import adapter_from_dict
+from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+FELT_MS = np.arange(20, 2001, 5)
+
+
+def whole(path, storage="mcap", compression="none", last_ms=2000):
+    return write_bag(path, slide(0, last_ms), storage, compression)
+
+
+def assert_felt(sweep, felt_ms=FELT_MS):
+    np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
+    np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms), atol=1e-12)
+    np.testing.assert_array_equal(sweep.strain[:, 0], felt_ms + 8000)
+    np.testing.assert_array_equal(sweep.strain[:, 8], felt_ms)
+    assert not sweep.status.any()
+
+
+@pytest.mark.parametrize(
+    ("storage", "compression"),
+    [
+        ("mcap", "none"),
+        ("mcap", "storage"),
+        ("mcap", "message"),
+        ("mcap", "file"),
+        ("sqlite3", "none"),
+        ("sqlite3", "message"),
+        ("sqlite3", "file"),
+    ],
+)
+@pytest.mark.parametrize("form", ["directory", "file", "directory without metadata"])
+def test_every_kind_of_bag_gives_the_same_recording(tmp_path, storage, compression, form):
+    bag = whole(tmp_path / "bag", storage, compression)
+    if form == "directory without metadata":
+        (bag / "metadata.yaml").unlink()
+    if form == "file":
+        (bag,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
+    recording = read_bag(bag, SCENE)
+    (sweep,) = recording.sweeps
+    assert_felt(sweep)
+    assert sweep.gaps == 3, "felt before the first pose"
+    assert recording.axes == ("x", "y")
+    assert recording.phalanges == ("index", "middle")
+    assert sweep.truth is None
+    if form != "directory without metadata":
+        assert recording.notes == ()
+
+
+def truncated(bag, share):
+    (file,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
+    with file.open("r+b") as stream:
+        stream.truncate(round(file.stat().st_size * share))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("storage", "compression"),
+    [
+        ("mcap", "none"),
+        ("mcap", "storage"),
+        ("mcap", "file"),
+        ("sqlite3", "none"),
+        ("sqlite3", "message"),
+        ("sqlite3", "file"),
+    ],
+)
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_bag_that_was_cut_short_is_read_up_to_the_cut_and_says_so(tmp_path, storage, compression, share):
+    rng = np.random.default_rng(0)
+    happened = [
+        (topic, ms, strain(ms, strain=rng.normal(size=16)) if topic == "strain" else message)
+        for topic, ms, message in slide(0, 20_000)
+    ]
+    bag = write_bag(tmp_path / "bag", happened, storage, compression)
+    full = read_bag(bag, SCENE).sweeps[0]
+    truncated(bag, share)
+    recording = read_bag(bag, SCENE)
+    (sweep,) = recording.sweeps
+    n = len(sweep)
+    assert share / 3 < n / len(full) < share + 0.1
+    np.testing.assert_array_equal(sweep.stamp_ns, full.stamp_ns[:n])
+    np.testing.assert_array_equal(sweep.position, full.position[:n])
+    np.testing.assert_array_equal(sweep.strain, full.strain[:n])
+    assert any("the bag is damaged" in note for note in recording.notes)
+    assert any("messages up to the damage" in note for note in recording.notes)
+    assert all("\n" not in note for note in recording.notes)
+
+
+def test_what_a_recorder_that_died_left_in_its_log_is_read(tmp_path):
+    bag = whole(tmp_path / "bag", "sqlite3")
+    (file,) = bag.glob("*.db3")
+    connection = sqlite3.connect(file)
+    rows = connection.execute("SELECT * FROM messages WHERE id > 300 ORDER BY id").fetchall()
+    connection.execute("DELETE FROM messages WHERE id > 300")
+    connection.commit()
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows)
+    connection.commit()
+    dead = tmp_path / "dead"
+    shutil.copytree(bag, dead)
+    connection.close()
+    assert list(dead.glob("*-wal"))
+    (dead / "metadata.yaml").unlink()
+    assert_felt(read_bag(dead, SCENE).sweeps[0])
+
+
+def test_files_of_a_split_bag_are_read_in_their_order(tmp_path):
+    bag = tmp_path / "split"
+    bag.mkdir()
+    for part, (first, last) in {2: (0, 1000), 10: (1000, 2000)}.items():
+        piece = write_bag(tmp_path / f"piece_{part}", slide(first, last))
+        shutil.copy(piece / f"piece_{part}.mcap", bag / f"split_{part}.mcap")
+    assert_felt(read_bag(bag, SCENE).sweeps[0])
+
+
+def test_truth_is_interpolated_where_the_bag_has_it(tmp_path):
+    truths = [("simulator/ground_truth", ms, pose(ms, x=0.02 + ms * 1e-6)) for ms in range(1000, 1501, 10)]
+    happened = sorted(slide(0, 2000) + truths, key=lambda entry: entry[1])
+    sweep = read_bag(write_bag(tmp_path / "bag", happened), SCENE).sweeps[0]
+    known = (FELT_MS >= 1000) & (FELT_MS <= 1500)
+    np.testing.assert_array_equal(np.isfinite(sweep.truth[:, 0]), known)
+    np.testing.assert_allclose(sweep.truth[known, 0], 0.02 + FELT_MS[known] * 1e-6, atol=1e-12)
+
+
+def test_the_mapping_nodes_status_shows_the_sweeps(tmp_path):
+    statuses = [
+        status(0, False, 0),
+        status(100, True, 1),
+        status(300, True, 1),
+        status(500, False, 1),
+        status(700, False, 1),
+        status(800, True, 2),
+        status(900, True, 3),
+    ]
+    received = [90, 110, 310, 520, 700, 810, 905]
+    happened = slide(0, 2000) + [("mapping/status", ms, m) for ms, m in zip(received, statuses, strict=True)]
+    bag = write_bag(tmp_path / "bag", sorted(happened, key=lambda entry: entry[1]))
+    sweeps = read_bag(bag, SCENE).sweeps
+    assert [sweep.number for sweep in sweeps] == [1, 2, 3]
+    ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in sweeps]
+    assert ranges == [(105, 500), (805, 900), (905, 2000)]
+    assert len(read_bag(bag, SCENE, by_status=False).sweeps) == 1
+
+
+def test_a_replay_begins_anew_where_the_filter_nodes_belief_was_spread(tmp_path):
+    travels = {100: 0.0, 200: 0.0, 300: 0.001, 400: 0.0009, 1000: 0.0, 1200: 0.004, 1600: 0.0, 1800: 0.0}
+    told = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
+    bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + told, key=lambda entry: entry[1]))
+    recording = read_bag(bag, SCENE, by_status=False)
+    ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in recording.sweeps]
+    assert ranges == [(100, 995), (1000, 1595), (1600, 2000)]
+    assert recording.notes == ("left out 19 of 400 strain vectors from before the first /filter/posterior",)
+    assert len(read_bag(bag, SCENE).sweeps) == 1
+
+
+def test_sweeps_can_be_found_in_the_motion(tmp_path):
+    happened = [
+        (topic, ms, pose(ms, x=0.01 + 0.03 * abs(1000 - ms) / 1000) if topic == "palm_pose" else message)
+        for topic, ms, message in slide(0, 2000)
+    ]
+    sweeps = read_bag(write_bag(tmp_path / "bag", happened), SCENE, detector=SweepDetector(SCENE.axes)).sweeps
+    assert [sweep.number for sweep in sweeps] == [1, 2]
+    assert abs((sweeps[1].stamp_ns[0] - START) // MS - 1000) < 100
+
+
+def test_a_hand_that_never_moves_makes_no_sweep(tmp_path):
+    happened = [
+        (topic, ms, pose(ms, x=0.01) if topic == "palm_pose" else message)
+        for topic, ms, message in slide(0, 200)
+    ]
+    detector = SweepDetector(SCENE.axes)
+    assert read_bag(write_bag(tmp_path / "bag", happened), SCENE, detector=detector).sweeps == ()
+    lost = [(topic, ms, pose(ms, frame="map") if topic == "palm_pose" else m) for topic, ms, m in happened]
+    assert read_bag(write_bag(tmp_path / "lost", lost), SCENE, detector=detector).sweeps == ()
+
+
+def test_messages_that_are_cut_short_cost_themselves_alone(tmp_path):
+    short = [("strain", 201, b"\0\1\0\0"), ("strain", 202, b""), ("palm_pose", 203, b"\0\1")]
+    recording = read_bag(write_bag(tmp_path / "bag", slide(0, 200) + short), SCENE)
+    assert len(recording) == 37
+    assert recording.notes[0] == "left out 2 of 42 strain vectors whose lengths do not fit"
+    assert recording.notes[1].startswith("left out 1 of 11 poses of /palm_pose")
+
+
+def test_gaps_late_samples_and_poses_in_other_frames_are_counted(tmp_path):
+    happened = slide(0, 500) + slide(800, 1000)
+    happened.insert(60, ("strain", 250, strain(100)))
+    happened.insert(61, ("palm_pose", 250, pose(100)))
+    happened.insert(62, ("palm_pose", 250, pose(250, frame="map")))
+    happened.insert(63, ("strain", 250, strain(251, strain=np.zeros(3))))
+    bag = write_bag(tmp_path / "bag", [(topic, index, m) for index, (topic, _, m) in enumerate(happened)])
+    recording = read_bag(bag, SCENE)
+    assert recording.sweeps[0].gaps == 3 + 3
+    assert recording.notes == (
+        "left out 1 of 142 strain vectors whose lengths do not fit",
+        "left out 1 of 141 strain vectors whose stamps go back",
+        "left out 1 of 37 poses of /palm_pose: palm pose frame 'map': expected 'material' or 'base_link'",
+        "left out 1 of 36 poses of /palm_pose whose stamps go back",
+    )
+
+
+def test_topics_and_frames_can_be_named(tmp_path):
+    happened = [
+        ("palm_pose", ms, pose(ms, frame="robot")) if t == "palm_pose" else (t, ms, m)
+        for t, ms, m in slide(0, 200)
+    ]
+    bag = write_bag(tmp_path / "bag", happened)
+    frame = PalmFrame(SCENE.axes, reference_frame="robot", material_pose=[-0.01, 0, 0, 0, 0, 0])
+    sweep = read_bag(bag, SCENE, topics=BagTopics(strain="strain", pose="palm_pose"), frame=frame).sweeps[0]
+    np.testing.assert_allclose(sweep.position[0], [x_at(20) + 0.01, 0.02], atol=1e-12)
+    with pytest.raises(ScanError, match=r"expected messages of /felt, found /palm_pose \(geometry_msgs"):
+        read_bag(bag, SCENE, topics=BagTopics(strain="/felt"))
+
+
+def foreign_file(path):
+    path = path.with_suffix(".mcap")
+    path.write_bytes(b"not a bag at all" * 100)
+    return path
+
+
+def zip_file(path):
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("a", "b")
+    return path
+
+
+def foreign_database(path):
+    path = path.with_suffix(".db3")
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE song (title TEXT)")
+    return path
+
+
+def empty_directory(path):
+    path.mkdir()
+    return path
+
+
+def empty_file(path):
+    path = path.with_suffix(".mcap")
+    path.touch()
+    return path
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda path: path, foreign_file, zip_file, foreign_database, empty_directory, empty_file],
+    ids=["nothing", "foreign file", "zip file", "foreign database", "empty directory", "empty file"],
+)
+def test_what_is_not_a_bag_is_refused_in_one_line(tmp_path, make):
+    path = make(tmp_path / "bag")
+    with pytest.raises(ScanError) as refusal:
+        read_bag(path, SCENE)
+    assert str(path) in str(refusal.value)
+    assert "expected" in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    if make is empty_directory:
+        assert str(refusal.value).endswith("or a directory of them), found a directory without")
+
+
+def test_a_phalanx_that_the_bag_lacks_is_named(tmp_path):
+    thumb = Scene("sheet", (Axis("x", 0.0, 1.0),), (Phalanx("thumb", (0.0,)),))
+    with pytest.raises(SceneError, match="phalanx 'thumb' of scene 'sheet': expected one of middle, index"):
+        read_bag(whole(tmp_path / "bag"), thumb)
+
+
+def test_messages_from_before_channel_counts_are_read_from_their_bytes(tmp_path, monkeypatch):
+    text = resource_path("msg/StrainVectors.msg").read_text(encoding="utf-8")
+    earlier = get_typestore(Stores.ROS2_JAZZY)
+    kind = "tactile_localizer/msg/StrainVectors"
+    earlier.register(get_types_from_msg(text[: text.index("uint16[] channels")], kind))
+    fields = {name: value for name, value in vars(strain(20)).items() if name != "channels"}
+    writer = Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    with writer:
+        felt = writer.add_connection("/strain", kind, typestore=earlier)
+        told = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
+        for stamp_ms in range(5, 101, 5):
+            message = earlier.types[kind](**{**fields, **_of(strain(stamp_ms))})
+            writer.write(felt, START + stamp_ms * MS, earlier.serialize_cdr(message, kind))
+            raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
+            writer.write(told, START + stamp_ms * MS, raw)
+    one_by_one = mock.Mock()
+    monkeypatch.setattr(StrainDecoder, "of_message", one_by_one)
+    (sweep,) = read_bag(tmp_path / "bag", SCENE).sweeps
+    assert_felt(sweep, np.arange(5, 101, 5))
+    one_by_one.assert_not_called()
+
+
+def _of(message):
+    return {name: getattr(message, name) for name in ("header", "strain", "sequence")}
+
+
+def test_phalanges_with_other_channels_are_read_and_kept_in_a_scan(tmp_path):
+    scene = dataclasses.replace(
+        SCENE, phalanges=(Phalanx("index", (0.0, 0.01), 19), Phalanx("middle", (0.0, -0.01), 6))
+    )
+    happened = []
+    for topic, stamp_ms, message in slide(0, 200):
+        if topic == "strain":
+            values = np.arange(25.0) * 1000 + stamp_ms
+            message = strain(stamp_ms, strain=values, channels=np.array([6, 19], np.uint16))
+        happened.append((topic, stamp_ms, message))
+    recording = read_bag(write_bag(tmp_path / "bag", happened), scene)
+    (sweep,) = recording.sweeps
+    assert sweep.strain.shape[1] == 25
+    np.testing.assert_array_equal(sweep.strain[:, 0], sweep.strain[:, 24] + 1000.0)
+    import_recording(recording, scene, tmp_path / "scan.db", what="import", detail={})
+    with ScanStore.open(tmp_path / "scan.db") as store:
+        assert store.scene.layout.counts == (19, 6)
+        assert store.load().layout == scene.layout
+        np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)
+
+
+def test_a_bag_of_other_messages_is_read_by_an_adapter(tmp_path):
+    kind = "std_msgs/msg/Float64MultiArray"
+    types = STORE.types
+    bag = tmp_path / "bag"
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        taxels = writer.add_connection("/taxels", kind, typestore=STORE)
+        told = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
+        for stamp_ms in range(10, 500, 10):
+            raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
+            writer.write(told, START + stamp_ms * MS, raw)
+            layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+            size = 15 if stamp_ms == 250 else 16
+            message = types[kind](layout=layout, data=stamp_ms + np.arange(float(size)))
+            writer.write(taxels, START + stamp_ms * MS, STORE.serialize_cdr(message, kind))
+    scene = dataclasses.replace(SCENE, phalanges=(Phalanx("index", (0.0, 0.0), 16),))
+    entry = {"topic": "taxels", "type": kind, "channels": 16}
+    adapter = adapter_from_dict({"phalanges": {"index": entry}})
+    recording = read_bag(bag, scene, adapter=adapter)
+    (sweep,) = recording.sweeps
+    felt_ms = np.setdiff1d(np.arange(10, 500, 10), [250])
+    np.testing.assert_array_equal(sweep.strain[:, 3], felt_ms + 3.0)
+    np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
+    np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms), atol=1e-12)
+    assert recording.notes == (
+        "left out 1 messages of other form: taxels: expected 16 channels for phalanx index, got 15",
+    )
+    with pytest.raises(SceneError, match="expected 8 channels, got 16"):
+        read_bag(bag, dataclasses.replace(SCENE, phalanges=SCENE.phalanges[:1]), adapter=adapter)
+    other = adapter_from_dict({"phalanges": {"index": {**entry, "topic": "other"}}})
+    with pytest.raises(ScanError, match=r"expected messages of other \(std_msgs/msg/Float64MultiArray\)"):
+        read_bag(bag, scene, adapter=other)

@@ -1,0 +1,156 @@
+"""A bus is opened with its filters and its buffer, or refused in one line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+from support.load_cells import protocol
+from support.waiting import wait_until
+
+from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.bus import (
+    AbsentBusError,
+    BusSettings,
+    known_options,
+    open_bus,
+    parse_options,
+    receive_queue,
+)
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "options"),
+    [
+        ("socketcan", "can7", {}),
+        ("no_such_interface", "can0", {}),
+        ("udp_multicast", "not an address", {}),
+        ("udp_multicast", "239.74.163.2", {"hop_limit": "many"}),
+    ],
+)
+def test_an_interface_that_does_not_open_is_refused_in_one_line(
+    interface: str, channel: str, options: dict[str, Any]
+) -> None:
+    with pytest.raises(CanError, match=f"CAN bus {interface} {channel}: expected") as refusal:
+        open_bus(BusSettings(interface, channel, options), protocol())
+    assert "\n" not in str(refusal.value)
+
+
+def test_options_are_read_as_yaml() -> None:
+    assert parse_options(["port=43113", "fd=true", "serial=A7"]) == {
+        "port": 43113,
+        "fd": True,
+        "serial": "A7",
+    }
+    with pytest.raises(CanError, match="'port': expected name=value"):
+        parse_options(["port"])
+    with pytest.raises(CanError, match=r"'serial=\[A7': expected a value in YAML") as refusal:
+        parse_options(["serial=[A7"])
+    assert "\n" not in str(refusal.value)
+
+
+class FilteringBus(VirtualBus):
+    """A bus whose filters are applied elsewhere than in this process, as SocketCAN's are."""
+
+    applied: list[Any]
+
+    def _apply_filters(self, filters: Any) -> None:
+        self.applied = [*getattr(self, "applied", []), filters]
+
+
+def test_filters_are_left_to_the_kernel_where_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    hand = protocol()
+    monkeypatch.setattr(can, "Bus", lambda interface, channel: FilteringBus(channel))
+    bus = open_bus(BusSettings("socketcan", "filters"), hand)
+    assert bus.applied[-1] == hand.filters  # type: ignore[attr-defined]
+    bus.shutdown()
+
+
+def test_a_bus_that_does_not_take_its_filters_is_closed_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = []
+
+    class Refusing(FilteringBus):
+        def _apply_filters(self, filters: Any) -> None:
+            if filters:
+                raise AttributeError("no filters")  # interfaces raise what they like
+
+        def shutdown(self) -> None:
+            closed.append(self)
+            super().shutdown()
+
+    monkeypatch.setattr(can, "Bus", lambda interface, channel: Refusing(channel))
+    with pytest.raises(
+        CanError, match="CAN bus socketcan refusing: expected it to take its options, got: no f"
+    ):
+        open_bus(BusSettings("socketcan", "refusing"), protocol())
+    assert len(closed) == 1
+
+
+@pytest.mark.parametrize(
+    ("interface", "options", "reason"),
+    [
+        ("udp_multicast", {"hop_limits": 1}, "'hop_limits': expected an option of .*did you mean hop_limit"),
+        ("socketcan", {"speed": 1}, "'speed': expected an option of the interface socketcan, one of can_fi"),
+        ("kvaser", {"bitrte": 500_000}, "did you mean bitrate"),
+    ],
+)
+def test_an_unknown_option_is_refused_with_the_one_that_may_be_meant(
+    interface: str, options: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(CanError, match=reason) as refusal:
+        open_bus(BusSettings(interface, "can0", options))
+    assert not isinstance(refusal.value, AbsentBusError)
+
+
+def test_every_interface_of_python_can_knows_its_common_options() -> None:
+    assert {"port", "hop_limit", "fd", "receive_own_messages"} <= known_options("udp_multicast")
+    assert {"fd", "local_loopback", "receive_own_messages"} <= known_options("socketcan")
+    assert {"bitrate", "fd", "data_bitrate", "receive_own_messages"} <= known_options("kvaser")
+    assert {"bitrate", "btr", "tty_baudrate"} <= known_options("slcan")
+    assert known_options("no_such_interface") == set()
+
+
+def test_an_interface_that_is_absent_is_told_apart_from_one_that_cannot_be() -> None:
+    with pytest.raises(AbsentBusError):
+        open_bus(BusSettings("socketcan", "can7"))
+    with pytest.raises(CanError) as refusal:
+        open_bus(BusSettings("no_such_interface", "can0"))
+    assert not isinstance(refusal.value, AbsentBusError)
+
+
+def test_frames_of_other_devices_are_let_through_where_it_cannot(simulated_can: dict[str, Any]) -> None:
+    options = {"port": simulated_can["port"]}
+    bus = open_bus(BusSettings("udp_multicast", simulated_can["channel"], options), protocol())
+    sender = can.Bus(**simulated_can, hop_limit=0)
+    sender.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+    assert wait_until(lambda: bus.recv(0.1), "the frame").arbitration_id == 0x7FF
+    sender.shutdown()
+    bus.shutdown()
+
+
+def test_the_receive_buffer_is_as_large_as_asked_for_and_its_drops_are_counted(
+    simulated_can: dict[str, Any],
+) -> None:
+    options = {"port": simulated_can["port"]}
+    bus = open_bus(BusSettings("udp_multicast", simulated_can["channel"], options, receive_buffer=50_000))
+    sender = can.Bus(**simulated_can, hop_limit=0)
+    for _ in range(1000):
+        sender.send(can.Message(arbitration_id=1, is_extended_id=False, data=bytes(8)))
+    queue = receive_queue(bus)
+    assert queue is not None
+    assert 50_000 <= queue.limit <= 2 * 50_000
+    assert 0 < queue.used <= queue.limit + 5000
+    received = 0
+    while bus.recv(0.05):
+        received += 1
+    assert receive_queue(bus).drops == 1000 - received > 0  # type: ignore[union-attr]
+    sender.shutdown()
+    bus.shutdown()
+
+
+def test_a_bus_that_is_no_socket_has_no_queue() -> None:
+    bus = open_bus(BusSettings("virtual", "no socket", receive_buffer=1000))
+    assert receive_queue(bus) is None
+    bus.shutdown()

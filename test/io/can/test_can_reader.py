@@ -1,0 +1,300 @@
+"""The receive thread delivers in order, outlives every failure of the bus, and ends when told to."""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+from support.waiting import wait_until
+
+from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.bus import AbsentBusError
+from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_PASSIVE, NO_ACKNOWLEDGEMENT, OTHER
+from tactile_localizer.io.can.reader import CLOSED, FAILED, OPEN, WAITING, CanReader
+
+
+class Line:
+    """A virtual bus with a reader at one end; its interface can be taken away."""
+
+    def __init__(self, channel: str, **kwargs: float) -> None:
+        self.channel = channel
+        self.up = True
+        self.opened: list[can.BusABC] = []
+        self.batches: list[list[can.Message]] = []
+        self.log: list[str] = []
+        self.notes: list[str] = []
+        self.sender = can.Bus(interface="virtual", channel=channel)
+        self.reader = CanReader(self._open, self._take, log=self.log.append, note=self.notes.append, **kwargs)
+
+    def _open(self) -> can.BusABC:
+        if not self.up:
+            raise AbsentBusError("interface is down")
+        self.opened.append(can.Bus(interface="virtual", channel=self.channel))
+        return self.opened[-1]
+
+    def _take(self, messages: list[can.Message]) -> float:
+        self.batches.append(messages)
+        return 0.1
+
+    @property
+    def received(self) -> list[int]:
+        return [message.arbitration_id for batch in self.batches for message in batch]
+
+    def send(self, *identifiers: int, **kwargs: bool) -> None:
+        for identifier in identifiers:
+            self.sender.send(can.Message(arbitration_id=identifier, is_extended_id=False, **kwargs))
+
+    def wait_for(self, *identifiers: int) -> None:
+        wait_until(lambda: self.received == list(identifiers), f"frames {identifiers}", 5.0)
+
+    def close(self) -> None:
+        self.reader.stop()
+        self.sender.shutdown()
+        for bus in self.opened:
+            bus.shutdown()
+
+
+@pytest.fixture
+def line(request: pytest.FixtureRequest) -> Iterator[Callable[..., Line]]:
+    made: list[Line] = []
+
+    def make(**kwargs: float) -> Line:
+        made.append(Line(request.node.name, **kwargs))
+        made[-1].reader.start()
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def test_frames_arrive_in_order_and_together(line: Callable[..., Line]) -> None:
+    one = line(batch=4)
+    one.send(*range(100))
+    one.wait_for(*range(100))
+    assert max(len(batch) for batch in one.batches) >= 4
+
+
+def test_a_bus_that_is_idle_is_well_and_is_not_opened_again(line: Callable[..., Line]) -> None:
+    one = line()
+    wait_until(lambda: one.batches.count([]) >= 3, "three waits without a frame", 5.0)
+    assert (one.reader.status.state, one.reader.status.reconnects, one.log) == (OPEN, 0, [])
+
+
+def test_a_bus_that_cannot_be_opened_at_first_is_refused(request: pytest.FixtureRequest) -> None:
+    one = Line(request.node.name)
+    one.up = False
+    with pytest.raises(CanError, match="interface is down"):
+        one.reader.start()
+    one.close()
+
+
+def test_a_bus_closed_under_the_reader_is_opened_again_and_good_data_goes_on(
+    line: Callable[..., Line],
+) -> None:
+    one = line(backoff_s=0.01)
+    for attempt in range(3):
+        one.send(attempt)
+        one.wait_for(*range(attempt + 1))
+        one.opened[-1].shutdown()
+        wait_until(lambda: one.reader.status.reconnects == attempt + 1, "the bus to be back", 5.0)  # noqa: B023
+    assert one.reader.status.state == OPEN
+    assert "closed" in one.reader.status.error
+    assert len(one.log) == 3  # each failure once
+    one.send(3)
+    wait_until(lambda: len(one.notes) == 4, "a line for the frames after each failure", 5.0)
+    assert one.notes == ["CAN bus: receiving"] + ["CAN bus: receiving again"] * 3
+
+
+def test_an_interface_that_is_down_opens_and_is_back_only_when_it_can_be_read(
+    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = line(backoff_s=0.01)
+    down, read = threading.Event(), VirtualBus._recv_internal
+
+    def receive(bus: VirtualBus, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if not down.is_set():
+            return read(bus, timeout)
+        error = OSError(errno.ENETDOWN, os.strerror(errno.ENETDOWN))  # as SocketCAN has it
+        raise can.CanOperationError(f"Error receiving: {error.strerror}", error.errno) from error
+
+    monkeypatch.setattr(VirtualBus, "_recv_internal", receive)
+    down.set()
+    wait_until(lambda: len(one.opened) >= 4, "three attempts", 5.0)
+    assert (one.reader.status.state, one.reader.status.reconnects) == (FAILED, 0)
+    assert "Network is down" in one.reader.status.error
+    down.clear()
+    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
+    one.send(7)
+    one.wait_for(7)
+    assert one.reader.status.reconnects == 1
+    assert len(one.log) == 1
+    assert one.notes == ["CAN bus: receiving again"]
+
+
+def test_waits_between_attempts_double_up_to_the_limit(
+    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = line(backoff_s=0.01, backoff_limit_s=0.04)
+    waits: list[float] = []
+    wait = one.reader._wake.wait
+    monkeypatch.setattr(one.reader._wake, "wait", lambda s: waits.append(s) or wait(s))
+    one.up = False
+    one.opened[-1].shutdown()
+    wait_until(lambda: len(waits) >= 5, "five attempts", 5.0)
+    assert waits[:5] == [0.01, 0.02, 0.04, 0.04, 0.04]
+    assert one.reader.status.state == FAILED
+    assert len(one.log) == 2  # not a line per attempt
+    one.up = True
+    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
+    one.send(7)
+    one.wait_for(7)
+    assert one.reader._delay_s == 0.01  # after good data it begins anew
+
+
+def test_without_backoff_a_failed_bus_stays_closed_until_a_reconnect_is_asked_for(
+    line: Callable[..., Line],
+) -> None:
+    one = line(backoff_s=0.0)
+    one.opened[-1].shutdown()
+    wait_until(lambda: one.reader.status.state == FAILED, "the failure", 5.0)
+    assert len(one.opened) == 1
+    one.reader.reconnect()
+    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
+    assert len(one.opened) == 2
+
+
+def test_a_reconnect_closes_a_bus_that_is_well_and_opens_it_again(line: Callable[..., Line]) -> None:
+    one = line()
+    one.reader.reconnect()
+    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be back", 5.0)
+    one.send(1)
+    one.wait_for(1)
+    with pytest.raises(can.CanError):
+        one.opened[0].send(can.Message())
+
+
+def test_bus_off_opens_the_bus_again_and_is_told_until_a_good_frame_arrives(
+    line: Callable[..., Line],
+) -> None:
+    one = line(backoff_s=0.01)
+    one.send(0x40, is_error_frame=True)
+    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
+    assert one.reader.status.state == BUS_OFF
+    one.send(3)
+    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be well", 5.0)
+    assert one.received == [0x40, 3]
+
+
+def test_other_error_frames_are_delivered_and_do_no_harm(line: Callable[..., Line]) -> None:
+    one = line()
+    one.send(0x04, 0x80, is_error_frame=True)
+    one.wait_for(0x04, 0x80)
+    assert (one.reader.status.state, one.reader.status.reconnects) == (OPEN, 0)
+
+
+def test_error_frames_are_counted_by_what_they_report(line: Callable[..., Line]) -> None:
+    one = line()
+    one.send(0x20, 0x20, is_error_frame=True)  # no acknowledgement
+    controller = can.Message(
+        arbitration_id=0x04, is_error_frame=True, data=bytes([0, 0x20, 0, 0, 0, 0, 0, 0])
+    )
+    one.sender.send(controller)
+    one.send(0, is_error_frame=True)
+    wait_until(lambda: sum(one.reader.status.errors.values()) == 4, "four error frames", 5.0)
+    assert one.reader.status.errors == {NO_ACKNOWLEDGEMENT: 2, ERROR_PASSIVE: 1, OTHER: 1}
+    assert one.notes == []
+
+
+def test_an_absent_interface_is_waited_for_where_that_is_wanted(request: pytest.FixtureRequest) -> None:
+    one = Line(request.node.name, wait=True, backoff_s=0.01)
+    one.up = False
+    one.reader.start()
+    try:
+        assert one.reader.status.state == WAITING
+        assert one.log == ["CAN bus is absent, waiting for it: interface is down"]
+        one.up = True
+        wait_until(lambda: one.reader.status.state == OPEN, "the bus", 5.0)
+        one.send(5)
+        one.wait_for(5)
+        assert one.reader.status.reconnects == 0
+        assert len(one.log) == 1
+        assert len(one.notes) == 1
+    finally:
+        one.close()
+
+
+def test_a_mistake_in_the_receiver_is_told_and_the_thread_goes_on(line: Callable[..., Line]) -> None:
+    one = line(backoff_s=0.01)
+    take, mistakes = one.reader._deliver, ["a mistake"]
+
+    def deliver(messages: list[can.Message]) -> float:
+        if messages and mistakes:
+            raise KeyError(mistakes.pop())
+        return take(messages)
+
+    one.reader._deliver = deliver
+    one.send(1)
+    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
+    assert "a mistake" in one.log[0]
+    one.send(2)
+    one.wait_for(2)
+
+
+def test_a_bus_that_cannot_be_closed_is_told_and_another_is_opened(line: Callable[..., Line]) -> None:
+    one = line(backoff_s=0.01)
+    bus, closed = one.opened[-1], one.opened[-1].shutdown
+
+    def shutdown() -> None:
+        closed()
+        raise AttributeError("no handle")  # interfaces raise what they like
+
+    bus.shutdown = shutdown  # type: ignore[method-assign]
+    one.reader.reconnect()
+    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
+    assert one.log[0] == "CAN bus: could not be closed: no handle"
+    bus.shutdown = closed  # type: ignore[method-assign]
+    one.send(3)
+    one.wait_for(3)
+
+
+@pytest.mark.parametrize("state", ["reading", "waiting to open again"])
+def test_it_ends_well_within_a_second_whatever_it_does(line: Callable[..., Line], state: str) -> None:
+    one = line(backoff_s=30.0)
+    if state != "reading":
+        one.up = False
+        one.opened[-1].shutdown()
+        wait_until(lambda: one.reader.status.state == FAILED, "the failure", 5.0)
+    before = time.monotonic()
+    assert one.reader.stop()
+    assert time.monotonic() - before < 1.0
+    assert one.reader.status.state == CLOSED
+    assert "can-reader" not in [thread.name for thread in threading.enumerate()]
+    with pytest.raises(can.CanError):
+        one.opened[-1].recv(0)
+
+
+def test_it_can_be_started_again(line: Callable[..., Line]) -> None:
+    one = line()
+    assert one.reader.stop()
+    one.reader.start()
+    one.send(5)
+    one.wait_for(5)
+
+
+def test_stamps_of_an_adapters_own_clock_are_replaced_by_the_time_of_receipt(
+    line: Callable[..., Line],
+) -> None:
+    one = line()
+    adapter = can.Bus(interface="virtual", channel=one.channel, preserve_timestamps=True)
+    adapter.send(can.Message(arbitration_id=1, timestamp=12.5))
+    adapter.shutdown()
+    one.wait_for(1)
+    (stamp,) = [message.timestamp for batch in one.batches for message in batch]
+    assert abs(stamp - time.time()) < 60

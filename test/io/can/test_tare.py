@@ -1,0 +1,87 @@
+"""A tare is the average of a hand at rest, refused for one that moves, and kept in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.can.tare import TareAverage, load_tare, store_tare
+from tactile_localizer.io.status import FAULT, MISSING, SATURATED
+
+HAND = ("index", "middle")
+
+
+def average_of(vectors: np.ndarray, spread_limit: float = 0.02) -> np.ndarray:
+    average = TareAverage(HAND, spread_limit)
+    for vector in vectors:
+        average.add(vector, np.zeros(len(HAND)))
+    return average.offset()
+
+
+def test_it_is_the_average_of_a_hand_at_rest_whatever_is_missing() -> None:
+    rng = np.random.default_rng(0)
+    offset = rng.uniform(-1, 1, 16)
+    vectors = offset + rng.normal(0, 0.001, (200, 16))
+    vectors[::3, 8:] = np.nan  # a phalanx missing now and then
+    np.testing.assert_allclose(average_of(vectors), offset, atol=0.0005)
+
+
+def test_a_hand_that_moves_is_refused_with_the_gauge_that_shows_it() -> None:
+    vectors = np.zeros((200, 16))
+    vectors[:, 10] = np.linspace(0, 0.2, 200)
+    with pytest.raises(MeasurementError, match=r"at rest.*gauge 3 of middle"):
+        average_of(vectors)
+
+
+@pytest.mark.parametrize("heard", [0, 9])
+def test_a_phalanx_that_sends_too_little_is_refused_by_name(heard: int) -> None:
+    vectors = np.zeros((200, 16))
+    vectors[heard:, 8:] = np.nan
+    with pytest.raises(MeasurementError, match=f"samples of middle, got {heard}"):
+        average_of(vectors)
+    with pytest.raises(MeasurementError, match="samples of index, got 0"):
+        average_of(np.zeros((0, 16)))
+
+
+def test_what_is_not_finite_does_not_count() -> None:
+    vectors = np.ones((20, 16))
+    vectors[3, 5] = np.inf
+    np.testing.assert_array_equal(average_of(vectors), np.ones(16))
+
+
+@pytest.mark.parametrize("status", [MISSING, SATURATED, FAULT])
+def test_a_phalanx_that_is_not_well_is_refused_by_name(status: int) -> None:
+    average = TareAverage(HAND, 0.02)
+    for _ in range(20):
+        average.add(np.zeros(16), np.array([0, status]))
+    with pytest.raises(MeasurementError, match="samples of middle, got 0"):
+        average.offset()
+
+
+def test_it_is_kept_by_phalanx_and_leaves_others_alone(tmp_path: Path) -> None:
+    path = tmp_path / "kept" / "tare.yaml"
+    assert not load_tare(path, HAND).any()
+    both = np.arange(16) / 7
+    store_tare(path, HAND, both)
+    np.testing.assert_array_equal(load_tare(path, ("middle", "thumb")), [*both[8:], *np.zeros(8)])
+    store_tare(path, ("index",), np.zeros(8))  # cleared
+    np.testing.assert_array_equal(load_tare(path, HAND), [*np.zeros(8), *both[8:]])
+    assert [file.name for file in path.parent.iterdir()] == ["tare.yaml"]
+
+
+@pytest.mark.parametrize("text", ["index: [1, 2]\n", "- 1\n", "index: [a, 0, 0, 0, 0, 0, 0, 0]\n", "{", "\0"])
+def test_a_file_that_is_none_of_ours_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "tare.yaml"
+    path.write_text(text)
+    with pytest.raises(ParameterError, match=r"tare\.yaml: expected ") as refusal:
+        load_tare(path, HAND)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ParameterError, match="tare file"):
+        store_tare(tmp_path / "file" / "tare.yaml", HAND, np.ones(16))

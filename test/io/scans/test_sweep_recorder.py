@@ -1,0 +1,140 @@
+"""Sweeps hold the samples between two stamps, whenever those find their poses."""
+
+import resource
+import signal
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.geometry.synchronization import Pair
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.scans.recorder import SweepRecorder
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.status import MISSING
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene("line", (Axis("x", 0.0, 0.1),), (Phalanx("index", (0.0,)),))
+MS = 1_000_000
+
+
+def pair(stamp_ms: int, x: float | None = 0.05, status: int = 0) -> Pair:
+    strain = np.full(8, float(stamp_ms))
+    position = None if x is None else np.array([x])
+    return Pair(stamp_ms * MS, position, (strain, np.array([status], dtype=np.uint8)))
+
+
+@pytest.fixture
+def store(tmp_path):
+    with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
+        yield store
+
+
+def recorder_of(store: ScanStore, detector: SweepDetector | None = None) -> SweepRecorder:
+    return SweepRecorder(store, detector, Coverage(SCENE))
+
+
+def recorded(store: ScanStore) -> dict[int, list[int]]:
+    return {s.number: [int(stamp // MS) for stamp in s.stamp_ns] for s in store.recording().sweeps}
+
+
+def test_a_sweep_holds_the_samples_after_its_start_up_to_its_end(store):
+    recorder = recorder_of(store)
+    recorder.take([pair(1)])
+    assert recorder.start(2 * MS) == 1
+    assert recorder.is_active
+    recorder.take([pair(2), pair(3), pair(4)])
+    assert recorder.end(5 * MS) == 1
+    assert not recorder.is_active
+    recorder.settle(waiting_ns=5 * MS)
+    recorder.take([pair(5), pair(6)])
+    recorder.settle(waiting_ns=None)
+    assert recorded(store) == {1: [3, 4, 5]}
+    assert store.sweeps()[0].ended
+
+
+def test_a_sweep_that_starts_while_samples_of_the_last_one_wait_takes_none_of_them(store):
+    recorder = recorder_of(store)
+    recorder.start(0)
+    recorder.take([pair(1)])
+    recorder.end(3 * MS)
+    assert recorder.start(3 * MS) == 2
+    recorder.take([pair(2), pair(3), pair(4)])
+    recorder.close()
+    assert recorded(store) == {1: [1, 2, 3], 2: [4]}
+    assert [sweep.ended for sweep in store.sweeps()] == [True, True]
+
+
+def test_gaps_and_samples_that_cannot_be_used_are_counted_with_their_sweep(store):
+    recorder = recorder_of(store)
+    recorder.take([pair(0, None)])
+    recorder.start(0)
+    recorder.take([pair(1, None), pair(2, 0.05, MISSING), pair(3, 0.2), pair(4)])
+    recorder.end(4 * MS)
+    recorder.start(4 * MS)
+    recorder.take([pair(5, None), pair(6)])
+    recorder.close()
+    assert (recorder.gaps, recorder.skipped) == (2, 2)
+    assert [(sweep.pairs, sweep.gaps, sweep.skipped) for sweep in store.sweeps()] == [(1, 1, 2), (1, 1, 0)]
+
+
+def test_starting_twice_and_ending_nothing_are_refused(store):
+    recorder = recorder_of(store)
+    with pytest.raises(ScanError, match="end sweep: expected one under way, found none"):
+        recorder.end(0)
+    recorder.start(0)
+    with pytest.raises(ScanError, match="start sweep: expected none under way, found sweep 1"):
+        recorder.start(0)
+
+
+def test_a_detector_makes_sweeps_of_the_motion_alone(store):
+    recorder = recorder_of(store, SweepDetector(SCENE.axes))
+    there = [pair(10 * index, 0.0005 * index) for index in range(100)]
+    back = [pair(1000 + 10 * index, 0.05 - 0.0005 * index) for index in range(100)]
+    for sample in there + back:
+        recorder.take([sample])
+    recorder.close()
+    assert [sweep.number for sweep in store.sweeps()] == [1, 2]
+    assert len(store.load()) == 200 - 4
+
+
+def test_time_that_is_set_back_ends_the_sweep_and_opens_another(store):
+    recorder = recorder_of(store)
+    recorder.start(1000 * MS)
+    recorder.take([pair(1001), pair(1002)])
+    recorder.take([pair(1), pair(2)])
+    assert recorder.number == 2
+    recorder.close()
+    assert recorded(store) == {1: [1001, 1002], 2: [1, 2]}
+
+
+def test_a_file_that_exists_gets_further_sweeps(tmp_path):
+    for expected in (1, 2):
+        with ScanStore.open_or_create(tmp_path / "scan.db", SCENE) as store:
+            recorder = recorder_of(store)
+            assert recorder.start(0) == expected
+            recorder.take([pair(1)])
+            recorder.close()
+
+
+def test_a_disk_that_is_full_gives_the_sweep_up_and_the_next_can_be_recorded(store):
+    recorder = recorder_of(store)
+    recorder.start(0)
+    recorder.take([pair(1)])
+    recorder.settle(None)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+        recorder.take([pair(2)])
+        with pytest.raises(ScanError, match="could not write 1 pairs"):
+            recorder.settle(None)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert not recorder.is_active
+    assert recorder.start(2 * MS) == 2
+    recorder.take([pair(3)])
+    recorder.close()
+    assert recorded(store) == {1: [1], 2: [3]}
