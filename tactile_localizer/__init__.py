@@ -61,7 +61,7 @@ __all__ = [
 _MODULES = {
     "core.configuration": ("Configuration",),
     "core.localizer": ("Estimate", "Localizer"),
-    "core.scan": ("Scan",),
+    "core.scan.scan": ("Scan",),
     "errors": ("TactileLocalizerError",),
     "io.recording": ("RecordedSweep", "Recording"),
     "io.scene_file": ("load_scene",),

@@ -12,8 +12,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, select
-from tactile_localizer.io.recording_kind import is_bag, is_scan_file
+from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, select
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 

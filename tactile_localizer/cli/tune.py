@@ -19,7 +19,7 @@ from tactile_localizer.evaluation.tuning import (
     tuning_figure,
     tuning_table,
 )
-from tactile_localizer.io.scans.completed_scene import completed_scene
+from tactile_localizer.io.scans.learned import completed_scene
 from tactile_localizer.io.scene_file import save_scene
 
 NAME = "tune"

@@ -15,7 +15,7 @@ from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.scans.completed_scene import completed_scene
+from tactile_localizer.io.scans.learned import completed_scene
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.nodes.filter_parameters import configuration

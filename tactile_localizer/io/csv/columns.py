@@ -22,10 +22,12 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.quantity import number
-from tactile_localizer.scene import Phalanx, Scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 _RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
 _MAX_COLUMNS = 1024  # in a range, all of whose names are made
@@ -216,3 +218,38 @@ def _columns(quantity: str, value: Any) -> Columns:
             f"column naming {quantity!r}: expected at most {_MAX_COLUMNS} columns, got {value!r:.80}"
         )
     return Columns(tuple(f"{prefix}{number}" for number in range(first, last + 1)), scale)
+
+
+LENGTHS = {"mm": 0.001, "cm": 0.01, "inches": 0.0254}
+ANGLES = {"degrees": 0.0174533}
+TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""SI units in one of each unit."""
+
+_FITS = 0.9
+"""Share of the positions that a unit has to bring inside the bounds to be proposed."""
+
+
+def fitting_unit(axis: Axis, values: np.ndarray, units: dict[str, float]) -> tuple[str, float] | None:
+    """The unit of ``units`` in which positions on an axis would lie inside its bounds.
+
+    Parameters
+    ----------
+    axis : its bounds count
+    values : (n,) positions as they were recorded
+    units : SI units in one of each
+
+    Returns
+    -------
+    unit, factor : of those that fit, the largest, which fills the bounds best; ``None``: none fits, or the
+        values fit as they are
+    """
+    values = values[np.isfinite(values)]
+    if not len(values) or inside(axis, values) >= 0.5:
+        return None
+    fitting = [(factor, unit) for unit, factor in units.items() if inside(axis, factor * values) >= _FITS]
+    return (max(fitting)[1], max(fitting)[0]) if fitting else None
+
+
+def inside(axis: Axis, values: np.ndarray) -> float:
+    """Share of positions (n,) that lie within the axis's bounds."""
+    return float(np.mean((values >= axis.lower) & (values <= axis.upper)))

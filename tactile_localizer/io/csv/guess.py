@@ -19,9 +19,17 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv.columns import ColumnNaming, Columns, channel_names
+from tactile_localizer.io.csv.columns import (
+    ANGLES,
+    LENGTHS,
+    TIMES,
+    ColumnNaming,
+    Columns,
+    channel_names,
+    fitting_unit,
+    inside,
+)
 from tactile_localizer.io.csv.table import listed, read_table
-from tactile_localizer.io.csv.units import ANGLES, LENGTHS, TIMES, fitting_unit, inside
 from tactile_localizer.scene import MOST_CHANNELS, Axis, Phalanx, Scene
 
 _ROWS = 2000

@@ -21,9 +21,8 @@ import numpy as np
 
 from tactile_localizer.core.geometry.pose_buffer import near_bounds
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv.columns import ColumnNaming
+from tactile_localizer.io.csv.columns import ANGLES, LENGTHS, TIMES, ColumnNaming, fitting_unit, inside
 from tactile_localizer.io.csv.table import listed, read_table
-from tactile_localizer.io.csv.units import ANGLES, LENGTHS, TIMES, fitting_unit, inside
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
 from tactile_localizer.scene import Axis, Scene
 

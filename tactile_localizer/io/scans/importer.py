@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import Recording, Screening, screen
-from tactile_localizer.io.scans.new import new_scan
+from tactile_localizer.io.scans.store import new_scan
 from tactile_localizer.scene import Scene
 
 _NAMED = 10

@@ -11,10 +11,12 @@ import itertools
 import json
 import sqlite3
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
 
@@ -25,7 +27,6 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
 from tactile_localizer.io.scans.batch import COLUMNS, Batch, require_possible
 from tactile_localizer.io.scans.lock import ScanLock
-from tactile_localizer.io.scans.match import require_same_scene
 from tactile_localizer.io.scans.migration import migrate
 from tactile_localizer.io.scans.reader import ScanReader
 from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
@@ -378,3 +379,65 @@ class ScanStore(ScanReader):
 
 def _ranges(numbers: list[int]) -> str:
     return f"{numbers[0]} to {numbers[-1]}" if numbers else "none"
+
+
+def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
+    """Check that pairs of both scenes can lie in one file: the same axes, bounds, phalanges and name.
+
+    Raises
+    ------
+    ScanError
+        They cannot; says what differs.
+    """
+    for what, mine, theirs in (
+        ("axes", found.axis_names, expected.axis_names),
+        ("lower bounds", tuple(found.lower), tuple(expected.lower)),
+        ("upper bounds", tuple(found.upper), tuple(expected.upper)),
+        ("phalanges", found.phalanx_names, expected.phalanx_names),
+        ("channels", found.layout.counts, expected.layout.counts),
+        ("phalanx offsets", _offsets(found), _offsets(expected)),
+        ("name", (found.name,), (expected.name,)),
+    ):
+        if mine != theirs:
+            raise ScanError(f"{where}: expected {what} {_text(theirs)}, found {_text(mine)}")
+
+
+def _offsets(scene: Scene) -> tuple[tuple[float, ...], ...]:
+    return tuple(phalanx.offset for phalanx in scene.phalanges)
+
+
+def _text(values: tuple[Any, ...]) -> str:
+    return ", ".join(value if isinstance(value, str) else f"{value}" for value in values)
+
+
+@contextmanager
+def new_scan(path: str | Path, scene: Scene, *, strain_unit: str = "V") -> Iterator[ScanStore]:
+    """A scan file to be filled: it becomes ``path`` when the block ends well, and is gone when it fails.
+
+    Parameters
+    ----------
+    path : must not exist yet; its folder is made where there is none
+    scene : kept in the file
+    strain_unit : what the strain values are, for people
+
+    Raises
+    ------
+    ScanError
+        The file exists, or not all of it could be written.
+    """
+    path = Path(path)
+    if path.exists():
+        raise ScanError(f"{path}: expected no file of this name yet, found one; name another, or remove it")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        folder = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
+    with folder:
+        unfinished = Path(folder.name, path.name)
+        with ScanStore.create(unfinished, scene, strain_unit=strain_unit) as store:
+            yield store
+        # On a full disk SQLite keeps in its log what it could not put into the file.
+        if Path(f"{unfinished}-wal").exists():
+            raise ScanError(f"{path}: expected room for all of the scan, could write a part")
+        unfinished.rename(path)

@@ -10,8 +10,8 @@ from support.sweeps import scene_of, write_scan
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.scans import completed_scene as module
-from tactile_localizer.io.scans.completed_scene import completed_scene
+from tactile_localizer.io.scans import learned as module
+from tactile_localizer.io.scans.learned import completed_scene
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 

@@ -9,8 +9,7 @@ import pytest
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scans.importer import import_recording
-from tactile_localizer.io.scans.new import new_scan
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.store import ScanStore, new_scan
 from tactile_localizer.io.status import MISSING, SATURATED
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
