@@ -30,6 +30,7 @@ from tactile_localizer.io.can.alignment import (
     Alignment,
     LoadCellCounter,
 )
+from tactile_localizer.io.can.breaks import CounterBreaks
 from tactile_localizer.io.can.cycle import Counts, Cycle, PhalanxCounts
 from tactile_localizer.io.can.frames import FrameBatch
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
@@ -37,8 +38,6 @@ from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
 MAX_LOST = 1000
 """Most cycles that are counted as lost at once; a counter further ahead has restarted."""
-
-_ALTERNATIONS = 8  # in a row, which lost samples do not make
 
 _LATE = -1
 _UNALIGNED = -2
@@ -48,8 +47,8 @@ class _LoadCell:
     """State of one load cell between frames."""
 
     __slots__ = (
-        *("alignment", "at", "complete", "counter", "counts", "cycle", "flags", "have"),
-        *("alternations", "began_ns", "begun", "doubled", "opened", "other", "parts", "sequence"),
+        *("alignment", "at", "breaks", "complete", "counter", "counts", "cycle", "flags", "have"),
+        *("began_ns", "begun", "doubled", "opened", "parts", "sequence"),
     )
 
     def __init__(self, parts: int, alignment: LoadCellCounter | None, counts: PhalanxCounts) -> None:
@@ -57,11 +56,10 @@ class _LoadCell:
         self.complete = (1 << parts) - 1
         self.alignment = alignment  # None: no counter
         self.counts = counts
+        self.breaks = CounterBreaks(counts)
         self.counter: int | None = None  # of the newest sample
-        self.alternations = 0  # breaks in a row that continued the sample before the last break
-        self.other: int | None = None  # counter of the sample before the last break
         self.cycle = _UNALIGNED  # number of the cycle that the newest sample is in, or _LATE, or _UNALIGNED
-        self.at = 0  # newest cycle when the newest sample began, its own included
+        self.at = 0  # cycles opened when the newest sample began, its own included
         self.began_ns = 0  # stamp of the first frame of the newest sample
         self.begun = 0  # samples of all load cells when the newest one began
         self.opened = 0  # cycles opened by then
@@ -76,7 +74,8 @@ class _Jump(NamedTuple):
 
     cell: _LoadCell
     cycles: int
-    before: tuple[int, int, int]  # its sequence, gaps and drops
+    sequence: int  # before
+    totals: tuple[int, int]  # its gaps and drops before
 
 
 class CycleAssembler:
@@ -131,7 +130,8 @@ class CycleAssembler:
         self._slots: list[int] = []
         self._alignment.reset()
         for cell in self._cells:
-            cell.counter = cell.other = None
+            cell.counter = None
+            cell.breaks.confirm()
             cell.have = 0
 
     @property
@@ -221,7 +221,7 @@ class CycleAssembler:
         self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
     ) -> FrameKind:
         """Begin a sample of a load cell, closing and opening cycles as needed; or say why there is none."""
-        before = cell.sequence, cell.counts.gaps, cell.counts.drops
+        sequence, totals = cell.sequence, cell.breaks.totals
         kind = self._count(cell, own, bit, counter, stamp_ns)
         if kind != FrameKind.DATA:
             return kind
@@ -245,7 +245,7 @@ class CycleAssembler:
             self._put(cell, counter, cycle)
             return FrameKind.DATA
         if cycle > self._cycle + 1 and not alone:
-            self._jump = _Jump(cell, cycle - self._cycle, before)
+            self._jump = _Jump(cell, cycle - self._cycle, sequence, totals)
         self._close()
         self._open_cycle(cell, counter, cycle, stamp_ns)
         return FrameKind.DATA
@@ -258,44 +258,37 @@ class CycleAssembler:
             cell.sequence += (counter - cell.sequence) % own.span
             return FrameKind.DATA
         step = (counter - cell.counter) % own.span or own.span
-        if step == 1:
-            cell.alternations = 0
-        else:
+        if step != 1:
             own.broken()
-            if self._alternates(cell, own, counter):
-                return FrameKind.DATA
+        alternated = cell.breaks.alternates(cell.counter, counter, own.span)
+        if alternated and cell.breaks.two_senders:
+            cell.breaks.begin(cell.counter, counter, own.span, alternated=True)
+            cell.counts.interleaved += 1
+            return FrameKind.DATA
         if self._follows(cell, 2) and abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
             step_back = own.span - step
             if step_back <= own.latest:
+                if alternated:
+                    cell.breaks.unused(counter)
                 cell.doubled |= cell.have != cell.complete
                 cell.counts.interleaved += 1
                 return FrameKind.OUT_OF_ORDER if step_back or not cell.have & bit else FrameKind.DUPLICATE
-        passed = self._cycle - cell.at  # cycles since its newest sample, by the other load cells
+        cell.breaks.begin(cell.counter, counter, own.span, alternated=alternated)
+        passed = self._opened - cell.at  # cycles since its newest sample; their numbers may have jumped
         least = max(1, passed - own.span // 2)
         advance = least + (step - least) % own.span
         if advance - passed > MAX_LOST:
             advance = max(1, passed)
         used = 0 if cell.cycle == _LATE else cell.have.bit_count()
         cell.sequence += advance
-        cell.counts.gaps += advance - 1
-        cell.counts.drops += advance * cell.parts - used
+        cell.breaks.skip(advance - 1, advance * cell.parts - used)
         return FrameKind.DATA
-
-    @staticmethod
-    def _alternates(cell: _LoadCell, own: LoadCellCounter, counter: int) -> bool:
-        """Whether two senders seem to count by turns; then what lies between their counters is not lost."""
-        other, cell.other = cell.other, cell.counter
-        if other is None or (counter - other) % own.span > 1:
-            cell.alternations = 0
-            return False
-        cell.alternations += 1
-        if cell.alternations < _ALTERNATIONS:
-            return False
-        cell.counts.interleaved += 1
-        return True
 
     def _cycle_of(self, cell: _LoadCell, own: LoadCellCounter, counter: int, stamp_ns: int) -> int | None:
         """Number of the cycle of a sample that begins; ``None`` where it is not certain."""
+        if cell.breaks.two_senders:
+            own.forget()
+            return None
         if not own.certain:
             cell.opened = self._opened
         elif self._opened - cell.opened > MAX_ABSENCE:
@@ -321,7 +314,7 @@ class CycleAssembler:
         cell.begun = self._begun
         cell.counter = counter
         cell.cycle = cycle
-        cell.at = self._cycle
+        cell.at = self._opened
         cell.have = cell.flags = 0
         cell.doubled = False
         if cycle >= 0:
@@ -346,9 +339,9 @@ class CycleAssembler:
         if cell.cycle != _UNALIGNED:
             cell.cycle = _UNALIGNED
             cell.counts.unaligned += 1
-        cell.sequence, cell.counts.gaps, cell.counts.drops = jump.before
+        cell.sequence = jump.sequence
+        cell.breaks.restore(jump.totals)
         self._cycle -= jump.cycles
-        cell.at = self._cycle
         if cell.alignment is not None:
             cell.alignment.forget()
         self._alignment.revise()
