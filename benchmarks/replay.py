@@ -52,6 +52,7 @@ def write_bag(path: Path, minutes: float) -> int:
                 strain=test.strain[n],
                 status=np.zeros(2, np.uint8),
                 sequence=np.full(2, n, np.uint32),
+                channels=np.full(2, 8, np.uint16),
             )
             x, y = map(float, test.odometry[n])
             place = types["geometry_msgs/msg/Point"](x=x, y=y, z=0.0)

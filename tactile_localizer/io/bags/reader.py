@@ -17,7 +17,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io.bags.mcap import messages_by_topic
 from tactile_localizer.io.bags.repair import repair
 from tactile_localizer.resources import resource_path
 
@@ -125,7 +124,7 @@ def _read(path: Path, wanted: Mapping[str, Keep | Decoder], messages: BagMessage
         connections = [connection for connection in reader.connections if connection.topic in wanted]
         if not connections:
             return
-        for connection, stored in _lots(path, reader, connections):
+        for connection, stored in _lots(reader, connections):
             # A file of a bag that compresses each message does not say so itself.
             raws = [zstd.decompress(raw) if raw[:4] == _ZSTD_MAGIC else raw for raw in stored]
             keep, kind = wanted[connection.topic], connection.msgtype
@@ -143,17 +142,8 @@ def _read(path: Path, wanted: Mapping[str, Keep | Decoder], messages: BagMessage
             messages.count += len(raws)
 
 
-def _lots(
-    path: Path, reader: AnyReader, connections: list[Connection]
-) -> Iterator[tuple[Connection, list[bytes]]]:
+def _lots(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[Connection, list[bytes]]]:
     """The bytes of messages, many of one topic at a time, each topic's in their order."""
-    by_topic = {connection.topic: connection for connection in connections}
-    files = [file for file in _storage_files(path) if file.name in (_listed(path) or [file.name])]
-    if len(by_topic) == len(connections) and all(file.suffix == ".mcap" for file in files):
-        for file in files:
-            for topic, raws in messages_by_topic(file, by_topic).items():
-                yield from ((by_topic[topic], raws[i : i + _LOT]) for i in range(0, len(raws), _LOT))
-        return
     lots: dict[int, tuple[Connection, list[bytes]]] = {}
     damage: Exception | None = None
     try:

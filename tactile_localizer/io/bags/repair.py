@@ -8,10 +8,11 @@ damage into a file that rosbags reads.
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import sqlite3
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,7 +20,14 @@ from backports import zstd
 from lz4.frame import LZ4FrameDecompressor
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.bags import mcap
+
+_MAGIC = b"\x89MCAP0\r\n"
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
+_STATISTICS, _DATA_END = 0x0B, 0x0F
+"""Opcodes of MCAP records (https://mcap.dev/spec)."""
+
+_RECORD_HEAD = struct.Struct("<BQ")
+_CHUNK_HEAD = struct.Struct("<QQQII")
 
 _PARTIAL: dict[str, Callable[[bytes], bytes]] = {
     "": bytes,
@@ -97,36 +105,55 @@ def _repair_sqlite(path: Path, target: Path, folder: Path) -> None:
 def _repair_mcap(path: Path, target: Path) -> None:
     """Write whole records into chunks with indices of their own, and the summary that rosbags looks for."""
     with path.open("rb") as file, target.open("wb") as out:
-        if file.read(len(mcap.MAGIC)) != mcap.MAGIC:
+        if file.read(len(_MAGIC)) != _MAGIC:
             raise ScanError(f"{path}: expected an MCAP file, found another kind of file")
-        out.write(mcap.MAGIC)
+        out.write(_MAGIC)
         chunk_indices = []
         loose = bytearray()
-        for code, content in mcap.records(file):
-            if code == mcap.HEADER:
+        for code, content in _records(file):
+            if code == _HEADER:
                 _write(out, code, content)
-            elif code in (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE):
+            elif code in (_SCHEMA, _CHANNEL, _MESSAGE):
                 loose += struct.pack("<BQ", code, len(content)) + content
-            elif code == mcap.CHUNK:
+            elif code == _CHUNK:
                 chunk_indices.append(_write_chunk(out, _partial_chunk(content)))
             if len(loose) > _BLOCK:
                 chunk_indices.append(_write_chunk(out, bytes(loose)))
                 loose.clear()
         chunk_indices.append(_write_chunk(out, bytes(loose)))
-        _write(out, mcap.DATA_END, bytes(4))
+        _write(out, _DATA_END, bytes(4))
         summary = out.tell()
         # Empty statistics let rosbags count for itself.
-        _write(out, mcap.STATISTICS, struct.pack("<QHIIIIQQI", 0, 0, 0, 0, 0, len(chunk_indices), 0, 0, 0))
+        _write(out, _STATISTICS, struct.pack("<QHIIIIQQI", 0, 0, 0, 0, 0, len(chunk_indices), 0, 0, 0))
         for index in chunk_indices:
-            _write(out, mcap.CHUNK_INDEX, index)
-        _write(out, mcap.FOOTER, struct.pack("<QQI", summary, 0, 0))
-        out.write(mcap.MAGIC)
+            _write(out, _CHUNK_INDEX, index)
+        _write(out, _FOOTER, struct.pack("<QQI", summary, 0, 0))
+        out.write(_MAGIC)
+
+
+def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """The records of an MCAP file up to its summary; the last may be cut short, which only a chunk bears."""
+    whole = os.fstat(file.fileno()).st_size  # what a damaged record claims may be far more
+    while len(head := file.read(_RECORD_HEAD.size)) == _RECORD_HEAD.size:
+        code, size = _RECORD_HEAD.unpack(head)
+        if code in (_FOOTER, _DATA_END):
+            break
+        content = file.read(min(size, whole))
+        if len(content) == size or code == _CHUNK:
+            yield code, content
+
+
+def _chunk_parts(content: bytes) -> tuple[str, bytes]:
+    """The name of a chunk's compression, and its records as they are stored."""
+    *_, name_size = _CHUNK_HEAD.unpack_from(content)
+    start = _CHUNK_HEAD.size
+    return content[start : start + name_size].decode(), content[start + name_size + 8 :]
 
 
 def _partial_chunk(content: bytes) -> bytes:
     """As much as there is of what a chunk holds, not compressed; nothing where that cannot be told."""
     try:
-        name, stored = mcap.chunk_parts(content)
+        name, stored = _chunk_parts(content)
         return _PARTIAL[name](stored)
     except (struct.error, UnicodeDecodeError, KeyError, zstd.ZstdError, RuntimeError):
         return b""
@@ -140,20 +167,20 @@ def _write_chunk(out: BinaryIO, plain: bytes) -> bytes:
         code, size = struct.unpack_from("<BQ", plain, end)
         if end + 9 + size > len(plain):
             break
-        if code == mcap.MESSAGE:
+        if code == _MESSAGE:
             channel, _, log_time = struct.unpack_from("<HIQ", plain, end + 9)
             messages.setdefault(channel, []).append((log_time, end))
         end += 9 + size
     times = [log_time for entries in messages.values() for log_time, _ in entries] or [0]
     span = struct.pack("<QQ", min(times), max(times))
     start = out.tell()
-    _write(out, mcap.CHUNK, span + struct.pack("<QIIQ", end, 0, 0, end) + plain[:end])
+    _write(out, _CHUNK, span + struct.pack("<QIIQ", end, 0, 0, end) + plain[:end])
     indices_start = out.tell()
     offsets = b""
     for channel, entries in messages.items():
         offsets += struct.pack("<HQ", channel, out.tell())
         flat = b"".join(struct.pack("<QQ", *entry) for entry in entries)
-        _write(out, mcap.MESSAGE_INDEX, struct.pack("<HI", channel, len(flat)) + flat)
+        _write(out, _MESSAGE_INDEX, struct.pack("<HI", channel, len(flat)) + flat)
     head = span + struct.pack("<QQI", start, indices_start - start, len(offsets)) + offsets
     return head + struct.pack("<QIQQ", out.tell() - indices_start, 0, end, end)
 
