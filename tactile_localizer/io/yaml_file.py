@@ -116,7 +116,7 @@ def load_yaml(path: str | Path, what: str, error: type[TactileLocalizerError]) -
     try:
         return parse_yaml(text)
     except yaml.YAMLError as problem:
-        raise error(f"{path}: expected YAML, {_in_one_line(problem)}") from None
+        raise error(f"{path}: expected YAML, {in_one_line(problem)}") from None
 
 
 def parse_yaml(text: str) -> Any:
@@ -134,6 +134,14 @@ def parse_yaml(text: str) -> Any:
         raise yaml.YAMLError(f"a value that fits its tag, {problem}") from None
     finally:
         loader.dispose()
+
+
+def in_one_line(problem: yaml.YAMLError) -> str:
+    """What PyYAML found, without its excerpt of the file."""
+    mark = getattr(problem, "problem_mark", None)
+    if isinstance(problem, yaml.MarkedYAMLError) and mark is not None:
+        return f"{problem.problem} (line {mark.line + 1})"
+    return " ".join(str(problem).split())[:200]
 
 
 def _require_bounded(root: yaml.Node) -> None:
@@ -172,11 +180,3 @@ def _refusal(place: Any, text: str) -> yaml.YAMLError:
     mark = getattr(place, "start_mark", None)
     where = f" (line {mark.line + 1})" if mark else ""
     return yaml.YAMLError(f"{text}{where}")
-
-
-def _in_one_line(problem: yaml.YAMLError) -> str:
-    """What PyYAML found, without its excerpt of the file."""
-    mark = getattr(problem, "problem_mark", None)
-    if isinstance(problem, yaml.MarkedYAMLError) and mark is not None:
-        return f"{problem.problem} (line {mark.line + 1})"
-    return " ".join(str(problem).split())[:200]

@@ -18,6 +18,8 @@ from launch.substitutions import LaunchConfiguration
 
 from launch import LaunchContext
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.io.yaml_file import parse_yaml
+from tactile_localizer.quantity import is_number, number
 from tactile_localizer.resources import given_or_shipped
 
 _BOOLEANS = {"true": True, "True": True, "false": False, "False": False}
@@ -79,7 +81,7 @@ def switch(name: str, description: str, default: str = "") -> Argument:
 def strings(text: str) -> list[str]:
     """A list of strings, in YAML."""
     try:
-        found = yaml.safe_load(text)
+        found = parse_yaml(text)
     except yaml.YAMLError:
         found = None
     if not isinstance(found, list) or not all(isinstance(entry, str) for entry in found):
@@ -89,13 +91,10 @@ def strings(text: str) -> list[str]:
 
 def positive(text: str) -> float:
     """A finite number above zero."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0.0 < number < math.inf:
+    found = number(text, "number", finite=False) if is_number(text) else math.nan
+    if not 0.0 < found < math.inf:
         raise ParameterError("a number above 0")
-    return number
+    return found
 
 
 def file(text: str) -> str:

@@ -72,7 +72,10 @@ def only_line(launched: Process, text: str) -> None:
     ("name", "argument", "value", "expected"),
     [
         ("simulate", "speed", "fast", "speed: expected a number above 0, got 'fast'"),
+        ("simulate", "speed", "nan", "speed: expected a number above 0, got 'nan'"),
         ("bringup", "phalanges", "[index", "phalanges: expected a list of names"),
+        ("bringup", "phalanges", "[" * 2000, "phalanges: expected a list of names"),
+        ("bringup", "bus_options", "[!!timestamp 2024-99-99]", "bus_options: expected a list of names"),
         (
             "bringup",
             "filter_params",

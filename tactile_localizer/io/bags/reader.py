@@ -18,6 +18,7 @@ from rosbags.typesys.store import Typestore
 
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bags.repair import repair
+from tactile_localizer.io.yaml_file import parse_yaml
 from tactile_localizer.resources import resource_path
 
 _STORAGE = (".mcap", ".db3")
@@ -196,7 +197,7 @@ def _storage_files(path: Path) -> list[Path]:
 def _listed(path: Path) -> list[str]:
     """Names of the storage files in a bag's metadata, where that can be read."""
     try:
-        metadata = yaml.safe_load((path / "metadata.yaml").read_text(encoding="utf-8"))
+        metadata = parse_yaml((path / "metadata.yaml").read_text(encoding="utf-8"))
         return [Path(name).name for name in metadata["rosbag2_bagfile_information"]["relative_file_paths"]]
     except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
         return []

@@ -20,6 +20,7 @@ from can.interfaces import BACKENDS
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
 
 # python-can logs what it also raises; the exception's line is enough.
 logging.getLogger("can").addHandler(logging.NullHandler())
@@ -82,10 +83,11 @@ def parse_options(texts: list[str]) -> dict[str, Any]:
         if not (equals and name.isidentifier()):
             raise CanError(f"bus option {text!r}: expected name=value")
         try:
-            options[name] = yaml.safe_load(value)
+            options[name] = parse_yaml(value)
         except yaml.YAMLError as error:
-            reason = " ".join(str(error).split())
-            raise CanError(f"bus option {text!r}: expected a value in YAML, {reason}") from None
+            raise CanError(
+                f"bus option {text!r:.60}: expected a value in YAML, {in_one_line(error)}"
+            ) from None
     return options
 
 

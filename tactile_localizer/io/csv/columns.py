@@ -15,6 +15,7 @@ standard name: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ import numpy as np
 
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.yaml_file import load_yaml
-from tactile_localizer.quantity import number
+from tactile_localizer.quantity import is_number, number
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 _RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
@@ -192,12 +193,7 @@ def _columns(quantity: str, value: Any) -> Columns:
         and set(value) == {"columns", "scale"}
         and isinstance(value["columns"], list)
     ):
-        try:
-            return Columns(tuple(map(str, value["columns"])), Decimal(str(value["scale"])))
-        except InvalidOperation:
-            raise ScanError(
-                f"column naming {quantity!r}: expected a number as scale, got {value['scale']!r}"
-            ) from None
+        return Columns(tuple(map(str, value["columns"])), _scale(quantity, "as scale", value["scale"]))
     if isinstance(value, list):
         return Columns(tuple(str(name).strip() for name in value))
     if not isinstance(value, str):
@@ -205,10 +201,7 @@ def _columns(quantity: str, value: Any) -> Columns:
             f"column naming {quantity!r}: expected a column's name or a list of names, got {value!r}"
         )
     name, star, factor = value.partition("*")
-    try:
-        scale = Decimal(factor.strip()) if star else Decimal(1)
-    except InvalidOperation:
-        raise ScanError(f"column naming {quantity!r}: expected a number after *, got {factor!r}") from None
+    scale = _scale(quantity, "after *", factor.strip()) if star else Decimal(1)
     match = _RANGE.match(name.strip())
     if match is None:
         return Columns((name.strip(),), scale)
@@ -218,6 +211,19 @@ def _columns(quantity: str, value: Any) -> Columns:
             f"column naming {quantity!r}: expected at most {_MAX_COLUMNS} columns, got {value!r:.80}"
         )
     return Columns(tuple(f"{prefix}{number}" for number in range(first, last + 1)), scale)
+
+
+def _scale(quantity: str, place: str, value: Any) -> Decimal:
+    """A factor, exact where its text is decimal: stamps that count from 1970 keep their nanoseconds."""
+    found = number(value, "scale", finite=False) if is_number(value) else math.inf
+    if math.isinf(found) or found == 0.0:
+        raise ScanError(
+            f"column naming {quantity!r}: expected a number {place}, other than 0, got {value!r:.80}"
+        )
+    try:
+        return Decimal(str(value))
+    except InvalidOperation:  # a multiple of pi
+        return Decimal(repr(found))
 
 
 LENGTHS = {"mm": 0.001, "cm": 0.01, "inches": 0.0254}

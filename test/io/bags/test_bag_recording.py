@@ -68,6 +68,17 @@ def test_every_kind_of_bag_gives_the_same_recording(tmp_path, storage, compressi
         assert recording.notes == ()
 
 
+@pytest.mark.parametrize(
+    "content",
+    ["[" * 20_000, "date: !!timestamp 2024-99-99", "[]", "rosbag2_bagfile_information: 1"],
+    ids=["deep", "no date", "list", "number"],
+)
+def test_a_bag_whose_metadata_cannot_be_read_is_read_without(tmp_path, content):
+    bag = whole(tmp_path / "bag", "mcap")
+    (bag / "metadata.yaml").write_text(content)
+    assert_felt(read_bag(bag, SCENE).sweeps[0])
+
+
 def truncated(bag, share):
     (file,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
     with file.open("r+b") as stream:

@@ -51,6 +51,18 @@ def test_options_are_read_as_yaml() -> None:
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    "value",
+    ["[" * 20_000, "!!binary aGk=", "{1: 2}", "&a [*a]", "!!timestamp x"],
+    ids=["deep", "binary", "key", "circular", "timestamp"],
+)
+def test_an_option_that_is_no_plain_value_is_refused_in_one_line(value: str) -> None:
+    with pytest.raises(CanError, match="expected a value in YAML") as refusal:
+        parse_options([f"serial={value}"])
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300
+
+
 class FilteringBus(VirtualBus):
     """A bus whose filters are applied elsewhere than in this process, as SocketCAN's are."""
 

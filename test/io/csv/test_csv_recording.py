@@ -227,11 +227,31 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, content, me
 
 
 @pytest.mark.parametrize(
+    ("text", "scale"),
+    [
+        ("x: a * 3e-3", 3e-3),
+        ("x: {columns: [a], scale: 3e-3}", 3e-3),
+        ("x: a * -.5", -0.5),
+        ("x: a * pi/180", np.pi / 180),
+    ],
+)
+def test_scales_are_numbers_as_everywhere(tmp_path, text, scale):
+    (tmp_path / "naming.yaml").write_text(text)
+    naming = load_naming(tmp_path / "naming.yaml")
+    assert float(naming.of("x").scale) == pytest.approx(scale, rel=1e-12)
+    assert naming_from_dict(naming_to_dict(naming)) == naming
+
+
+@pytest.mark.parametrize(
     ("pairs", "message"),
     [
         (["x"], "expected QUANTITY=COLUMN"),
         (["=a"], "expected QUANTITY=COLUMN"),
         (["x=a*b"], "expected a number after"),
+        (["x=a*nan"], "'x': expected a number after"),
+        (["x=a*1_000"], "'x': expected a number after"),
+        (["x=a*1e999"], "'x': expected a number after"),
+        (["x=a*0"], "'x': expected a number after .* other than 0, got '0'"),
         (["thumb=g1..8"], "'thumb': expected one of stamp_s, sweep, x, index"),
         (["index=g1..7"], "'index': expected 8 columns, got 7"),
         (["index=g1..99999999999"], "'index': expected at most 1024 columns, got 'g1..99999999999'"),
@@ -244,7 +264,13 @@ def test_a_naming_that_does_not_fit_is_refused(tmp_path, pairs, message):
         read_csv(tmp_path / "a.csv", LINE, naming_from_pairs(pairs, ColumnNaming()))
 
 
-@pytest.mark.parametrize("content", [None, "[1, 2]", "x: {a: b}", "x: [", "x: 3"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(None, "[1, 2]", "x: {a: b}", "x: [", "x: 3", "x: a\nx: b", "1: a"),
+        *("x: {columns: [a], scale: .nan}", "x: {columns: [a], scale: true}", "x: {columns: [a], scale: 0}"),
+    ],
+)
 def test_a_naming_file_that_cannot_be_used_is_refused_with_its_name(tmp_path, content):
     path = tmp_path / "naming.yaml"
     if content is not None:
