@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from record import record, row
 
-from tactile_localizer.core.assembly import build_identifier, build_localizer
+from tactile_localizer.core.factory import build_identifier, build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.identification import NONE, FeatureIdentifier
 from tactile_localizer.core.localizer import Localizer

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from record import record, row
 
-from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.bags.reader import typestore

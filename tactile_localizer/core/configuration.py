@@ -16,11 +16,9 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number
 
 SWEEP_MIXTURE = "sweep_mixture"
-"""The model that learns its noise from the scan and needs no kernel widths (:mod:`.sweep_localizer`)."""
-
-MODELS = ("sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
+"""The model that learns its noise from the scan and needs no kernel widths (:mod:`.sweep_mixture`)."""
+MODELS = (SWEEP_MIXTURE, "sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
-RECOVERIES = ("evidence", "constant", "none")
 PRECISIONS = ("float64", "float32")
 
 _CHOICES = {
@@ -28,7 +26,6 @@ _CHOICES = {
     "evaluation": EVALUATIONS,
     "precision": PRECISIONS,
     "resampling": tuple(RESAMPLERS),
-    "recovery": RECOVERIES,
 }
 
 
@@ -38,9 +35,9 @@ RANGES: dict[str, tuple[float, float]] = {
     "resample_below": (0.01, 1.0),
     "random_particles": (0, 1_000_000),
     "update_distance": (1e-6, 1.0),
-    "convergence_std": (1e-6, 1.0),
-    "convergence_yaw_std": (1e-6, 10.0),
-    "convergence_evidence": (1e-3, 1e6),
+    "convergence_radius": (1e-6, 1.0),
+    "convergence_yaw_radius": (1e-6, 10.0),
+    "convergence_probability": (0.5, 1.0 - 1e-9),
     "convergence_travel": (0.0, 1.0),
 }
 """Least and largest value of each number, in its unit."""
@@ -56,21 +53,18 @@ class Configuration:
         ``module:Class`` (:mod:`.own_model`)
     filter : ``particle``, or ``grid``, the exact recursion on cells
     particles : how many particles
-    cell : largest cell of the grid filter, in position kernel widths
+    cell : size of the grid's cells in spacings of the scan's lines; on one axis they are 0.5 mm
     evaluation : how kernel sums are evaluated (:mod:`.kernel_sum`)
     precision : of the strains in memory, ``float64`` or ``float32``
     conditional : sum-of-Gaussians in conditional form; ``False``: the paper's joint form
     resampling : scheme (:mod:`.resampling`)
     resample_below : resample when the effective sample size falls below this share; 1: every step
-    adaptive : choose the number of particles by KLD sampling, up to ``particles``
-    recovery : ``evidence``: spread a contradicted belief; ``constant``: the paper's ``random_particles`` at
-        each update (particle filter only); ``none``
-    random_particles : of the constant recovery; the paper has 10 of 75
-    update_distance : m of travel between two weighed strains
-    convergence_std : m; the belief is narrow when its variances are on average below this squared
-    convergence_yaw_std : the same for yaw, rad
-    convergence_evidence : nats needed before the position may be believed
-    convergence_travel : m of travel over which both must hold
+    random_particles : replaced by uniformly random ones at each update (particle filter); the paper has 10
+    update_distance : m of travel between two measurement updates
+    convergence_radius : m about the estimate within which the hand has to be
+    convergence_yaw_radius : the same for yaw, rad
+    convergence_probability : that it is on the map and there, above which the position has converged
+    convergence_travel : m of travel over which this must hold
 
     Raises
     ------
@@ -78,7 +72,7 @@ class Configuration:
         An unknown choice, or a number out of its range.
     """
 
-    model: str = "sum_of_gaussians"
+    model: str = "sweep_mixture"
     filter: str = "grid"
     particles: int = 300
     cell: float = 0.3
@@ -87,18 +81,16 @@ class Configuration:
     conditional: bool = True
     resampling: str = "systematic"
     resample_below: float = 0.5
-    adaptive: bool = False
-    recovery: str = "evidence"
-    random_particles: int = 10
-    update_distance: float = 0.0005
-    convergence_std: float = 0.005
-    convergence_yaw_std: float = 0.1
-    convergence_evidence: float = 3.0
-    convergence_travel: float = 0.0005
+    random_particles: int = 0
+    update_distance: float = 0.001
+    convergence_radius: float = 0.0075
+    convergence_yaw_radius: float = 0.15
+    convergence_probability: float = 0.99
+    convergence_travel: float = 0.001
 
     def __post_init__(self) -> None:
-        if self.model not in (*MODELS, SWEEP_MIXTURE) and SEPARATOR not in self.model:
-            known = ", ".join((*MODELS, SWEEP_MIXTURE))
+        if self.model not in MODELS and SEPARATOR not in self.model:
+            known = ", ".join(MODELS)
             raise ParameterError(f"model {self.model!r}: expected one of {known}, or module:Class")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
@@ -106,10 +98,8 @@ class Configuration:
         for name, (lower, upper) in RANGES.items():
             if not lower <= getattr(self, name) <= upper:
                 raise ParameterError(f"{name}: expected {lower:g} to {upper:g}, got {getattr(self, name)}")
-        if self.model == SWEEP_MIXTURE and self.filter != "grid":
-            raise ParameterError(f"filter: expected grid with model {SWEEP_MIXTURE}, got {self.filter}")
-        if self.recovery == "constant" and self.filter == "grid":
-            raise ParameterError("recovery constant: expected filter particle, got grid")
+        if self.random_particles and self.filter == "grid":
+            raise ParameterError(f"random_particles: expected 0 with filter grid, got {self.random_particles}")
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Configuration:

@@ -1,4 +1,4 @@
-"""The localizer: strains and palm positions in, a believed position out.
+"""The localizer: strains and palm positions in, an estimate of the palm's position out.
 
 Live nodes, replay and benchmarks share it.
 """
@@ -9,134 +9,123 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 
-from tactile_localizer.core.bayes_filter import BayesFilter
-from tactile_localizer.core.convergence import Convergence, ConvergenceCriteria
-from tactile_localizer.core.correlation import Correlation
+from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria, State, mass_near
+from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsistency
+from tactile_localizer.core.decision.presence import Presence
+from tactile_localizer.core.decision.sweep_offset import SweepOffset
+from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import checked, usable
-from tactile_localizer.core.null_model import NullModel
-from tactile_localizer.core.phalanx_health import PhalanxHealth
-from tactile_localizer.core.recovery import Recovery
-from tactile_localizer.core.sweep_offset import SweepOffset
+from tactile_localizer.core.likelihood.evaluation import Evaluation, StrainModel
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
-WEIGHING_PERIOD_NS = 8_000_000
-"""Least time between two weighed strains, ns, by their stamps. A hand that moves fast, as between sweeps,
-passes an update distance with every strain; weighing them all would take longer than they take to come."""
-STRIDES = 2.0
-"""Update distances that one strain speaks for at most: where none came, nobody knows what was passed."""
+UPDATE_PERIOD_NS = 8_000_000
+"""Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
+passes an update distance with every strain; an update for each would take longer than they take to come."""
 
 
 class Estimate(NamedTuple):
-    """What is believed after a strain vector.
+    """The belief after a strain vector.
 
     Parameters
     ----------
     stamp_ns : of the strain vector
     mean, covariance : (d,) and (d, d), m (yaw: rad)
     trace : sum of the variances
-    converged, reason : whether the position may be believed, and why or why not
-    evidence : nats gathered for the believed place
-    log_marginal : log P(z_t | z_1:t-1) at the last update, nats
-    log_featureless, log_unknown : how well that strain is explained as one of featureless material, and of
-        material that was never scanned, nats
-    strain : (C,) V, that strain without the sweep's offset
-    log_evidence : what that strain, tempered, adds to the evidence for the material that was scanned, nats
-    weight : share of an independent measurement that this strain counted for; zero where it was not weighed
-    trusted : (F,) bool, phalanges that are not stuck and do not contradict the others
+    state, reason : whether the position has converged, and why or why not
+    probability : that the hand is on the map and within the convergence radius of the mean
+    on_map : probability that the map explains what is felt
+    log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats
+    log_elsewhere : the same of unknown material, nats
+    exponent : of that update in the probability of the map; zero where there was none
+    consistent : (F,) bool, phalanges that are not stuck
     effective_sample_size, hypotheses : of the particles or cells
-    travel : m since the belief was last spread over the whole scene
-    updated : whether this strain was weighed; otherwise the last belief was only moved along
+    travel : m since the belief was uniform
+    updated : whether this strain led to a measurement update; otherwise the belief was only moved along
     """
 
     stamp_ns: int
     mean: np.ndarray
     covariance: np.ndarray
     trace: float
-    converged: bool
+    state: State
     reason: str
-    evidence: float
+    probability: float
+    on_map: float
     log_marginal: float
-    log_featureless: float
-    log_unknown: float
-    strain: np.ndarray
-    log_evidence: float
-    weight: float
-    trusted: np.ndarray
+    log_elsewhere: float
+    exponent: float
+    consistent: np.ndarray
     effective_sample_size: float
     hypotheses: int
     travel: float
     updated: bool
 
+    @property
+    def converged(self) -> bool:
+        """Whether the position has converged."""
+        return self.state is State.CONVERGED
+
 
 class Localizer:
-    """Feeds a Bayes filter by travelled distance and decides when it may be believed.
+    """Feeds a Bayes filter by travelled distance and decides when its estimate has converged.
 
-    The filter is given only displacements of the palm. Consecutive strains are correlated: one is weighed
-    each ``update_distance`` of travel, and not more often than each :data:`WEIGHING_PERIOD_NS`, with its
-    likelihood raised to the share of an independent measurement that it makes (:class:`.Correlation`). A hand
-    at rest learns nothing new. The first strain counts as one update distance.
+    The filter is given only displacements of the palm. There is one measurement update per
+    ``update_distance`` of travel, and not more often than each :data:`UPDATE_PERIOD_NS`; a hand at rest
+    learns nothing new. The first strain leads to an update.
 
     Parameters
     ----------
     scene : what is modelled
     bayes_filter : a particle or grid filter over that scene
-    null : the position-blind explanation that evidence is measured against
-    convergence : decides when the position may be believed
-    recovery : spreads a contradicted belief; ``None``: never
-    health : tells which phalanges to trust
-    update_distance : m of travel between two weighed strains
-    correlation : how much consecutive strains have in common
-    offset : learns and removes the sweep's own offset; ``None``: strains are taken as they come
+    model : what a place feels like
+    convergence : decides when the position has converged
+    update_distance : m of travel between two measurement updates
+    registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
     """
 
     def __init__(
         self,
         scene: Scene,
         bayes_filter: BayesFilter,
-        null: NullModel,
+        model: StrainModel,
         convergence: Convergence,
-        recovery: Recovery | None,
-        health: PhalanxHealth,
         update_distance: float,
-        correlation: Correlation,
-        offset: SweepOffset | None = None,
+        registration_std: np.ndarray,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
-        self._null = null
+        self.model = model
         self._convergence = convergence
-        self._recovery = recovery
-        self._health = health
         self._update_distance = update_distance
-        self._correlation = correlation
-        self._offset = offset
+        self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
+        self._presence = Presence()
+        self._offset = SweepOffset(scene.layout, model.offset_variance)
+        self._consistency = PhalanxConsistency(scene.layout)
         self._stamp_ns: int | None = None
-        self._weighed_ns = 0
+        self._updated_ns = 0
         self._last_position: np.ndarray | None = None
         self._belief: Belief | None = None
-        self._strain: np.ndarray
-        self._pending: np.ndarray = np.zeros(scene.dimension)
-        self._pending_travel = 0.0
         self._restart()
 
     def reset(self) -> None:
-        """Believe in every state of the scene alike, and forget all evidence."""
+        """Return to a uniform belief over the scene, and forget what was felt."""
         self.filter.reset()
         self._restart()
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
-        """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
+        """Start from a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
         self.filter.seed(mean, std)
         self._restart()
 
     def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
-        """Change when the position may be believed, and how often strains are weighed; the belief stays."""
+        """Change the thresholds of convergence and the update distance; the belief stays."""
         self._convergence.criteria = criteria
         self._update_distance = update_distance
 
@@ -177,89 +166,90 @@ class Localizer:
         self._pending_travel = self._motion.travel(self._pending)
         updated = self._belief is None or (
             self._pending_travel >= self._update_distance
-            and stamp_ns - self._weighed_ns >= WEIGHING_PERIOD_NS
+            and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
         )
-        self._weight = 0.0
         if updated:
-            self._weighed_ns = stamp_ns
-            self._weigh(strain, here)
+            self._updated_ns = stamp_ns
+            self._measure(strain, here)
         return self._estimate(stamp_ns, updated)
 
     def _restart(self) -> None:
-        if self._recovery is not None:
-            self._recovery.reset()
-        if self._offset is not None:
-            self._offset.reset()
-        self._correlation.reset()
-        self._convergence.reset()
-        self._health.reset()
+        for part in (self._convergence, self._presence, self._offset, self._consistency):
+            part.reset()
         self._stamp_ns = None
         self._last_position = None
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
         self._travel = 0.0
         self._belief = None
-        self._log_marginal = self._log_featureless = self._log_unknown = self._log_evidence = float("nan")
-        self._weight = 0.0
+        self._log_marginal = self._log_elsewhere = float("nan")
+        self._exponent = 0.0
 
-    def _weigh(self, strain: np.ndarray, present: np.ndarray) -> None:
+    def _measure(self, strain: np.ndarray, present: np.ndarray) -> None:
+        """The measurement update: predicted belief, likelihoods, posterior, decision."""
         travel = self._pending_travel
-        if travel > 0.0:
-            self.filter.predict(self._pending, travel)
-        counted = max(travel, self._update_distance)
-        self._health.hear(strain, present, travel)
+        stretch = max(travel, self._update_distance)
+        left = self.filter.predict(self._pending, travel) if travel > 0.0 else 0.0
+        self.filter.inject(self._presence.predict(travel, left))
+
+        self._consistency.observe(strain, present, travel)
         used = self._used(present)
-        self._weight = self._correlation.share(strain, used, counted)
-        new_sweep = -math.inf
-        if self._offset is not None:
-            new_sweep = self._offset.log_density(strain, used)
-            strain = self._offset.corrected(strain, used, counted)
-        self._strain = strain
-        credit = self._null.credit(strain, used)._replace(new_sweep=new_sweep)
-        featureless, unknown = credit.featureless, self._null.unknown(strain, used)
-        self._log_marginal, log_evidence = self.filter.update(strain, used, self._weight, credit)
-        # Left out, a phalanx that contradicts the belief still speaks against it, as it has of late.
-        left_out = present & ~used
-        rest = self._null.log_density(strain, left_out) if left_out.any() else 0.0
-        self._log_featureless, self._log_unknown = featureless + rest, unknown + rest
-        self._log_evidence = log_evidence + self._weight * (rest + self._health.contradiction(left_out))
+        states, log_prior = self.filter.prior()
+        whitened = self.model.whitened(strain) - self._offset.mean
+        evaluation = self.model.evaluate(states, whitened, used, self._offset.phalanx_variance())
+
+        exponent = min(1.0, stretch / self.model.information_length)
+        self.filter.update(exponent * evaluation.position)
         self._belief = self.filter.belief()
-        speaks = self._log_marginal - max(credit.best, unknown)
-        self._convergence.update(self._belief, speaks, min(travel, STRIDES * self._update_distance))
-        self._health.update(*self.filter.hypotheses(), strain, present, travel)
-        if self._recovery is not None:
-            fraction = self._recovery.fraction(self._log_marginal - max(featureless, unknown), counted)
-            if fraction > 0.0:
-                self.filter.recover(fraction)
+
+        self._decide(log_prior, evaluation, travel, stretch)
+        if self._offset.is_learned:
+            expected = self.model.expected(*self.filter.hypotheses(), whitened)
+            self._offset.update(expected, used, exponent)
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
 
     def _used(self, present: np.ndarray) -> np.ndarray:
-        """Phalanges that are present and trusted; the present ones, where no trusted one is left."""
-        used = present & self._health.trusted
+        """Phalanges that are present and consistent; the present ones, where none is left."""
+        used = present & self._consistency.consistent
         return used if used.any() else present
+
+    def _decide(
+        self, log_prior: np.ndarray, evaluation: Evaluation, travel: float, stretch: float
+    ) -> None:
+        """Whether the map explains the strain, and whether the position has converged."""
+        self._log_marginal = float(logsumexp(log_prior + evaluation.position))
+        other = float(logsumexp(log_prior + evaluation.other_material))
+        # Unknown material is as likely to feel like any place of the map as like the estimated one.
+        self._log_elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
+        self._exponent = min(1.0, stretch / self.model.presence_length)
+        explanations = np.array([self._log_marginal, self._log_elsewhere, evaluation.featureless])
+        self._presence.update(self._exponent * explanations)
+        assert self._belief is not None
+        states, weights = self.filter.hypotheses()
+        radius = self._convergence.criteria.radius
+        near = mass_near(states, weights, self._belief.mean, radius, self.scene.wraps)
+        self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)
 
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
-        covariance = belief.covariance + self._pending_travel * self._noise_per_metre
+        covariance = belief.covariance + self._registration + self._pending_travel * self._noise_per_metre
         convergence = self._convergence
         return Estimate(
             stamp_ns=stamp_ns,
             mean=self._motion.wrapped(belief.mean + self._pending),
             covariance=covariance,
             trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
-            converged=convergence.converged,
+            state=convergence.state,
             reason=convergence.reason,
-            evidence=convergence.evidence,
+            probability=convergence.probability,
+            on_map=self._presence.probability,
             log_marginal=self._log_marginal,
-            log_featureless=self._log_featureless,
-            log_unknown=self._log_unknown,
-            strain=self._strain,
-            log_evidence=self._log_evidence,
-            weight=self._weight,
-            trusted=self._health.trusted,
+            log_elsewhere=self._log_elsewhere,
+            exponent=self._exponent if updated else 0.0,
+            consistent=self._consistency.consistent,
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
             travel=self._travel + self._pending_travel,

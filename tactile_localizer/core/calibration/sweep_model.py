@@ -10,6 +10,12 @@ from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
+_LOOKS_PER_TEST = 3.0
+"""Lengths of information that make one independent test of the map: *whether* the hand is on it gathers more
+cautiously than *where*, because all places share the map's own errors. By judgement."""
+_CORRELATIONS_PER_TEST = 1.5
+"""The same in lengths of the residual's summed autocorrelation. By judgement."""
+
 
 class SweepModel(NamedTuple):
     """Noise and variance of the visits of a scan."""
@@ -17,13 +23,20 @@ class SweepModel(NamedTuple):
     noise: NoiseEstimate
     variance: VarianceModel
 
-    def mixture(self, scene: Scene, lines: float, without: tuple[int, ...] = ()) -> SweepMixture:
+    def mixture(
+        self, scene: Scene, lines: float, information_length: float, without: tuple[int, ...] = ()
+    ) -> SweepMixture:
         """The measurement model for cells of ``lines`` spacings, without some of the tracks."""
         tracks = [track for index, track in enumerate(self.noise.tracks) if index not in without]
         cell = cell_size(scene, self.noise.spacing, lines)
         nodes = {"nodes_per_cell": 1} if without else {}
-        table = build_map(tracks, scene, self.noise.spacing, cell, self.variance, **nodes)
-        return SweepMixture(self.noise.model, table, self.variance, cell)
+        table = build_map(
+            tracks, scene, self.noise.spacing, cell, self.variance, self.noise.featureless, **nodes
+        )
+        presence_length = max(
+            _LOOKS_PER_TEST * information_length, _CORRELATIONS_PER_TEST * self.variance.summed_correlation
+        )
+        return SweepMixture(self.noise.model, table, cell, information_length, presence_length)
 
 
 def learn_sweep_model(scan: Scan, scene: Scene) -> SweepModel:

@@ -14,8 +14,13 @@ class State(Enum):
     """Where a localization stands."""
 
     SEARCHING = "searching"
+    """The position is open."""
     CONVERGED = "converged"
+    """The position is right with a high probability."""
     LOST = "lost"
+    """The position was right, and is probably not any more."""
+    UNKNOWN = "unknown"
+    """The map does not explain what is felt: other material, another force, or a hurt hand."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +33,14 @@ class ConvergenceCriteria:
     probability : that it is on the map and there, above which the position has converged
     sustain : m of travel over which this must hold
     release : probability below which a converged position is lost
+    unknown : probability of unknown material above which nothing on the map is searched for
     """
 
     radius: np.ndarray
     probability: float = 0.99
     sustain: float = 0.001
     release: float = 0.5
+    unknown: float = 0.95
 
 
 class Convergence:
@@ -62,24 +69,26 @@ class Convergence:
         self.probability = 0.0
         self._held = 0.0
 
-    def update(self, near: float, on_map: float, travel: float) -> None:
+    def update(self, near: float, on_map: float, unknown: float, travel: float) -> None:
         """Take in one update of the filter.
 
         Parameters
         ----------
         near : mass of the belief within the radius of its mean
-        on_map : probability of being on the map
+        on_map, unknown : probabilities of being on the map, and on unknown material
         travel : m since the last update
         """
         criteria = self.criteria
         self.probability = near * on_map
         holds = self.probability > criteria.probability
         self._held = self._held + travel if holds else 0.0
-        if self.state is State.CONVERGED:
+        if holds and self._held >= criteria.sustain:
+            self.state = State.CONVERGED
+        elif self.state is State.CONVERGED:
             if self.probability < criteria.release:
                 self.state = State.LOST
-        elif holds and self._held >= criteria.sustain:
-            self.state = State.CONVERGED
+        elif self.state is not State.LOST or holds:
+            self.state = State.UNKNOWN if unknown > criteria.unknown else State.SEARCHING
         self.reason = self._explain(near, on_map, holds)
 
     def _explain(self, near: float, on_map: float, holds: bool) -> str:
@@ -88,7 +97,7 @@ class Convergence:
         if holds:
             held, needed = 1e3 * self._held, 1e3 * self.criteria.sustain
             return f"not converged: held over {held:.1f} of {needed:.1f} mm"
-        prefix = "lost" if self.state is State.LOST else "not converged"
+        prefix = {State.LOST: "lost", State.UNKNOWN: "unknown material"}.get(self.state, "not converged")
         if on_map < near:
             return f"{prefix}: the map explains what is felt with probability {on_map:.2f}"
         return f"{prefix}: the position is within the radius with probability {near:.2f}"

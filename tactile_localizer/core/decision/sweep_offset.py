@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.evaluation import Expected
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
 
@@ -22,10 +23,12 @@ class SweepOffset:
     Attributes
     ----------
     mean, variance : (C,) of the offset
+    is_learned : whether there is any variance to learn from
     """
 
     def __init__(self, layout: ChannelLayout, variance: np.ndarray) -> None:
         self._layout, self._prior = layout, variance
+        self.is_learned = bool(variance.any())
         self.reset()
 
     def reset(self) -> None:
@@ -37,25 +40,20 @@ class SweepOffset:
         """Mean variance of each phalanx's channels, (F,)."""
         return self._layout.sum(self.variance) / np.array(self._layout.counts)
 
-    def update(
-        self, residual: np.ndarray, spread: np.ndarray, noise: np.ndarray, used: np.ndarray, exponent: float
-    ) -> None:
-        """Take in one strain.
+    def update(self, expected: Expected, used: np.ndarray, exponent: float) -> None:
+        """Take in one strain, compared with its expectation.
 
         Parameters
         ----------
-        residual : (C,) whitened strain, without the offset, less its expectation under the belief
-        spread : (C,) variance of that expectation over the belief
-        noise : (F,) variance of one visit
         used : (F,) bool, phalanges that count
         exponent : share of an independent measurement that this strain makes
         """
         counts = np.array(self._layout.counts)
-        noise_by_channel = self._layout.expand(noise)
-        total = self.variance + spread + noise_by_channel
-        surprise = self._layout.sum(residual**2 / total)
+        noise = self._layout.expand(expected.noise)
+        total = self.variance + expected.spread + noise
+        surprise = self._layout.sum(expected.residual**2 / total)
         weight = np.minimum((DEGREES_OF_FREEDOM + counts) / (DEGREES_OF_FREEDOM + surprise), 1.0) * used
-        observed = (spread + noise_by_channel) / max(exponent, 1e-6)
+        observed = (expected.spread + noise) / max(exponent, 1e-6)
         gain = self._layout.expand(weight) * self.variance / np.maximum(self.variance + observed, 1e-300)
-        self.mean = self.mean + gain * residual
+        self.mean = self.mean + gain * expected.residual
         self.variance = self.variance * (1.0 - gain)

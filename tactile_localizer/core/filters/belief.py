@@ -1,4 +1,4 @@
-"""What a filter believes, as numbers."""
+"""Moments of a belief."""
 
 from __future__ import annotations
 

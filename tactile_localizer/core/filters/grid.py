@@ -7,9 +7,7 @@ import math
 import numpy as np
 from scipy import ndimage
 
-from tactile_localizer.core.filters.base import Prior
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.filters.components import switched
 from tactile_localizer.core.filters.weights import moments
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
@@ -25,18 +23,16 @@ _NEGLIGIBLE = 1e-10
 
 
 class GridFilter:
-    """Probability of every cell and component; the accuracy limit of any number of particles.
+    """Probability of every cell; the accuracy limit of any number of particles.
 
     The cells ride along with the palm: a displacement moves all of them, and only when they have moved by
     half their size are the probabilities shifted by a whole cell. Motion below a cell's size is so
-    represented exactly. Memory stays where it is: its cells are numbered along the trajectory.
+    represented exactly.
 
     Parameters
     ----------
     scene : bounds and motion noise
     cell : (d,) largest size of a cell, m (yaw: rad)
-    log_components : (K,) logarithms of the components' probabilities in a cell of which nothing is known
-    channels : C of the memory of a component
 
     Raises
     ------
@@ -46,34 +42,30 @@ class GridFilter:
 
     MOST_CELLS = 4_000_000
 
-    def __init__(self, scene: Scene, cell: np.ndarray, log_components: np.ndarray, channels: int = 0) -> None:
+    def __init__(self, scene: Scene, cell: np.ndarray) -> None:
         extent = scene.upper - scene.lower
         counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
-        components = len(log_components)
-        if float(np.prod(counts)) * components > self.MOST_CELLS:
+        if float(np.prod(counts)) > self.MOST_CELLS:
             raise ParameterError(
-                f"cells: expected at most {self.MOST_CELLS}, got {counts.prod() * components:.3g}; "
-                "use larger cells"
+                f"cells: expected at most {self.MOST_CELLS}, got {counts.prod():.3g}; use larger cells"
             )
         self._shape = tuple(int(count) for count in counts)
         self._cell = extent / counts
         self._lower = scene.lower
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
+        self._size = int(np.prod(self._shape))
         self._belief: np.ndarray
-        self._memory: np.ndarray
         self._offset: np.ndarray
         self._pending: np.ndarray
-        self._size, self._components, self._channels = int(np.prod(self._shape)), components, channels
-        self._fresh = np.exp(log_components)
         self.reset()
 
     def reset(self) -> None:
-        """Return to a uniform belief over the scene."""
+        """See :meth:`.BayesFilter.reset`."""
         self._place(np.ones(self._shape))
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
-        """Start from a Gaussian; deviations ``std`` (d,) below half a cell are taken as half a cell."""
+        """See :meth:`.BayesFilter.seed`; deviations below half a cell are taken as half a cell."""
         log_density = np.zeros(self._shape)
         for axis, count in enumerate(self._shape):
             deviation = self._lower[axis] + self._cell[axis] * (np.arange(count) + 0.5) - mean[axis]
@@ -85,10 +77,7 @@ class GridFilter:
         self._place(np.exp(log_density - log_density.max()))
 
     def predict(self, displacement: np.ndarray, travel: float) -> float:
-        """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres.
-
-        Returns the share of the belief that left the scene.
-        """
+        """See :meth:`.BayesFilter.predict`."""
         displacement = np.where(self._wraps, wrap_angle(displacement), displacement)
         if (np.abs(displacement) > self._cell * self._shape).any():
             self.reset()
@@ -105,57 +94,43 @@ class GridFilter:
         return 1.0 - kept
 
     def inject(self, fraction: float) -> None:
-        """Replace ``fraction`` of the belief by a uniform belief over the scene."""
+        """See :meth:`.BayesFilter.inject`."""
         if fraction > _NEGLIGIBLE:
             self._belief *= 1.0 - fraction
-            self._belief += fraction / self._size * self._fresh
+            self._belief += fraction / self._size
 
-    def prior(self) -> Prior:
-        """The cells that have weight."""
-        weights = self._belief.reshape(self._size, -1)
-        total = weights.sum(axis=1)
-        self._alive = np.flatnonzero(total > _NEGLIGIBLE * total.max())
-        with np.errstate(divide="ignore"):
-            self._log_prior = np.log(weights[self._alive])
-        self._slots = self._slots_of(self._alive)
-        return Prior(self._states(self._alive), self._log_prior, self._memory[self._slots])
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`.BayesFilter.prior`."""
+        weights = self._belief.ravel()
+        self._alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
+        self._log_prior = np.log(weights[self._alive])
+        return self._states(self._alive), self._log_prior
 
-    def switch(self, log_prior: np.ndarray, probability: float) -> np.ndarray:
-        """Draw each cell's component anew from ``log_prior`` (P, K) with ``probability``.
-
-        Returns the log-weights (P, K).
-        """
-        self._log_prior = switched(self._log_prior, log_prior, probability)
-        return self._log_prior
-
-    def update(self, log_likelihood: np.ndarray, memory: np.ndarray) -> None:
-        """Weight the cells of :meth:`prior` by ``log_likelihood`` (P, K), and store their ``memory``."""
+    def update(self, log_likelihood: np.ndarray) -> None:
+        """See :meth:`.BayesFilter.update`."""
         log_posterior = self._log_prior + log_likelihood
         peak = log_posterior.max()
         if peak > -math.inf:
             posterior = np.exp(log_posterior - peak)
-            belief = np.zeros((self._size, self._components))
+            belief = np.zeros(self._size)
             belief[self._alive] = posterior / posterior.sum()
-            self._belief = belief.reshape(*self._shape, self._components)
-        self._memory[self._slots] = memory
+            self._belief = belief.reshape(self._shape)
 
     def belief(self) -> Belief:
-        """Moments of the belief; the spread within a cell counts."""
+        """See :meth:`.BayesFilter.belief`; the spread within a cell counts."""
         states, weights = self.hypotheses()
         mean, covariance = moments(states, weights, self._wraps)
         covariance += np.diag(self._cell**2 / 12.0 + self._pending * self._cell**2)
         return Belief(mean, covariance, float(1.0 / (weights @ weights)), len(weights))
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
-        """States (P, d) and weights (P,) that sum to one."""
-        weights = self._belief.reshape(self._size, -1).sum(axis=1)
+        """See :meth:`.BayesFilter.hypotheses`."""
+        weights = self._belief.ravel()
         alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
         return self._states(alive), weights[alive] / weights[alive].sum()
 
     def _place(self, belief: np.ndarray) -> None:
-        self._belief = belief[..., None] / belief.sum() * self._fresh
-        self._memory = np.zeros((self._size, self._components, self._channels), dtype=np.float32)
-        self._turn = [0] * len(self._shape)
+        self._belief = belief / belief.sum()
         self._offset = np.zeros(len(self._shape))
         self._pending = np.zeros(len(self._shape))
 
@@ -163,24 +138,13 @@ class GridFilter:
         index = np.stack(np.unravel_index(cells, self._shape), axis=1)
         return self._lower + self._cell * (index + 0.5) + self._offset
 
-    def _slots_of(self, cells: np.ndarray) -> np.ndarray:
-        """Where the memory of ``cells`` is kept: it does not move when the belief does."""
-        if not any(self._turn):
-            return cells
-        index = np.unravel_index(cells, self._shape)
-        turned = [(i - t) % n for i, t, n in zip(index, self._turn, self._shape, strict=True)]
-        return np.asarray(np.ravel_multi_index(turned, self._shape))
-
     def _shift(self, axis: int, cells: int) -> float:
         """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""
         moved = np.roll(self._belief, cells, axis=axis)
-        self._turn[axis] = (self._turn[axis] + cells) % self._shape[axis]
         if not self._wraps[axis]:
-            emptied: list[slice | int] = [slice(None)] * moved.ndim
+            emptied = [slice(None)] * moved.ndim
             emptied[axis] = slice(None, cells) if cells > 0 else slice(cells, None)
             moved[tuple(emptied)] = 0.0
-            entered = np.arange(self._size).reshape(self._shape)[tuple(emptied[:-1])].ravel()
-            self._memory[self._slots_of(entered)] = 0.0
         return self._normalize(moved)
 
     def _diffuse(self, axis: int) -> float:
@@ -199,8 +163,5 @@ class GridFilter:
     def _normalize(self, belief: np.ndarray) -> float:
         """Store a belief scaled to one, and return what it summed to."""
         total = float(belief.sum())
-        if total > 0.0:
-            self._belief = belief / total
-        else:
-            self._belief = np.ones(belief.shape) / self._size * self._fresh
+        self._belief = belief / total if total > 0.0 else np.full(belief.shape, 1.0 / self._size)
         return total

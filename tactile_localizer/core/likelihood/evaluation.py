@@ -1,32 +1,76 @@
-"""What a measurement model says of one strain: the value that filters and decisions take."""
+"""What a strain says about every explanation of it: the value that filters and decisions take."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 
 class Evaluation(NamedTuple):
-    """Log-likelihoods of one strain, nats, under P hypotheses with K components each, and of alternatives.
+    """Log-likelihoods of one strain, nats, under P hypotheses and under the alternatives to the map.
+
+    All are densities over the same strains with the same noise, so they can be compared.
 
     Parameters
     ----------
-    position : (P, K) for *where* on the map the hand is, given the earlier residuals of each hypothesis
-    marginal : (P, K, F) by phalanx, without memory, for *whether* the hand is on the map at all
-    inflated : (P, K, F) the same with a larger variance: the map's place, but other material
-    elsewhere : mean over all places of the map of the inflated likelihood
-    log_prior : (P, K) of the components at these states
-    residual : (P, K, C) whitened strain less its expectation
-    variance : (P, K, F) of that residual
-    memory : (P, K, C) slow part of the residual after this strain
+    position : (P,) at each state of the map
+    other_material : (P,) at each state, with a larger variance: as at that place, but another material
+    elsewhere : mean over all places of the map, with the larger variance
+    featureless : of featureless material; ``-inf`` where the scanned material is felt everywhere
     """
 
     position: np.ndarray
-    marginal: np.ndarray
-    inflated: np.ndarray
+    other_material: np.ndarray
     elsewhere: float
-    log_prior: np.ndarray
+    featureless: float
+
+
+class Expected(NamedTuple):
+    """A strain compared with what a belief lets one expect, whitened.
+
+    Parameters
+    ----------
+    residual : (C,) the strain less its expectation
+    spread : (C,) variance of that expectation over the belief
+    noise : (F,) variance of one visit, averaged over the belief
+    """
+
     residual: np.ndarray
-    variance: np.ndarray
-    memory: np.ndarray
+    spread: np.ndarray
+    noise: np.ndarray
+
+
+class StrainModel(Protocol):
+    """Likelihoods of whitened strains at states of the map and under the alternatives to it.
+
+    Attributes
+    ----------
+    information_length : m of travel that make one independent measurement of the position
+    presence_length : m of travel that make one independent test of whether the map applies
+    offset_variance : (C,) whitened variance of a sweep's constant offset
+    """
+
+    information_length: float
+    presence_length: float
+    offset_variance: np.ndarray
+
+    def whitened(self, strain: np.ndarray) -> np.ndarray:
+        """A strain (C,), V, in the coordinates that :meth:`evaluate` takes."""
+
+    def in_volts(self, difference: np.ndarray) -> np.ndarray:
+        """A difference of whitened strains (C,), V."""
+
+    def evaluate(
+        self, states: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
+    ) -> Evaluation:
+        """Log-likelihoods of a whitened ``strain`` (C,) at ``states`` (P, d).
+
+        Parameters
+        ----------
+        used : (F,) bool, phalanges that count
+        offset_variance : (F,) of what is not known of the sweep's offset, whitened
+        """
+
+    def expected(self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray) -> Expected:
+        """The strain (C,) compared with its expectation under ``weights`` (P,) of ``states`` (P, d)."""

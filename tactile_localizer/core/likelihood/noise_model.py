@@ -46,6 +46,11 @@ class Residuals(NamedTuple):
     residual: np.ndarray
     expected: Expectation
 
+    def thinned(self, most: int = 400) -> Residuals:
+        """At most ``most`` of them, evenly spread."""
+        rows = np.arange(0, len(self.residual), max(1, len(self.residual) // most))
+        return Residuals(self.residual[rows], Expectation(*(part[rows] for part in self.expected)))
+
 
 @dataclass(frozen=True)
 class NoiseModel:
@@ -80,6 +85,8 @@ class NoiseEstimate(NamedTuple):
     model : the noise model
     tracks : whitened; without their offsets and, where nothing is reproducible, exactly zero
     visits : the same tracks as they were felt, for judging predictions
+    recorded : the tracks with their strains as they were recorded, V
+    offsets : (S, C) V, by which each track's strains are moved; zero where no offset is known
     spacing : m between neighbouring tracks
     featureless : whether the material has nothing to feel at most places
     """
@@ -87,6 +94,8 @@ class NoiseEstimate(NamedTuple):
     model: NoiseModel
     tracks: list[Track]
     visits: list[Track]
+    recorded: list[Track]
+    offsets: np.ndarray
     spacing: float
     featureless: bool
 
@@ -99,7 +108,7 @@ def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    tracks = tracks_of(scan, scene)
+    recorded = tracks = tracks_of(scan, scene)
     spacing = line_spacing(tracks, scene)
     resolution = _resolution(scan.strain[:, scene.channels(scan.phalanges, scan.channels)])
     first = _whitening(_between_sweeps(tracks, scene, spacing, centred=True), resolution, scene.layout)
@@ -131,7 +140,8 @@ def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
     shown = visits
     if featureless or scene.feature is not None:
         shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
-    return NoiseEstimate(model, shown, visits, spacing, featureless)
+    moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
+    return NoiseEstimate(model, shown, visits, recorded, moved_by, spacing, featureless)
 
 
 def held_out(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +24,8 @@ from tactile_localizer.core.scan.tracks import (
 from tactile_localizer.scene import Scene
 
 PAIRS = 3
-"""Pairs of tracks that a place is interpolated from, the components of its mixture."""
-_ABSENT = 0.01
-"""Prior probability that a place does not feel as any pair of tracks says, but featureless."""
+"""Pairs of tracks that a place is interpolated from, the components of its mixture. One pair is 0.1 mm worse on
+one of two simulated features and 0.1 mm better on the other; six are as three."""
 _NODES_PER_CELL = 2
 """Nodes of the lattice per cell and axis; on three axes one, for memory."""
 _LONGEST_CORRELATION = 0.03
@@ -35,27 +34,27 @@ _LONGEST_CORRELATION = 0.03
 
 @dataclass(frozen=True)
 class VarianceModel:
-    """Variance of a visit about its expectation, in units of the whitened noise, and its course.
+    """Variance of a visit about its expectation, in units of the whitened noise.
 
     Parameters
     ----------
     visit : factor of the noise of the visit and of the mean
+    signal : factor of the squared signal: visits differ more where more is felt; zero where the material has
+        no featureless strain to measure the signal from
     doubt : factor of what interpolation leaves open (:attr:`.Expectation.doubt`)
-    correlation_length : m over which the slow part of the residual decays to 1/e
-    white_share : share of the residual's variance that is independent from one update to the next
     summed_correlation : m of travel that make one independent look at the residual
     """
 
     visit: float = 1.0
+    signal: float = 0.0
     doubt: float = 0.5
-    correlation_length: float = 0.003
-    white_share: float = 0.5
     summed_correlation: float = 0.003
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
         """Variance of a new visit, (M, K, F)."""
-        doubt = layout.sum(expected.doubt) / np.array(layout.counts)
-        return self.visit * (1.0 + expected.noise[..., None]) + self.doubt * doubt
+        counts = np.array(layout.counts)
+        signal, doubt = layout.sum(expected.mean**2) / counts, layout.sum(expected.doubt) / counts
+        return self.visit * (1.0 + expected.noise[..., None]) + self.signal * signal + self.doubt * doubt
 
 
 class StrainMap(NamedTuple):
@@ -67,6 +66,7 @@ class StrainMap(NamedTuple):
     mean : (M, K, C) float32, whitened strain
     variance : (M, K, F) float32, variance of a new visit about it
     log_prior : (M, K) float32
+    featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
     """
 
     origin: np.ndarray
@@ -75,6 +75,7 @@ class StrainMap(NamedTuple):
     mean: np.ndarray
     variance: np.ndarray
     log_prior: np.ndarray
+    featureless_variance: float | None
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
         """Index of the node nearest to each of ``states`` (P, d), (P,) int; those beyond are moved inside."""
@@ -96,36 +97,32 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     """The variance model under which each sweep of the scan is most likely, given the others."""
     if len(estimate.tracks) < 2:
         return VarianceModel()
-    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, PAIRS)
     layout = scene.layout
-    kept = [_thin(len(r.residual)) for r in residuals]
-    squared = np.concatenate(
-        [layout.sum(r.residual[rows] ** 2) for r, rows in zip(residuals, kept, strict=True)]
-    )
-    noise = np.concatenate([r.expected.noise[rows] for r, rows in zip(residuals, kept, strict=True)])
-    prior = np.concatenate([r.expected.log_prior[rows] for r, rows in zip(residuals, kept, strict=True)])
-    doubt = np.concatenate(
-        [layout.sum(r.expected.doubt[rows]) for r, rows in zip(residuals, kept, strict=True)]
-    )
+    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, PAIRS)
+    thinned = [residual.thinned() for residual in residuals]
+    squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
+    expected = Expectation(*(np.concatenate(parts) for parts in zip(*(e.expected for e in thinned), strict=True)))
     counts = np.array(layout.counts)
 
-    def cost(log_factors: np.ndarray) -> float:
-        visit, open_ = np.exp(log_factors)
-        variance = visit * (1.0 + noise[..., None]) + open_ * doubt / counts
-        density = sum(
-            log_density(squared[..., f], variance[..., f], int(count)) for f, count in enumerate(counts)
-        )
-        return -float(logsumexp(prior + density, axis=1).mean())
+    def model(log_factors: np.ndarray) -> VarianceModel:
+        visit, doubt, signal = np.exp(log_factors).tolist()
+        return VarianceModel(visit, signal * estimate.featureless, doubt)
 
-    bounds = [(np.log(0.1), np.log(10.0)), (np.log(0.01), np.log(10.0))]
-    found = minimize(cost, np.log([0.7, 0.4]), method="Nelder-Mead", bounds=bounds, options={"maxiter": 80})
-    visit, open_ = np.exp(found.x)
-    fitted = VarianceModel(float(visit), float(open_))
+    def cost(log_factors: np.ndarray) -> float:
+        variance = model(log_factors).variance(expected, layout)
+        density = sum(log_density(squared[..., f], variance[..., f], count) for f, count in enumerate(counts))
+        return -float(logsumexp(expected.log_prior + density, axis=1).mean())
+
+    bounds = np.log([(0.1, 10.0), (0.01, 10.0), (1e-4, 1.0)])
+    found = minimize(
+        cost, np.log([0.7, 0.4, 0.01]), method="Nelder-Mead", bounds=bounds, options={"maxiter": 120}
+    )
+    fitted = model(found.x)
     scaled = [
         r.residual[:, 0] / np.sqrt(layout.expand(fitted.variance(r.expected, layout)[:, 0]))
         for r in residuals
     ]
-    return VarianceModel(float(visit), float(open_), *_correlation(scaled))
+    return replace(fitted, summed_correlation=_summed_correlation(scaled))
 
 
 def build_map(
@@ -134,6 +131,7 @@ def build_map(
     spacing: float,
     cell: np.ndarray,
     variance: VarianceModel,
+    featureless: bool,
     nodes_per_cell: int = _NODES_PER_CELL,
 ) -> StrainMap:
     """Tables for a filter whose cells have the size ``cell`` (d,)."""
@@ -144,41 +142,23 @@ def build_map(
     origin = scene.lower + 0.5 * step
     axes = [first + size * np.arange(count) for first, size, count in zip(origin, step, shape, strict=True)]
     expected = expectation(tracks, scene, flatten_axes(axes), spacing, PAIRS)
-    mean, spread, prior = expected.mean, variance.variance(expected, scene.layout), expected.log_prior
-    if scene.dimension > 1:
-        mean = np.concatenate([mean, np.zeros_like(mean[:, :1])], axis=1)
-        least = np.full_like(spread[:, :1], variance.visit)
-        spread = np.concatenate([spread, least], axis=1)
-        absent = np.full_like(prior[:, :1], np.log(_ABSENT))
-        prior = np.concatenate([prior + np.log1p(-_ABSENT), absent], axis=1)
-    tables = (np.ascontiguousarray(table, dtype=np.float32) for table in (mean, spread, prior))
-    return StrainMap(origin, step, shape, *tables)
+    tables = (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
+    single = (np.ascontiguousarray(table, dtype=np.float32) for table in tables)
+    return StrainMap(origin, step, shape, *single, variance.visit if featureless else None)
 
 
-def _thin(count: int, most: int = 400) -> np.ndarray:
-    return np.arange(0, count, max(1, count // most))
-
-
-def _correlation(scaled: Sequence[np.ndarray]) -> tuple[float, float, float]:
-    """Correlation length, white share and summed correlation length of residuals (n, C) along the tracks."""
-    lags = np.arange(1, round(_LONGEST_CORRELATION / PITCH))
-    products, counts = np.zeros(len(lags) + 1), np.zeros(len(lags) + 1)
+def _summed_correlation(scaled: Sequence[np.ndarray]) -> float:
+    """Integral of the autocorrelation of residuals (n, C) along the tracks, m."""
+    lags = round(_LONGEST_CORRELATION / PITCH)
+    products, counts = np.zeros(lags), np.zeros(lags)
     for residual in scaled:
         bounded = np.clip(residual - np.median(residual, axis=0), -4.0, 4.0)
-        for lag in range(min(len(lags) + 1, len(bounded) // 2)):
+        for lag in range(min(lags, len(bounded) // 2)):
             products[lag] += float(np.sum(bounded[: len(bounded) - lag] * bounded[lag:]))
             counts[lag] += bounded[lag:].size
     if products[0] <= 0.0:
-        return 0.003, 0.5, 0.003
-    correlation = np.divide(products, counts, out=np.zeros_like(products), where=counts > 0)
-    correlation = correlation[1:] / correlation[0]
-    best = (np.inf, 0.003, 1.0)
-    for length in (0.001, 0.0015, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012):
-        decay = np.exp(-lags * PITCH / length)
-        slow = float(np.clip(correlation @ decay / (decay @ decay), 0.0, 0.9))
-        error = float(np.sum((correlation - slow * decay) ** 2))
-        if error < best[0]:
-            best = (error, length, 1.0 - slow)
+        return VarianceModel.summed_correlation
+    correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (products[0] / counts[0])
     below = np.flatnonzero(correlation < 0.05)
-    end = int(below[0]) if len(below) else len(correlation)
-    return best[1], best[2], PITCH * (1.0 + 2.0 * float(correlation[:end].sum()))
+    end = int(below[0]) if len(below) else lags
+    return PITCH * (1.0 + 2.0 * float(correlation[1:end].sum()))

@@ -6,32 +6,26 @@ import math
 
 import numpy as np
 
-from tactile_localizer.core.bayes_filter import Marginal
-from tactile_localizer.core.credit import NO_CREDIT, Credit
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.filters.resampling import resampler
 from tactile_localizer.core.filters.weights import effective_sample_size, moments, normalize
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.kld import kld_sample_size
-from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 
 
 class ParticleFilter:
-    """Weighted particles that are moved, weighed, and resampled when too few of them carry the weight.
+    """Weighted particles, resampled before they are moved, so that copies get process noise of their own.
 
     Parameters
     ----------
     scene : bounds and motion noise; outside the bounds the weight is zero
-    model : the measurement model
     rng : the only source of randomness
     particles : how many; the paper uses 75
-    resampling : one of :data:`~.resampling.RESAMPLERS`
+    resampling : one of :data:`~tactile_localizer.core.filters.resampling.RESAMPLERS`
     resample_below : resample when the effective sample size falls below this share of particles; 1: always
     random_particles : replace this many by uniformly random ones at each update, as the paper does (10)
-    adaptive : choose the number of particles by KLD sampling, up to ``particles``
 
     Raises
     ------
@@ -42,13 +36,11 @@ class ParticleFilter:
     def __init__(
         self,
         scene: Scene,
-        model: MeasurementModel,
         rng: np.random.Generator,
         particles: int = 75,
         resampling: str = "systematic",
         resample_below: float = 0.5,
         random_particles: int = 0,
-        adaptive: bool = False,
     ) -> None:
         if particles < 1:
             raise ParameterError(f"particles: expected at least 1, got {particles}")
@@ -56,82 +48,76 @@ class ParticleFilter:
             raise ParameterError(f"resample_below: expected a share in (0, 1], got {resample_below}")
         if not 0 <= random_particles < particles:
             raise ParameterError(f"random_particles: expected 0 to {particles - 1}, got {random_particles}")
-        self._scene = scene
-        self._model = model
         self._motion = MotionModel(scene)
         self._rng = rng
-        self._most = particles
+        self._count = particles
         self._resample = resampler(resampling)
         self._resample_below = resample_below
         self._random = random_particles
-        self._adaptive = adaptive
-        self._states: np.ndarray
-        self._log_weights: np.ndarray
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
         self._bounds = Region(tuple(self._lower), tuple(self._upper))
         self.reset()
 
     def reset(self) -> None:
-        """See :meth:`BayesFilter.reset`. Stratified over the scene, so that even a few particles cover it."""
-        self._place(self._spread(self._most))
+        """See :meth:`.BayesFilter.reset`. Stratified over the scene, so that even a few particles cover it."""
+        self._place(self._spread(self._count))
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
-        """See :meth:`BayesFilter.seed`."""
-        draws = self._rng.standard_normal((self._most, len(mean)))
-        states = mean + draws * std
+        """See :meth:`.BayesFilter.seed`."""
+        states = mean + self._rng.standard_normal((self._count, len(mean))) * std
         self._place(np.where(self._wraps, wrap_angle(states), np.clip(states, self._lower, self._upper)))
 
-    def predict(self, displacement: np.ndarray, travel: float) -> None:
-        """See :meth:`BayesFilter.predict`."""
+    def predict(self, displacement: np.ndarray, travel: float) -> float:
+        """See :meth:`.BayesFilter.predict`."""
+        self._resample_if_needed()
         self._states = self._motion.sample(self._states, displacement, travel, self._rng)
         if self._wraps.any():
             self._states[:, self._wraps] = wrap_angle(self._states[:, self._wraps])
-
-    def update(self, strain: np.ndarray, present: np.ndarray, exponent: float, credit: Credit) -> Marginal:
-        """See :meth:`BayesFilter.update`."""
-        self._resample_if_needed()
-        log_likelihood, prior = self._weigh(strain, present)
-        posterior, log_total = normalize(prior + exponent * log_likelihood)
-        self._log_weights = posterior if log_total > -math.inf else prior
-        if credit is not NO_CREDIT:
-            log_likelihood = credit.earned(log_likelihood, ~self._scene.on_feature(self._states))
-        return Marginal(normalize(prior + log_likelihood)[1], log_total)
-
-    def _weigh(self, strain: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Log-likelihoods and prior log-weights, (P,) each; outside the bounds a weight is zero."""
         inside = self._bounds.contains(self._states)
-        if not inside.any():
+        kept = float(np.exp(self._log_weights[inside]).sum())
+        if not inside.any() or kept <= 0.0:
             self.reset()
-            inside = self._bounds.contains(self._states)
-        if inside.all():
-            return self._model.log_likelihood(self._states, strain, present), self._log_weights
-        log_likelihood = np.zeros(len(self._states))
-        log_likelihood[inside] = self._model.log_likelihood(self._states[inside], strain, present)
-        prior, _ = normalize(np.where(inside, self._log_weights, -math.inf))
-        return log_likelihood, prior
+            return 1.0
+        if not inside.all():
+            self._log_weights = np.where(inside, self._log_weights, -math.inf)
+            self._log_weights, _ = normalize(self._log_weights)
+        return 1.0 - min(kept, 1.0)
 
-    def belief(self) -> Belief:
-        """See :meth:`BayesFilter.belief`."""
-        mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
-        return Belief(mean, covariance, effective_sample_size(self._log_weights), len(self._states))
-
-    def recover(self, fraction: float) -> None:
-        """See :meth:`BayesFilter.recover`: the lightest make room, each random one has average weight."""
-        count = min(int(self._rng.binomial(len(self._states), fraction)), len(self._states) - 1)
+    def inject(self, fraction: float) -> None:
+        """See :meth:`.BayesFilter.inject`: the lightest make room, each new one has average weight."""
+        count = min(int(self._rng.binomial(self._count, min(fraction, 1.0))), self._count - 1)
         if count:
             self._replace_lightest(count)
 
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`.BayesFilter.prior`."""
+        if self._random:
+            self._replace_lightest(self._random)
+        return self._states, self._log_weights
+
+    def update(self, log_likelihood: np.ndarray) -> None:
+        """See :meth:`.BayesFilter.update`."""
+        log_weights, log_total = normalize(self._log_weights + log_likelihood)
+        if log_total > -math.inf:
+            self._log_weights = log_weights
+
+    def belief(self) -> Belief:
+        """See :meth:`.BayesFilter.belief`."""
+        mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
+        return Belief(mean, covariance, effective_sample_size(self._log_weights), len(self._states))
+
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`BayesFilter.hypotheses`."""
+        """See :meth:`.BayesFilter.hypotheses`."""
         return self._states.copy(), np.exp(self._log_weights)
 
     def _place(self, states: np.ndarray) -> None:
+        count = len(states)
         self._states = states
-        self._log_weights = np.full(len(states), -math.log(len(states)))
+        self._log_weights = np.full(count, -math.log(count))
 
     def _spread(self, count: int) -> np.ndarray:
         """``count`` uniform states in a Latin hypercube: as random as independent ones, but without holes."""
-        strata = np.stack([self._rng.permutation(count) for _ in range(self._scene.dimension)], axis=1)
+        strata = np.stack([self._rng.permutation(count) for _ in range(len(self._lower))], axis=1)
         return self._lower + (strata + self._rng.random(strata.shape)) / count * (self._upper - self._lower)
 
     def _replace_lightest(self, count: int) -> None:
@@ -143,20 +129,17 @@ class ParticleFilter:
         self._log_weights, _ = normalize(self._log_weights)
 
     def _resample_if_needed(self) -> None:
-        count = len(self._states)
         if (
-            self._resample_below == 1.0
-            or effective_sample_size(self._log_weights) < self._resample_below * count
+            self._resample_below < 1.0
+            and effective_sample_size(self._log_weights) >= self._resample_below * self._count
         ):
-            if self._adaptive:
-                count = kld_sample_size(self._states, np.exp(self._log_weights), self._scene, self._most)
-            weights = np.exp(self._log_weights)
-            spread = self._regularization(weights)
-            ancestors = self._resample(weights, count, self._rng)
-            jitter = self._rng.standard_normal((count, self._scene.dimension)) @ spread.T
-            self._place(self._states[ancestors] + jitter)
-        if self._random:
-            self._replace_lightest(self._random)
+            return
+        weights = np.exp(self._log_weights)
+        spread = self._regularization(weights)
+        ancestors = self._resample(weights, self._count, self._rng)
+        jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
+        self._states = self._states[ancestors] + jitter
+        self._log_weights = np.full(self._count, -math.log(self._count))
 
     def _regularization(self, weights: np.ndarray) -> np.ndarray:
         """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.
@@ -164,7 +147,7 @@ class ParticleFilter:
         A regularised particle filter (Musso, Oudjane and Le Gland, 2001): half the bandwidth that is optimal
         for a Gaussian belief, which vanishes as the particles grow in number.
         """
-        d = self._scene.dimension
+        d = len(self._lower)
         bandwidth = 0.5 * (4.0 / ((d + 2.0) * len(weights))) ** (1.0 / (d + 4.0))
         _, covariance = moments(self._states, weights, self._wraps)
         values, vectors = np.linalg.eigh(covariance)
