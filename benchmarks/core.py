@@ -40,9 +40,9 @@ from workload import (
     tv_to_exact,
 )
 
-from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.credit import NO_CREDIT
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.likelihood.base import MeasurementModel

@@ -82,8 +82,8 @@ from fabric_recordings import (
 )
 from rows import Row, in_parallel, print_rows, write_rows
 
-from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.configuration_file import load_configuration
 

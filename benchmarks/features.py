@@ -44,8 +44,8 @@ from pathlib import Path
 import numpy as np
 from rows import Row, in_parallel, print_rows, write_rows
 
-from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition, recording_of
 from tactile_localizer.evaluation.metrics import timing

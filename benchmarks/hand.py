@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from record import record, row
 
-from tactile_localizer.core.factory import build_identifier, build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_identifier, build_localizer
 from tactile_localizer.core.identification import NONE, FeatureIdentifier
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.scene_file import load_scene

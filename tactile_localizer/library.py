@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.bags.recording import read_bag

@@ -17,7 +17,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.core.assembly import build_identifier
+from tactile_localizer.core.factory import build_identifier
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.evaluation.identify import identification_figure, identification_table, identify

@@ -24,8 +24,8 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.core.assembly import build_localizer, completed
 from tactile_localizer.core.configuration import SWEEP_MIXTURE
+from tactile_localizer.core.factory import build_localizer, completed
 from tactile_localizer.evaluation.metrics import INCH
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.evaluation.plain_json import write_json

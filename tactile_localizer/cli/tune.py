@@ -9,7 +9,7 @@ from pathlib import Path
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.core.assembly import with_parameters
+from tactile_localizer.core.factory import with_parameters
 from tactile_localizer.core.likelihood.neighbours import search_neighbours
 from tactile_localizer.core.selection import best_of, search
 from tactile_localizer.evaluation.report import save_figures

@@ -18,7 +18,7 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.core.assembly import build_localizer
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
 from tactile_localizer.evaluation.view import ReplayView
 

@@ -99,7 +99,9 @@ class Configuration:
             if not lower <= getattr(self, name) <= upper:
                 raise ParameterError(f"{name}: expected {lower:g} to {upper:g}, got {getattr(self, name)}")
         if self.random_particles and self.filter == "grid":
-            raise ParameterError(f"random_particles: expected 0 with filter grid, got {self.random_particles}")
+            raise ParameterError(
+                f"random_particles: expected 0 with filter grid, got {self.random_particles}"
+            )
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Configuration:

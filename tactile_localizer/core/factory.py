@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import calibrate
-from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
+from tactile_localizer.core.calibration.held_out import Calibration, calibrate
+from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
+from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
+from tactile_localizer.core.identification import FeatureIdentifier
+from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.evaluation import StrainModel
+from tactile_localizer.core.likelihood.featureless import Featureless
+from tactile_localizer.core.likelihood.gaussian import Gaussian
+from tactile_localizer.core.likelihood.kernel_position import KernelPosition
+from tactile_localizer.core.likelihood.noise_model import common_whitening
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.scan.between_sweeps import with_interpolated_sweeps
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
@@ -28,6 +41,7 @@ def build_localizer(
     configuration: Configuration,
     rng: np.random.Generator,
     progress: Progress | None = None,
+    calibration: Calibration | None = None,
 ) -> Localizer:
     """A localizer over ``scene``, with what the scene leaves open learned from the scan.
 
@@ -38,6 +52,7 @@ def build_localizer(
     configuration : model, filter and how much work
     rng : the only source of randomness
     progress : called with what is being done and the fraction of it that is done
+    calibration : of an earlier :func:`learn` from the same scan and scene; ``None``: learned anew
 
     Raises
     ------
@@ -46,21 +61,46 @@ def build_localizer(
     ParameterError
         A parameter out of its range.
     """
-    say = progress or (lambda _doing, _done: None)
+    say = progress or _silent
     say("learning the noise", 0.0)
     learned = learn_sweep_model(scan, scene)
-    say("calibrating on held-out sweeps", 0.3)
-
-    def exact(mixture: SweepMixture) -> Localizer:
-        grid = GridFilter(scene, mixture.cell)
-        return _assembled(scene, configuration, grid, mixture, np.zeros(scene.dimension))
-
-    calibration = calibrate(scan, scene, learned, exact)
-    mixture = learned.mixture(scene, configuration.cell, calibration.information_length)
-    model: StrainModel = mixture
+    if calibration is None:
+        say("calibrating on held-out sweeps", 0.2)
+        calibration = _calibrated(scene, learned)
+    localizer = _built(scan, scene, configuration, learned, calibration, rng)
     say("ready", 1.0)
-    bayes_filter = _build_filter(scene, configuration, mixture.cell, rng)
-    return _assembled(scene, configuration, bayes_filter, model, calibration.registration_std)
+    return localizer
+
+
+def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:
+    """What :func:`build_localizer` would learn in seconds, to be kept with the scan."""
+    say = progress or _silent
+    say("learning the noise", 0.0)
+    learned = learn_sweep_model(scan, scene)
+    say("calibrating on held-out sweeps", 0.2)
+    calibration = _calibrated(scene, learned)
+    say("ready", 1.0)
+    return calibration
+
+
+def build_identifier(
+    candidates: Mapping[str, tuple[Scan, Scene]],
+    configuration: Configuration,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> FeatureIdentifier:
+    """Localizers for several scans, by name, under one noise model, so that they can be compared."""
+    say = progress or _silent
+    own = [learn_sweep_model(scan, scene) for scan, scene in candidates.values()]
+    whitening = common_whitening([model.noise.model for model in own])
+    localizers = {}
+    for number, (name, (scan, scene)) in enumerate(candidates.items()):
+        say(f"learning {name}", number / len(candidates))
+        learned = learn_sweep_model(scan, scene, whitening)
+        calibration = _calibrated(scene, learned)
+        localizers[name] = _built(scan, scene, configuration, learned, calibration, rng)
+    say("ready", 1.0)
+    return FeatureIdentifier(localizers)
 
 
 def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:
@@ -72,6 +112,70 @@ def convergence_criteria(scene: Scene, configuration: Configuration) -> Converge
     return ConvergenceCriteria(
         np.array(radius), configuration.convergence_probability, configuration.convergence_travel
     )
+
+
+def build_model(
+    scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
+) -> MeasurementModel:
+    """The kernel, Gaussian or user-defined measurement model that ``configuration`` names."""
+    if SEPARATOR in configuration.model:
+        return build_own_model(configuration.model, scan, scene, parameters)
+    if configuration.model in ("gaussian", "gaussian_independent"):
+        independent = configuration.model == "gaussian_independent"
+        return Gaussian(scan, scene, parameters.neighbours, independent=independent)
+    if parameters.interpolate is not False:
+        scan = with_interpolated_sweeps(scan, scene)
+    common: dict[str, Any] = {"evaluation": configuration.evaluation, "precision": configuration.precision}
+    widths = (parameters.position_std, parameters.strain_std)
+    if configuration.model == "featureless":
+        return Featureless(scan, scene, *widths, **common)
+    return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional, **common)
+
+
+def _silent(_doing: str, _done: float) -> None:
+    """Report nothing."""
+
+
+def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
+    """What held-out sweeps say, by the exact filter of the default configuration."""
+    configuration = Configuration()
+
+    def exact(mixture: SweepMixture) -> Localizer:
+        grid = GridFilter(scene, mixture.cell)
+        return _assembled(scene, configuration, grid, mixture, np.zeros(scene.dimension))
+
+    return calibrate(scene, learned, exact)
+
+
+def _built(
+    scan: Scan,
+    scene: Scene,
+    configuration: Configuration,
+    learned: SweepModel,
+    calibration: Calibration,
+    rng: np.random.Generator,
+) -> Localizer:
+    mixture = learned.mixture(scene, configuration.cell, calibration.information_length)
+    model: StrainModel = mixture
+    if configuration.model != SWEEP_MIXTURE:
+        without = _without_offsets(scan, scene, learned.noise.offsets)
+        parameters = ModelParameters.from_mapping(scene.measurement)
+        if parameters.position_std is None or parameters.strain_std is None:
+            parameters = choose_kernel_widths(without, scene, parameters)
+        kernels = build_model(without, scene, configuration, parameters)
+        length = parameters.correlation_length or mixture.presence_length
+        model = KernelPosition(kernels, mixture, length)
+    bayes_filter = _build_filter(scene, configuration, mixture.cell, rng)
+    return _assembled(scene, configuration, bayes_filter, model, calibration.registration_std)
+
+
+def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:
+    """The scan without the offsets (S, C), V, of its sweeps."""
+    strain = scan.strain.copy()
+    channels = scene.channels(scan.phalanges, scan.channels)
+    index = np.searchsorted(scan.sweep_numbers, scan.sweep)
+    strain[:, channels] -= offsets[index]
+    return replace(scan, strain=strain)
 
 
 def _assembled(

@@ -1,4 +1,4 @@
-"""Which feature is it? One localizer a candidate, and the probability of each from its evidence."""
+"""Which of several scanned materials is it, and where on it: one filter over all maps and none of them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import logsumexp
 
-from tactile_localizer.core.filters.weights import normalize
+from tactile_localizer.core.decision.convergence import ConvergenceCriteria, State
+from tactile_localizer.core.decision.presence import Presence
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.naming import Namer
+from tactile_localizer.scene import Scene
 
 NONE = "none of them"
 
@@ -29,40 +30,28 @@ class Identification:
 
 
 class FeatureIdentifier:
-    """Runs a localizer for each candidate feature and weighs them against each other and against none.
+    """Runs a localizer for each candidate and a :class:`.Presence` over all of their maps.
 
-    *Which of them* compares how well their namers explain the strain where each candidate's belief is.
-    *One of them at all* compares the mixture of the candidates with material that was never scanned. A
-    candidate's evidence for this is that of the whole sequence, log P(z_1:t | candidate), tempered as in its
-    filter: the sum of :class:`.Estimate`'s ``log_evidence``. A strain that is more like featureless material
-    says nothing on either, for all materials have such places. Before anything was felt, none is as probable
-    as all candidates together. What is remembered is bounded, so that a change of material is noticed. A
-    phalanx that a candidate's localizer leaves out because it contradicts its belief is no excuse: it speaks
-    against that candidate.
+    The likelihood of a candidate is that of the strain on its map, averaged over its localizer's belief;
+    those of unknown and of featureless material are averaged over the candidates. They can be compared
+    because the localizers share one noise model (:func:`.common_whitening`).
 
     Parameters
     ----------
     localizers : a localizer for each candidate, over the same axes and phalanges
-    namers : by the same names
     """
 
-    _MOST = 4.0
-    """nats that the most probable candidate can be ahead of any other, and one of them ahead of none."""
-    _SHARE = 0.25
-    """Of an independent measurement, for which strains are named once: it costs as much as a filter does."""
-
-    def __init__(self, localizers: Mapping[str, Localizer], namers: Mapping[str, Namer]) -> None:
+    def __init__(self, localizers: Mapping[str, Localizer]) -> None:
         self.localizers = dict(localizers)
-        self._namers = dict(namers)
+        self._presence = Presence(len(self.localizers))
         self.reset()
 
     def reset(self) -> None:
         """Start anew: the candidates alike, and none of them as probable as all together."""
         for localizer in self.localizers.values():
             localizer.reset()
-        self._log_shares = self._log_mixture = self._bounded(np.zeros(len(self.localizers)))
-        self._log_odds = 0.0
-        self._pending = 0.0
+        self._presence.reset()
+        self._travel = 0.0
 
     def update(
         self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -72,38 +61,79 @@ class FeatureIdentifier:
             name: localizer.update(stamp_ns, position, strain, present)
             for name, localizer in self.localizers.items()
         }
-        if all(estimate.updated for estimate in estimates.values()):
-            self._weigh(estimates, present)
-        one_of_them = float(expit(self._log_odds))
-        shares = one_of_them * np.exp(self._log_shares)
-        probabilities = dict(zip(estimates, shares.tolist(), strict=True)) | {NONE: 1.0 - one_of_them}
-        return Identification(probabilities, estimates)
-
-    def _weigh(self, estimates: Mapping[str, Estimate], present: np.ndarray | None) -> None:
         each = list(estimates.values())
-        unknown = float(np.mean([estimate.log_unknown for estimate in each]))
-        mixture = self._log_mixture + [estimate.log_evidence - estimate.weight * unknown for estimate in each]
-        gain = normalize(mixture)[1]
-        self._log_mixture = self._bounded(mixture)
-        if unknown <= float(np.mean([estimate.log_featureless for estimate in each])):
-            return
-        self._log_odds = float(np.clip(self._log_odds + gain, -self._MOST, self._MOST))
-        self._pending += max(estimate.weight for estimate in each)
-        if self._pending >= self._SHARE:
-            self._name(estimates, present)
+        if all(estimate.updated for estimate in each):
+            self._compare(each)
+        probabilities = dict(zip(estimates, self._presence.maps.tolist(), strict=True))
+        return Identification(probabilities | {NONE: 1.0 - self._presence.probability}, estimates)
 
-    def _name(self, estimates: Mapping[str, Estimate], present: np.ndarray | None) -> None:
-        """Compare the candidates by the phalanges that at least one of them trusts, if there is one."""
-        trusted = np.logical_or.reduce([estimate.trusted for estimate in estimates.values()])
-        here = np.ones_like(trusted) if present is None else present
-        felt = here & trusted if (here & trusted).any() else here
-        explained = [
-            self._namers[name].log_density(*localizer.hypotheses(), estimates[name].strain, felt)
-            for name, localizer in self.localizers.items()
-        ]
-        self._log_shares = self._bounded(self._log_shares + self._pending * np.array(explained))
-        self._pending = 0.0
+    def _compare(self, estimates: list[Estimate]) -> None:
+        travel = max(estimate.travel for estimate in estimates)
+        if travel < self._travel:  # the localizers began anew
+            self._presence.reset()
+            self._travel = 0.0
+        self._presence.predict(travel - self._travel, 0.0)
+        self._travel = travel
+        count = np.log(len(estimates))
+        unknown = float(logsumexp([estimate.log_elsewhere for estimate in estimates])) - count
+        featureless = float(logsumexp([estimate.log_featureless for estimate in estimates])) - count
+        log_likelihoods = [*(estimate.log_marginal for estimate in estimates), unknown, featureless]
+        exponent = min(estimate.exponent for estimate in estimates)
+        self._presence.update(exponent * np.array(log_likelihoods))
 
-    def _bounded(self, log_weights: np.ndarray) -> np.ndarray:
-        """Normalised, the largest no more than ``_MOST`` ahead."""
-        return normalize(np.maximum(log_weights, log_weights.max() - self._MOST))[0]
+
+class FeatureLocalizer:
+    """Has what a :class:`.Localizer` has, over several candidates: the estimate on the most probable one.
+
+    Parameters
+    ----------
+    identifier : runs the candidates
+
+    Attributes
+    ----------
+    identification : the last one; ``None`` before the first strain
+    """
+
+    def __init__(self, identifier: FeatureIdentifier) -> None:
+        self._identifier = identifier
+        self._shown = next(iter(identifier.localizers))
+        self.identification: Identification | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """Of the most probable candidate."""
+        return self._identifier.localizers[self._shown].scene
+
+    def reset(self) -> None:
+        """Return to all candidates and all states alike."""
+        self._identifier.reset()
+        self.identification = None
+
+    def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
+        """On every candidate, start from a Gaussian about ``mean`` (d,) with deviations ``std`` (d,)."""
+        self._identifier.reset()
+        for localizer in self._identifier.localizers.values():
+            localizer.seed(mean, std)
+        self.identification = None
+
+    def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
+        """As :meth:`.Localizer.adjust`, of every candidate."""
+        for localizer in self._identifier.localizers.values():
+            localizer.adjust(criteria, update_distance)
+
+    def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
+        """States (P, d) and weights (P,) on the most probable candidate."""
+        return self._identifier.localizers[self._shown].hypotheses()
+
+    def update(
+        self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> Estimate:
+        """As :meth:`.Localizer.update`; on none of the candidates no position is converged."""
+        self.identification = self._identifier.update(stamp_ns, position, strain, present)
+        most_probable = self.identification.most_probable
+        if most_probable == NONE:
+            estimate = self.identification.estimates[self._shown]
+            state = State.UNKNOWN if estimate.state is State.CONVERGED else estimate.state
+            return estimate._replace(state=state, reason="not converged: none of the features")
+        self._shown = most_probable
+        return self.identification.estimates[most_probable]

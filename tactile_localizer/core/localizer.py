@@ -40,7 +40,7 @@ class Estimate(NamedTuple):
     probability : that the hand is on the map and within the convergence radius of the mean
     on_map : probability that the map explains what is felt
     log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats
-    log_elsewhere : the same of unknown material, nats
+    log_elsewhere, log_featureless : the same of unknown, and of featureless material off the map, nats
     exponent : of that update in the probability of the map; zero where there was none
     consistent : (F,) bool, phalanges that are not stuck
     effective_sample_size, hypotheses : of the particles or cells
@@ -58,6 +58,7 @@ class Estimate(NamedTuple):
     on_map: float
     log_marginal: float
     log_elsewhere: float
+    log_featureless: float
     exponent: float
     consistent: np.ndarray
     effective_sample_size: float
@@ -112,6 +113,7 @@ class Localizer:
         self._updated_ns = 0
         self._last_position: np.ndarray | None = None
         self._belief: Belief | None = None
+        self._pending = np.zeros(scene.dimension)
         self._restart()
 
     def reset(self) -> None:
@@ -165,8 +167,7 @@ class Localizer:
         # As the crow flies: a pose that trembles about one place does not travel.
         self._pending_travel = self._motion.travel(self._pending)
         updated = self._belief is None or (
-            self._pending_travel >= self._update_distance
-            and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
+            self._pending_travel >= self._update_distance and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
         )
         if updated:
             self._updated_ns = stamp_ns
@@ -182,7 +183,7 @@ class Localizer:
         self._pending_travel = 0.0
         self._travel = 0.0
         self._belief = None
-        self._log_marginal = self._log_elsewhere = float("nan")
+        self._explanations = np.full(3, np.nan)
         self._exponent = 0.0
 
     def _measure(self, strain: np.ndarray, present: np.ndarray) -> None:
@@ -215,17 +216,15 @@ class Localizer:
         used = present & self._consistency.consistent
         return used if used.any() else present
 
-    def _decide(
-        self, log_prior: np.ndarray, evaluation: Evaluation, travel: float, stretch: float
-    ) -> None:
+    def _decide(self, log_prior: np.ndarray, evaluation: Evaluation, travel: float, stretch: float) -> None:
         """Whether the map explains the strain, and whether the position has converged."""
-        self._log_marginal = float(logsumexp(log_prior + evaluation.position))
+        here = float(logsumexp(log_prior + evaluation.same_material))
         other = float(logsumexp(log_prior + evaluation.other_material))
         # Unknown material is as likely to feel like any place of the map as like the estimated one.
-        self._log_elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
+        elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
         self._exponent = min(1.0, stretch / self.model.presence_length)
-        explanations = np.array([self._log_marginal, self._log_elsewhere, evaluation.featureless])
-        self._presence.update(self._exponent * explanations)
+        self._explanations = np.array([here, elsewhere, evaluation.featureless])
+        self._presence.update(self._exponent * self._explanations)
         assert self._belief is not None
         states, weights = self.filter.hypotheses()
         radius = self._convergence.criteria.radius
@@ -237,6 +236,7 @@ class Localizer:
         assert belief is not None
         covariance = belief.covariance + self._registration + self._pending_travel * self._noise_per_metre
         convergence = self._convergence
+        log_marginal, log_elsewhere, log_featureless = self._explanations.tolist()
         return Estimate(
             stamp_ns=stamp_ns,
             mean=self._motion.wrapped(belief.mean + self._pending),
@@ -246,8 +246,9 @@ class Localizer:
             reason=convergence.reason,
             probability=convergence.probability,
             on_map=self._presence.probability,
-            log_marginal=self._log_marginal,
-            log_elsewhere=self._log_elsewhere,
+            log_marginal=log_marginal,
+            log_elsewhere=log_elsewhere,
+            log_featureless=log_featureless,
             exponent=self._exponent if updated else 0.0,
             consistent=self._consistency.consistent,
             effective_sample_size=belief.effective_sample_size,

@@ -1,4 +1,4 @@
-"""Parameters of the measurement models that depend on the material and the hand."""
+"""Parameters of the kernel models that depend on the material and the hand."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _LARGEST = {
     "position_std": LARGEST_POSITION,
     "strain_std": LARGEST_STRAIN,
     "correlation_length": LARGEST_POSITION,
-    "correlation_change": 1e6,
 }
 _MOST_NEIGHBOURS = 10_000
+_RETIRED = ("correlation_change", "sweep_offset")
+"""Parameters of earlier versions, which old scan files hold; they are learned now."""
 
 
 @dataclass(frozen=True)
@@ -34,18 +35,15 @@ class ModelParameters:
         its square
     strain_std : kernel width in strain, one number or one a channel, V; the paper's S_z is its square
     correlation_length : m of travel that make one independent measurement
-    correlation_change : change of the strain, in kernel widths, that makes one; ``None``: only travel counts
-    interpolate : whether the sum of Gaussians also has pairs interpolated between the sweeps; ``None``: not
-    sweep_offset : whether a sweep's own offset is learned on featureless material and removed; ``None``: not
+    interpolate : whether the kernel models also have pairs interpolated between the sweeps; ``None``: where
+        the sweeps leave gaps
     neighbours : nearest pairs of the Gaussian models; the paper has 8
     """
 
     position_std: Any = None
     strain_std: Any = None
     correlation_length: float | None = None
-    correlation_change: float | None = None
     interpolate: bool | None = None
-    sweep_offset: bool | None = None
     neighbours: int = 8
 
     @classmethod
@@ -61,9 +59,11 @@ class ModelParameters:
         checked: dict[str, Any] = {}
         for name, value in values.items():
             what = f"measurement {name}"
+            if name in _RETIRED:
+                continue
             if name not in names:
                 raise ParameterError(f"measurement {name!r}: expected one of {', '.join(names)}")
-            if name in ("interpolate", "sweep_offset"):
+            if name == "interpolate":
                 if not isinstance(value, bool):
                     raise ParameterError(f"{what}: expected true or false, got {value!r}")
                 checked[name] = value

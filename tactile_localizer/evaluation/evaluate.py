@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.assembly import build_localizer, completed
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer, completed
 from tactile_localizer.core.likelihood.neighbours import choose_neighbours
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.selection import choose_parameters

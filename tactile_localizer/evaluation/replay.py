@@ -49,7 +49,7 @@ class Track:
     covariance: np.ndarray
     converged: np.ndarray
     updated: np.ndarray
-    evidence: np.ndarray
+    probability: np.ndarray
     log_marginal: np.ndarray
     reason: tuple[str, ...]
     truth: np.ndarray | None
@@ -130,7 +130,7 @@ def _track(
         covariance=np.array([e.covariance for e in estimates]).reshape(n, d, d),
         converged=np.array([e.converged for e in estimates], dtype=bool),
         updated=np.array([e.updated for e in estimates], dtype=bool),
-        evidence=np.array([e.evidence for e in estimates]),
+        probability=np.array([e.probability for e in estimates]),
         log_marginal=np.array([e.log_marginal for e in estimates]),
         reason=tuple(e.reason for e in estimates),
         truth=None if sweep.truth is None else sweep.truth[row],

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval

@@ -26,7 +26,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.assembly import convergence_criteria
+from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError

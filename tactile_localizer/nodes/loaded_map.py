@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.assembly import Progress, build_identifier, build_localizer
 from tactile_localizer.core.configuration import SWEEP_MIXTURE
+from tactile_localizer.core.factory import Progress, build_identifier, build_localizer
 from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.localizer import Localizer

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.scans import SIDE, axes
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.kernels.sums import KernelSum
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians

@@ -8,9 +8,9 @@ import pytest
 from support.models import FlatModel
 from support.scans import SIDE, density, scan, scene, strain_at, total_variation
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import MODELS, Configuration
 from tactile_localizer.core.credit import NO_CREDIT
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.likelihood.featureless import Featureless

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from tactile_localizer.core.assembly import build_identifier
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.convergence import ConvergenceCriteria
+from tactile_localizer.core.factory import build_identifier
 from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.identification import NONE
 from tactile_localizer.core.localizer import Estimate

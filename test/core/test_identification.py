@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tactile_localizer.core.assembly import build_identifier
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_identifier
 from tactile_localizer.core.identification import NONE, FeatureIdentifier
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from support import strip
 from support.scans import scan, scene, strain_at
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Region
 

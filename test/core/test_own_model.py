@@ -9,8 +9,8 @@ import pytest
 from support.scans import scan, scene
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.assembly import build_localizer, build_model, with_parameters
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer, build_model, with_parameters
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError

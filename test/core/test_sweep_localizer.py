@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_localizer.core.assembly import build_identifier, build_localizer
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.factory import build_identifier, build_localizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.plain_json import plain, plain_columns, write_json

@@ -8,8 +8,8 @@ import pytest
 from support.filter import CELL, Filter, set_parameter
 from support.sweeps import MEASUREMENT, SlidingHand, scene_of, stamp_of, unseen_sweep, write_scan
 
-from tactile_localizer.core.assembly import build_identifier, build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_identifier, build_localizer
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.sweeps import scene_of, unseen_sweep
 
-from tactile_localizer.core.assembly import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.nodes.tracker import Tracker
 from tactile_localizer.sim import simulate_scan
 

@@ -19,7 +19,6 @@ from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import lever
 from tactile_localizer.scene import Scene
 
@@ -29,8 +28,8 @@ _MOST_SWEEPS = 6
 """Sweeps that are held out, one after another: each takes a new map."""
 _PRIOR_STD = 0.0004
 _PRIOR_SWEEPS = 2.0
-"""Registration of a scan of which nothing is known, m, and how many held-out sweeps it counts for. By judgement;
-repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
+"""Registration of a scan of which nothing is known, m, and how many held-out sweeps it counts for. By
+judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
 _FARTHEST = 0.01
 """Error, m, beyond which a held-out sweep was mistaken for another place, which is not its registration."""
 _LINES_PER_CELL = 1.0 / 3.0
@@ -56,9 +55,7 @@ class _Outcome(NamedTuple):
     variance: np.ndarray
 
 
-def calibrate(
-    scan: Scan, scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture], Localizer]
-) -> Calibration:
+def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture], Localizer]) -> Calibration:
     """Localize sweeps on the map of the others, without a neighbour where there are enough.
 
     Neighbours are alike beyond chance, because the material was in the same deformation mode.
@@ -114,7 +111,7 @@ def _localize(localizer: Localizer, positions: np.ndarray, strain: np.ndarray, s
 
 
 def _registration(outcomes: Sequence[_Outcome], prior: np.ndarray, sweeps: int) -> np.ndarray:
-    """Standard deviation (d,) from the excess of each sweep's squared errors, shrunk towards ``prior`` (d,)."""
+    """Standard deviation (d,) from the excess of each sweep's squared errors, shrunk towards ``prior``."""
     excess = [prior**2 * _PRIOR_SWEEPS]
     count = _PRIOR_SWEEPS
     for squared, variance in outcomes:
@@ -140,5 +137,7 @@ def _most_cautious(scores: np.ndarray) -> int:
     """The last of the candidates (L, S) within one standard error of the best mean over sweeps."""
     best = int(scores.mean(axis=1).argmax())
     loss = scores[best] - scores
-    error = loss.std(axis=1, ddof=1) / np.sqrt(scores.shape[1]) if scores.shape[1] > 1 else np.zeros(len(scores))
+    error = (
+        loss.std(axis=1, ddof=1) / np.sqrt(scores.shape[1]) if scores.shape[1] > 1 else np.zeros(len(scores))
+    )
     return int(np.flatnonzero(loss.mean(axis=1) <= error)[-1])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, estimate_noise
 from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -39,13 +41,17 @@ class SweepModel(NamedTuple):
         return SweepMixture(self.noise.model, table, cell, information_length, presence_length)
 
 
-def learn_sweep_model(scan: Scan, scene: Scene) -> SweepModel:
+def learn_sweep_model(scan: Scan, scene: Scene, whitening: np.ndarray | None = None) -> SweepModel:
     """Learn the noise of the scan's visits, and how it grows where the map has to interpolate.
+
+    Parameters
+    ----------
+    whitening : (C, C) to take instead of the scan's own (:func:`.common_whitening`)
 
     Raises
     ------
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    noise = estimate_noise(scan, scene)
+    noise = estimate_noise(scan, scene, whitening)
     return SweepModel(noise, fit_variance(noise, scene))

@@ -20,54 +20,55 @@ _ELSEWHERE = np.log([0.5, 0.5])
 
 
 class Presence:
-    """A filter over {on the map, on unknown material, on featureless material off the map}.
+    """A filter over {on a map, on unknown material, on featureless material off the maps}.
 
-    What rides off the map goes elsewhere; what returns does so uniformly. This is the only recovery. Without
-    the third explanation a featureless strain would speak for the map, of which most is featureless.
+    What rides off a map goes elsewhere; what returns does so uniformly. This is the only recovery. Without
+    the last explanation a featureless strain would speak for the map, of which most is featureless.
 
-    Attributes
+    Parameters
     ----------
-    probability : of being on the map
-    unknown : of being on unknown material
+    maps : how many maps there are; one, but where materials are identified
     """
 
-    def __init__(self) -> None:
+    def __init__(self, maps: int = 1) -> None:
+        self._maps = maps
         self.reset()
 
     def reset(self) -> None:
-        """On the map as probable as not."""
-        self._log_weights = np.log(0.5) + np.array([0.0, *_ELSEWHERE])
+        """On one of the maps as probable as not."""
+        on_maps = np.full(self._maps, -math.log(self._maps))
+        self._log_weights = np.log(0.5) + np.array([*on_maps, *_ELSEWHERE])
+
+    @property
+    def maps(self) -> np.ndarray:
+        """Probability of being on each of the maps."""
+        return np.exp(self._log_weights[: self._maps])
 
     @property
     def probability(self) -> float:
-        """Of being on the map."""
-        return float(np.exp(self._log_weights[0]))
+        """Of being on a map."""
+        return float(self.maps.sum())
 
     @property
     def unknown(self) -> float:
         """Of being on unknown material."""
-        return float(np.exp(self._log_weights[1]))
-
-    @property
-    def log_odds(self) -> float:
-        """Log-odds of being on the map, nats."""
-        return float(self._log_weights[0] - np.logaddexp.reduce(self._log_weights[1:]))
+        return float(np.exp(self._log_weights[self._maps]))
 
     def predict(self, travel: float, left: float) -> float:
         """Advance by ``travel`` metres, on which the share ``left`` of the belief left the scene.
 
         Returns the share of the belief on the map that has just returned.
         """
-        on, elsewhere = math.exp(self._log_weights[0]), np.exp(self._log_weights[1:])
-        stayed = on * (1.0 - left) * math.exp(-LEAVING_RATE * travel)
+        on, elsewhere = self.maps, np.exp(self._log_weights[self._maps :])
+        stayed = on * ((1.0 - left) * math.exp(-LEAVING_RATE * travel))
         returning = -math.expm1(-RETURN_RATE * travel)
         returned = float(elsewhere.sum()) * returning
-        away = elsewhere * (1.0 - returning) + (on - stayed) * np.exp(_ELSEWHERE)
+        away = elsewhere * (1.0 - returning) + float((on - stayed).sum()) * np.exp(_ELSEWHERE)
         with np.errstate(divide="ignore"):
-            self._log_weights = np.log(np.array([stayed + returned, *away]))
-        return returned / (stayed + returned) if returned > 0.0 else 0.0
+            self._log_weights = np.log(np.array([*(stayed + returned / self._maps), *away]))
+        return returned / (float(stayed.sum()) + returned) if returned > 0.0 else 0.0
 
     def update(self, log_likelihoods: np.ndarray) -> None:
-        """Take in tempered log-likelihoods (3,) of a strain, in the order of the explanations."""
+        """Take in tempered log-likelihoods (maps + 2,) of a strain: on each map, unknown, featureless."""
         weights, _ = normalize(self._log_weights + log_likelihoods)
         self._log_weights = normalize(np.maximum(weights, weights.max() - _MOST))[0]

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.filters.resampling import resampler
 from tactile_localizer.core.filters.weights import effective_sample_size, moments, normalize
 from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 
@@ -56,10 +56,12 @@ class ParticleFilter:
         self._random = random_particles
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
         self._bounds = Region(tuple(self._lower), tuple(self._upper))
+        self._states: np.ndarray
+        self._log_weights: np.ndarray
         self.reset()
 
     def reset(self) -> None:
-        """See :meth:`.BayesFilter.reset`. Stratified over the scene, so that even a few particles cover it."""
+        """See :meth:`.BayesFilter.reset`; stratified over the scene, so that few particles cover it."""
         self._place(self._spread(self._count))
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:

@@ -14,13 +14,16 @@ class Evaluation(NamedTuple):
 
     Parameters
     ----------
-    position : (P,) at each state of the map
+    position : (P,) at each state of the map, for *where* on it the hand is
+    same_material : (P,) at each state of the map, for *whether* the hand is on it; of the sweep mixture the
+        same as ``position``
     other_material : (P,) at each state, with a larger variance: as at that place, but another material
     elsewhere : mean over all places of the map, with the larger variance
     featureless : of featureless material; ``-inf`` where the scanned material is felt everywhere
     """
 
     position: np.ndarray
+    same_material: np.ndarray
     other_material: np.ndarray
     elsewhere: float
     featureless: float

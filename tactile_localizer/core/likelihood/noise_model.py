@@ -100,8 +100,12 @@ class NoiseEstimate(NamedTuple):
     featureless: bool
 
 
-def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
+def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None) -> NoiseEstimate:
     """Estimate the noise of one visit from how the scan's sweeps differ.
+
+    Parameters
+    ----------
+    whitening : (C, C) to take instead of the scan's own, so that several scans can be compared
 
     Raises
     ------
@@ -119,15 +123,17 @@ def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
     offsets: np.ndarray
     if featureless:
         tracks, centre, offsets = moved, level.mean(axis=0), level
-        whitening = _whitening(_between_sweeps(tracks, scene, spacing, False), resolution, scene.layout)
+        if whitening is None:
+            whitening = _whitening(_between_sweeps(tracks, scene, spacing, False), resolution, scene.layout)
     else:
         centre = np.mean([track.strain.mean(axis=0) for track in tracks], axis=0)
         tracks = [Track(track.positions, track.strain - centre) for track in tracks]
         differences = _between_sweeps(tracks, scene, spacing, centred=False)
         offsets = np.array([np.median(difference, axis=0) for difference in differences])
-        whitening = _whitening(
-            [d - o for d, o in zip(differences, offsets, strict=True)], resolution, scene.layout
-        )
+        if whitening is None:
+            whitening = _whitening(
+                [d - o for d, o in zip(differences, offsets, strict=True)], resolution, scene.layout
+            )
     offsets = offsets @ whitening.T
     centred = offsets - (offsets.mean(axis=0) if featureless else 0.0)
     variance = np.sum(centred**2, axis=0) / max(len(offsets) - 1, 1)
@@ -142,6 +148,16 @@ def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
         shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
     moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
     return NoiseEstimate(model, shown, visits, recorded, moved_by, spacing, featureless)
+
+
+def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
+    """The whitening (C, C) under the mean of several noise covariances.
+
+    A smaller noise promises a higher density whether or not it is right, so materials are compared under one.
+    """
+    inverses = [np.linalg.inv(model.whitening) for model in models]
+    covariance = np.mean([inverse @ inverse.T for inverse in inverses], axis=0)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def held_out(

@@ -24,8 +24,8 @@ from tactile_localizer.core.scan.tracks import (
 from tactile_localizer.scene import Scene
 
 PAIRS = 3
-"""Pairs of tracks that a place is interpolated from, the components of its mixture. One pair is 0.1 mm worse on
-one of two simulated features and 0.1 mm better on the other; six are as three."""
+"""Pairs of tracks that a place is interpolated from, the components of its mixture. One pair is 0.1 mm worse
+on one of two simulated features and 0.1 mm better on the other; six are as three."""
 _NODES_PER_CELL = 2
 """Nodes of the lattice per cell and axis; on three axes one, for memory."""
 _LONGEST_CORRELATION = 0.03
@@ -101,7 +101,9 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, PAIRS)
     thinned = [residual.thinned() for residual in residuals]
     squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
-    expected = Expectation(*(np.concatenate(parts) for parts in zip(*(e.expected for e in thinned), strict=True)))
+    expected = Expectation(
+        *(np.concatenate(parts) for parts in zip(*(e.expected for e in thinned), strict=True))
+    )
     counts = np.array(layout.counts)
 
     def model(log_factors: np.ndarray) -> VarianceModel:
@@ -142,9 +144,11 @@ def build_map(
     origin = scene.lower + 0.5 * step
     axes = [first + size * np.arange(count) for first, size, count in zip(origin, step, shape, strict=True)]
     expected = expectation(tracks, scene, flatten_axes(axes), spacing, PAIRS)
-    tables = (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
-    single = (np.ascontiguousarray(table, dtype=np.float32) for table in tables)
-    return StrainMap(origin, step, shape, *single, variance.visit if featureless else None)
+    mean, spread, prior = (
+        np.ascontiguousarray(table, dtype=np.float32)
+        for table in (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
+    )
+    return StrainMap(origin, step, shape, mean, spread, prior, float(spread.min()) if featureless else None)
 
 
 def _summed_correlation(scaled: Sequence[np.ndarray]) -> float:
@@ -158,7 +162,9 @@ def _summed_correlation(scaled: Sequence[np.ndarray]) -> float:
             counts[lag] += bounded[lag:].size
     if products[0] <= 0.0:
         return VarianceModel.summed_correlation
-    correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (products[0] / counts[0])
+    correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (
+        products[0] / counts[0]
+    )
     below = np.flatnonzero(correlation < 0.05)
     end = int(below[0]) if len(below) else lags
     return PITCH * (1.0 + 2.0 * float(correlation[1:end].sum()))

@@ -69,7 +69,7 @@ class SweepMixture:
         other = _mixed(inflated[:count]) + volume
         elsewhere = float(logsumexp(_mixed(inflated[count:]))) - np.log(len(places)) + volume
         featureless = self._featureless(strain, used, offset_variance) + volume
-        return Evaluation(position, other, elsewhere, featureless)
+        return Evaluation(position, position, other, elsewhere, featureless)
 
     def expected(self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray) -> Expected:
         """See :meth:`.StrainModel.expected`."""
@@ -89,7 +89,7 @@ class SweepMixture:
     def _densities(
         self, rows: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Log-densities (P, K) of a strain at rows of the tables with their priors, and of larger variance."""
+        """Log-densities (P, K) of a strain at rows of the tables, with priors; and of larger variance."""
         prior = self.map.log_prior[rows]
         plain, inflated = prior.copy(), prior.copy()
         for index, own in enumerate(self.noise.layout.slices):

@@ -13,7 +13,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from tactile_localizer.core.assembly import completed
+from tactile_localizer.core.factory import completed
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, SceneError

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from tactile_localizer.core.fit import held_out_log_densities
+from tactile_localizer.core.calibration.kernel_widths import held_out_log_densities
 from tactile_localizer.core.likelihood.gaussian import Gaussian, Shrinkage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
@@ -67,7 +67,7 @@ def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None
         if progress is not None:
             progress("choosing the number of neighbours", count / len(NEIGHBOURS))
         build = partial(Gaussian, scene=scene, neighbours=k)
-        _, scores, _ = held_out_log_densities(scan, scene, rows, build)
+        _, scores = held_out_log_densities(scan, scene, rows, build)
         trials.append(NeighbourTrial(k, build(scan).shrinkage, float(scores.mean())))
     if progress is not None:
         progress("choosing the number of neighbours", 1.0)

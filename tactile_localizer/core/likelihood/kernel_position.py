@@ -1,0 +1,46 @@
+"""A measurement model for *where* the hand is, beside the sweep mixture for *whether* it is on the map."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.evaluation import Evaluation, Expected
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+
+
+class KernelPosition:
+    """A :class:`.StrainModel` of one of the paper's models, or of a user-defined one.
+
+    Parameters
+    ----------
+    model : log-likelihood of a strain in volts at any states
+    mixture : the sweep mixture of the same scan
+    correlation_length : m of travel that make one independent measurement of the position
+    """
+
+    def __init__(self, model: MeasurementModel, mixture: SweepMixture, correlation_length: float) -> None:
+        self._model, self._mixture = model, mixture
+        self.information_length = correlation_length
+        self.presence_length = mixture.presence_length
+        self.offset_variance = mixture.offset_variance
+
+    def whitened(self, strain: np.ndarray) -> np.ndarray:
+        """See :meth:`.StrainModel.whitened`."""
+        return self._mixture.whitened(strain)
+
+    def in_volts(self, difference: np.ndarray) -> np.ndarray:
+        """See :meth:`.StrainModel.in_volts`."""
+        return self._mixture.in_volts(difference)
+
+    def evaluate(
+        self, states: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
+    ) -> Evaluation:
+        """See :meth:`.StrainModel.evaluate`."""
+        volts = self._mixture.in_volts(strain) + self._mixture.noise.centre
+        position = self._model.log_likelihood(states, volts, used)
+        return self._mixture.evaluate(states, strain, used, offset_variance)._replace(position=position)
+
+    def expected(self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray) -> Expected:
+        """See :meth:`.StrainModel.expected`."""
+        return self._mixture.expected(states, weights, strain)
