@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangle
 
-from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path

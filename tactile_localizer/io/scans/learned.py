@@ -13,13 +13,15 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from tactile_localizer.core.factory import completed
+import numpy as np
+
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
 from tactile_localizer.io.scans.lock import ScanLock
-from tactile_localizer.io.scene_file import scene_from_dict, scene_to_dict
 from tactile_localizer.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -104,26 +106,34 @@ def _seal(key: str, digest: str, payload: bytes) -> bytes:
     return seal.digest()
 
 
-KEY = "scene completed from the scan, 1"
-"""Under which the scene is kept; the number changes with what :func:`~.assembly.completed` chooses."""
+KEY = "calibration on held-out sweeps, 1"
+"""Under which a calibration is kept; the number changes with how :func:`~.factory.learn` calibrates."""
 
 
-def completed_scene(
+def learned_calibration(
     path: Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
-) -> Scene:
-    """The scene with what it leaves open chosen from the scan, or as it was chosen from the same data before.
+) -> Calibration:
+    """What :func:`~.factory.learn` learns from the scan, or what it learned from the same data before.
 
     Parameters
     ----------
-    path : the scan file that the choice is kept in, where that can be written
-    scan, scene : what is chosen from
-    progress : told what is being done, and which share of it is done
+    path : the scan file that the calibration is kept in, where that can be written
+    scan, scene : what is learned from
+    progress : called with what is being done and the fraction of it that is done
     """
     learned, digest = LearnedResults(path), digest_of(scan, scene)
     if (kept := learned.load_learned(KEY, digest)) is not None:
-        with contextlib.suppress(SceneError, ValueError):
-            return scene_from_dict(json.loads(kept))
-    chosen = completed(scan, scene, progress)
-    if chosen != scene:
-        learned.store_learned(KEY, digest, json.dumps(scene_to_dict(chosen)).encode())
-    return chosen
+        with contextlib.suppress(KeyError, TypeError, ValueError):
+            values = json.loads(kept)
+            calibration = Calibration(
+                float(values["information_length"]), np.array(values["registration_std"], dtype=np.float64)
+            )
+            if calibration.registration_std.shape == (scene.dimension,):
+                return calibration
+    calibration = learn(scan, scene, progress)
+    values = {
+        "information_length": calibration.information_length,
+        "registration_std": calibration.registration_std.tolist(),
+    }
+    learned.store_learned(KEY, digest, json.dumps(values).encode())
+    return calibration

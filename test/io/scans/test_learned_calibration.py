@@ -1,0 +1,73 @@
+"""What the scan teaches about the filter is learned once, and kept in the scan file."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.sweeps import scene_of, write_scan
+
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.io.scans import learned as module
+from tactile_localizer.io.scans.learned import KEY, LearnedResults, learned_calibration
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.scene import Scene
+
+
+@pytest.fixture
+def calibrated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the scenes that were learned from; instead of a calibration that takes seconds."""
+    names: list[str] = []
+
+    def learn(_scan: Scan, scene: Scene, _progress: object) -> Calibration:
+        names.append(scene.name)
+        return Calibration(0.0015, np.full(scene.dimension, 0.0004))
+
+    monkeypatch.setattr(module, "learn", learn)
+    return names
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    write_scan(tmp_path / "scan.db", scene=dataclasses.replace(scene_of(), measurement={}))
+    return tmp_path / "scan.db"
+
+
+def loaded(path: Path) -> tuple[Scan, Scene]:
+    with ScanStore.open(path) as store:
+        return store.load(), store.scene
+
+
+def test_it_is_learned_once(path: Path, calibrated: list[str]) -> None:
+    first, second = (learned_calibration(path, *loaded(path)) for _ in range(2))
+    assert first.information_length == second.information_length == 0.0015
+    np.testing.assert_array_equal(first.registration_std, second.registration_std)
+    assert calibrated == ["bump"]
+
+
+def test_another_scene_is_learned_anew(path: Path, calibrated: list[str]) -> None:
+    scan, scene = loaded(path)
+    learned_calibration(path, scan, scene)
+    learned_calibration(path, scan, dataclasses.replace(scene, feature=None))
+    assert len(calibrated) == 2
+
+
+def test_in_a_file_that_cannot_be_written_it_is_learned_anew(path: Path, calibrated: list[str]) -> None:
+    missing = path.with_name("none.db")
+    for _ in range(2):
+        learned_calibration(missing, *loaded(path))
+    assert len(calibrated) == 2
+
+
+@pytest.mark.parametrize(
+    "payload", [b"{}", b"[1]", b"x", b'{"information_length": 1, "registration_std": [1, 2, 3, 4]}']
+)
+def test_a_payload_of_another_form_is_learned_anew(path: Path, calibrated: list[str], payload: bytes) -> None:
+    scan, scene = loaded(path)
+    LearnedResults(path).store_learned(KEY, digest_of(scan, scene), payload)
+    assert learned_calibration(path, scan, scene).information_length == 0.0015
+    assert len(calibrated) == 1
