@@ -91,8 +91,8 @@ def seed(copy: Path, fault: Fault) -> str:
     sound = path.read_text()
     path.write_text(fault.seeded(sound))
     try:
-        own = copy / "test" / "core" / f"test_{Path(fault.module).name}.py"
-        return (failing(copy, own) if own.exists() else "") or failing(copy, copy / "test" / "core")
+        own = next((copy / "test" / "core").rglob(f"test_{Path(fault.module).name}.py"), None)
+        return (failing(copy, own) if own else "") or failing(copy, copy / "test" / "core")
     finally:
         path.write_text(sound)
 

@@ -21,16 +21,17 @@ def test_whole_numbers_serve_where_numbers_are_expected() -> None:
     ("values", "message"),
     [
         ({"partcles": 5}, "did you mean particles"),
-        ({"model": "gausian"}, "expected one of sum_of_gaussians"),
+        ({"model": "gausian"}, "model 'gausian': expected one of sweep_mixture, sum_of_gaussians"),
         ({"filter": "kalman"}, "filter 'kalman': expected one of grid, particle"),
         ({"particles": 7.5}, "particles: expected a whole number, got 7.5"),
         ({"particles": "many"}, "particles: expected int, got 'many'"),
         ({"particles": 0}, r"particles: expected 1 to 1e\+06, got 0"),
-        ({"adaptive": 1}, "expected bool"),
+        ({"conditional": 1}, "conditional: expected bool, got 1"),
         ({"update_distance": 0.0}, "update_distance: expected 1e-06 to 1, got 0.0"),
         ({"update_distance": float("nan")}, "update_distance"),
         ({"convergence_travel": -1.0}, "convergence_travel: expected 0 to 1, got -1.0"),
-        ({"recovery": "constant"}, "expected filter particle"),
+        ({"convergence_probability": 1.0}, "convergence_probability: expected 0.5 to 1, got 1.0"),
+        ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
     ],
 )
 def test_a_wrong_choice_is_refused_with_what_was_expected(values: dict[str, Any], message: str) -> None:

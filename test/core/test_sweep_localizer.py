@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.factory import build_identifier, build_localizer
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 LENGTH = 0.3
 STEP = 0.0005
 NOISE_V = 0.05
-CONFIGURATION = Configuration(model=SWEEP_MIXTURE)
+CONFIGURATION = Configuration()
 SCENE = Scene("strip", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,)), Phalanx("middle", (0.0,))))
 
 
@@ -76,7 +75,7 @@ def test_a_sweep_from_an_unknown_start_converges_to_its_place(localizer: Localiz
 def test_another_material_never_converges(localizer: Localizer, material: int) -> None:
     _, estimates = slide(localizer, 0.05, material=material)
     assert not any(estimate.converged for estimate in estimates)
-    assert estimates[-1].evidence < 0.0
+    assert estimates[-1].on_map < 0.05
 
 
 def test_a_hand_that_was_put_down_elsewhere_is_found_again(localizer: Localizer) -> None:
@@ -103,7 +102,7 @@ def test_a_stuck_phalanx_is_left_out_and_does_not_mislead(localizer: Localizer) 
     felt[:, 8:] = felt[0, 8:]
     for i, row in enumerate(felt):
         estimate = localizer.update(10_000_000 * i, np.array([i * STEP]), row)
-    assert estimate.trusted.tolist() == [True, False]
+    assert estimate.consistent.tolist() == [True, False]
     assert abs(float(estimate.mean[0]) - x[-1]) < 0.002
 
 
@@ -133,10 +132,3 @@ def test_strains_unlike_every_other_leave_finite_numbers(localizer: Localizer) -
     errors, estimates = slide(localizer, 0.05, 0.02, change=far)
     assert np.isfinite(errors).all()
     assert not estimates[-1].converged
-
-
-def test_particles_and_identification_are_refused_in_one_line() -> None:
-    with pytest.raises(ParameterError, match="expected grid with model sweep_mixture"):
-        Configuration(model=SWEEP_MIXTURE, filter="particle")
-    with pytest.raises(ParameterError, match="expected one that identifies"):
-        build_identifier({"strip": (strip_scan(), SCENE)}, CONFIGURATION, np.random.default_rng(0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.special import logsumexp
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 
@@ -67,3 +68,11 @@ class KalmanFilter:
         self.covariance = self.covariance - K @ H @ self.covariance
         squared = innovation @ np.linalg.solve(S, innovation)
         return float(-0.5 * (squared + np.linalg.slogdet(S)[1] + size * math.log(2 * math.pi)))
+
+
+def weight(bayes_filter, model, strain: np.ndarray, exponent: float = 1.0) -> float:
+    """One measurement update of a filter; the logarithm of the marginal likelihood."""
+    states, log_prior = bayes_filter.prior()
+    log_likelihood = model.log_likelihood(states, strain)
+    bayes_filter.update(exponent * log_likelihood)
+    return float(logsumexp(log_prior + log_likelihood))

@@ -51,6 +51,16 @@ def scan(
     return Scan(states, strain, np.arange(pairs) * sweeps // pairs, of.axis_names, of.phalanx_names)
 
 
+def line_scan(rng: np.random.Generator, of: Scene, spacing: float = 0.0025, noise: float = 0.02) -> Scan:
+    """Parallel sweeps along x, ``spacing`` m apart along y, over a scene ``of`` these two axes."""
+    along, across = np.arange(0.0, SIDE, 0.0005), np.arange(spacing / 2.0, SIDE, spacing)
+    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
+    strain = strain_at(states, len(of.phalanges))
+    strain += noise * rng.standard_normal(strain.shape)
+    sweep = np.repeat(np.arange(len(across)), len(along))
+    return Scan(states, strain, sweep, of.axis_names, of.phalanx_names)
+
+
 def density(log_likelihood: np.ndarray) -> np.ndarray:
     """Normalised weights from log-likelihoods of any shape."""
     weights = np.exp(log_likelihood - log_likelihood.max())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from support.scans import scan, scene
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer, build_model, with_parameters
+from tactile_localizer.core.factory import build_localizer, build_model
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError
@@ -58,11 +59,10 @@ def test_a_whole_grid_is_evaluated_by_its_points_where_the_model_knows_nothing_b
 
 
 @pytest.mark.parametrize("kind", ["grid", "particle"])
-def test_both_filters_believe_what_it_says(kind: str) -> None:
+def test_both_filters_follow_it(kind: str) -> None:
     configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)
-    localizer = build_localizer(
-        SCAN, with_parameters(SCENE, PARAMETERS), configuration, np.random.default_rng(1)
-    )
+    scene = dataclasses.replace(SCENE, measurement=PARAMETERS.to_mapping())
+    localizer = build_localizer(SCAN, scene, configuration, np.random.default_rng(1))
     for step in range(4):
         estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * DEFAULT_CHANNELS))
     assert estimate.mean == pytest.approx([0.01, 0.03], abs=0.003)

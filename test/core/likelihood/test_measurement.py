@@ -1,4 +1,4 @@
-"""What is measured is checked before it is believed."""
+"""Measurements are checked before they are used."""
 
 import math
 

@@ -204,7 +204,7 @@ def test_a_scene_that_names_more_than_the_scan_has_is_refused():
         (np.zeros(16), np.array([True])),
     ],
 )
-def test_a_strain_that_cannot_be_weighed_is_refused(strain, present):
+def test_an_unusable_strain_is_refused(strain, present):
     of, made = setting()
     with pytest.raises(MeasurementError):
         SumOfGaussians(made, of, *widths()).log_likelihood(np.zeros((3, 2)), strain, present)

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tactile_localizer.core.likelihood.neighbours import (
+from tactile_localizer.core.calibration.neighbours import (
     NEIGHBOURS,
     NeighbourTrial,
     choose_neighbours,

@@ -1,4 +1,4 @@
-"""The particle filter weighs, resamples and injects; with many particles it agrees with exact recursions."""
+"""The particle filter weights, resamples and injects; with many particles it agrees with exact recursions."""
 
 import math
 
@@ -7,18 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from support.models import FlatModel, KalmanFilter, LinearModel
+from support.models import FlatModel, KalmanFilter, LinearModel, weight
 from support.scans import scene
 
-from tactile_localizer.core.credit import NO_CREDIT, Credit
+from tactile_localizer.core.filters.grid import GridFilter
+from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.filters.resampling import RESAMPLERS
-from tactile_localizer.core.grid_filter import GridFilter
-from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
-PRESENT = np.ones(2, bool)
-NOWHERE = NO_CREDIT
 STRAIN = np.zeros(16)
 
 
@@ -37,18 +34,18 @@ def sweep(model, steps, seed=5):
 
 
 def test_a_reset_covers_the_scene_evenly_even_with_few_particles():
-    states, weights = ParticleFilter(scene(), FlatModel(), np.random.default_rng(0), 75).hypotheses()
+    states, weights = ParticleFilter(scene(), np.random.default_rng(0), 75).hypotheses()
     for axis in range(2):
         assert np.bincount((states[:, axis] / 0.05 * 75).astype(int), minlength=75).tolist() == [1] * 75
     assert weights == pytest.approx(1 / 75)
 
 
-def test_one_gaussian_step_is_weighed_as_bayes_says():
+def test_a_measurement_update_is_bayes_rule():
     model = linear()
-    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 500)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 500)
     states, _ = particles.hypotheses()
     strain = model.gain @ [0.02, 0.03]
-    log_marginal, _ = particles.update(strain, PRESENT, 1.0, NOWHERE)
+    log_marginal = weight(particles, model, strain)
     likelihood = np.exp(model.log_likelihood(states, strain))
     np.testing.assert_allclose(particles.hypotheses()[1], likelihood / likelihood.sum(), rtol=1e-9)
     assert log_marginal == pytest.approx(math.log(likelihood.mean()))
@@ -56,13 +53,10 @@ def test_one_gaussian_step_is_weighed_as_bayes_says():
     np.testing.assert_allclose(particles.belief().mean, mean)
 
 
-def test_a_tempered_step_counts_for_less_and_its_evidence_is_untempered():
+def test_an_exponent_tempers_the_likelihood():
     model, strain = linear(), np.zeros(16)
-    one, half = (ParticleFilter(scene(), model, np.random.default_rng(0), 50) for _ in range(2))
-    assert (
-        half.update(strain, PRESENT, 0.5, NOWHERE).log_likelihood
-        == one.update(strain, PRESENT, 1.0, NOWHERE).log_likelihood
-    )
+    one, half = (ParticleFilter(scene(), np.random.default_rng(0), 50) for _ in range(2))
+    assert weight(half, model, strain, 0.5) == weight(one, model, strain)
     np.testing.assert_allclose(
         half.hypotheses()[1] ** 2 / np.sum(half.hypotheses()[1] ** 2), one.hypotheses()[1], rtol=1e-9
     )
@@ -76,17 +70,13 @@ def test_it_agrees_with_the_kalman_filter_on_a_linear_scene(resampling):
     model = linear()
     start, spread = np.array([0.012, 0.018]), np.array([0.004, 0.004])
     kalman = KalmanFilter(start, np.diag(spread**2), model)
-    particles = ParticleFilter(wide, model, np.random.default_rng(1), 20_000, resampling)
+    particles = ParticleFilter(wide, np.random.default_rng(1), 20_000, resampling)
     particles.seed(start, spread)
     variance = np.array([0.003, 0.001]) ** 2
     for step, travel, strain in sweep(model, 25):
         kalman.predict(step, variance * travel)
         particles.predict(step, travel)
-        expected, found = (
-            kalman.update(strain),
-            particles.update(strain, PRESENT, 1.0, NOWHERE).log_likelihood,
-        )
-        assert found == pytest.approx(expected, abs=0.1)
+        assert weight(particles, model, strain) == pytest.approx(kalman.update(strain), abs=0.1)
         std = np.sqrt(np.diag(kalman.covariance))
         belief = particles.belief()
         assert np.abs((belief.mean - kalman.mean) / std).max() < 0.1
@@ -95,21 +85,21 @@ def test_it_agrees_with_the_kalman_filter_on_a_linear_scene(resampling):
 
 def test_it_comes_closer_to_the_grid_filter_the_more_particles_it_has():
     model = linear(std=2.0)
-    grid = GridFilter(scene(), model, np.array([0.0002, 0.0002]))
+    grid = GridFilter(scene(), np.array([0.0002, 0.0002]))
     steps = list(sweep(model, 20))
     exact = []
     for step, travel, strain in steps:
         grid.predict(step, travel)
-        grid.update(strain, PRESENT, 1.0, NOWHERE)
+        weight(grid, model, strain)
         exact.append(grid.belief().mean)
     errors = []
     for count in (30, 300, 3000, 30_000):
         distances = []
         for seed in range(6 if count < 30_000 else 1):
-            particles = ParticleFilter(scene(), model, np.random.default_rng(seed), count)
+            particles = ParticleFilter(scene(), np.random.default_rng(seed), count)
             for (step, travel, strain), mean in zip(steps, exact, strict=True):
                 particles.predict(step, travel)
-                particles.update(strain, PRESENT, 1.0, NOWHERE)
+                weight(particles, model, strain)
                 distances.append(np.linalg.norm(particles.belief().mean - mean))
         errors.append(np.sqrt(np.mean(np.square(distances))))
     assert errors == sorted(errors, reverse=True)
@@ -117,23 +107,22 @@ def test_it_comes_closer_to_the_grid_filter_the_more_particles_it_has():
     assert errors[3] < 1e-4
 
 
-def test_outside_the_bounds_the_weight_is_zero_and_nothing_is_evaluated():
+def test_outside_the_bounds_the_weight_is_zero():
     model = linear()
-    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 200)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 200)
     particles.predict(np.array([0.03, 0.0]), 0.0)
-    particles.update(np.zeros(16), PRESENT, 1.0, NOWHERE)
+    weight(particles, model, np.zeros(16))
     states, weights = particles.hypotheses()
     outside = states[:, 0] > 0.05
     assert 0.5 < outside.mean() < 0.7
     assert (weights[outside] == 0).all()
     assert weights.sum() == pytest.approx(1.0)
-    assert (model.evaluated[-1] <= 0.05).all()
 
 
 def test_a_belief_that_has_left_the_scene_begins_anew():
-    particles = ParticleFilter(scene(), FlatModel(), np.random.default_rng(0), 75)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 75)
     particles.predict(np.array([1e6, 0.0]), 1e6)
-    particles.update(STRAIN, PRESENT, 1.0, NOWHERE)
+    weight(particles, FlatModel(), STRAIN)
     belief = particles.belief()
     assert np.isfinite(belief.mean).all()
     assert belief.effective_sample_size == pytest.approx(75)
@@ -142,55 +131,39 @@ def test_a_belief_that_has_left_the_scene_begins_anew():
 
 def test_when_no_state_explains_the_strain_nothing_is_learned():
     model = linear()
-    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 75, resample_below=0.01)
-    particles.update(model.gain @ [0.02, 0.03], PRESENT, 1.0, NOWHERE)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 75, resample_below=0.01)
+    weight(particles, model, model.gain @ [0.02, 0.03])
     before = particles.belief()
-    model.log_likelihood = FlatModel(-math.inf).log_likelihood
-    assert particles.update(STRAIN, PRESENT, 1.0, NOWHERE).log_likelihood == -math.inf
+    weight(particles, FlatModel(-math.inf), STRAIN)
     np.testing.assert_allclose(particles.belief().mean, before.mean)
     np.testing.assert_allclose(particles.belief().covariance, before.covariance)
-
-
-def test_off_the_feature_the_evidence_is_at_least_that_of_featureless_material():
-    from tactile_localizer.scene import Region
-
-    where = Region((0.04, -math.inf), (0.05, math.inf))
-    particles = ParticleFilter(
-        scene(phalanges=1, feature=where), FlatModel(-100.0), np.random.default_rng(0), 1000
-    )
-    log_marginal, _ = particles.update(np.zeros(8), PRESENT[:1], 1.0, Credit(-10.0, -10.0))
-    assert log_marginal == pytest.approx(-10.0 + math.log(0.8), abs=0.01)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 75])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_any_number_of_particles_keeps_weights_that_sum_to_one(count, seed):
     model = linear(std=0.01)
-    particles = ParticleFilter(scene(), model, np.random.default_rng(seed), count, recovering(count))
+    particles = ParticleFilter(
+        scene(), np.random.default_rng(seed), count, "systematic" if count % 2 else "residual"
+    )
     for step, travel, strain in sweep(model, 5, seed):
         particles.predict(step, travel)
-        particles.update(strain, PRESENT, 1.0, NOWHERE)
-        particles.recover(0.2)
+        weight(particles, model, strain)
+        particles.inject(0.2)
         states, weights = particles.hypotheses()
         assert len(states) == count
         assert np.isfinite(states).all()
         assert weights.sum() == pytest.approx(1.0, abs=1e-12)
 
 
-def recovering(count):
-    return "systematic" if count % 2 else "residual"
-
-
 def test_the_same_seed_gives_the_same_answer():
     model = linear()
     answers = []
     for _ in range(2):
-        particles = ParticleFilter(
-            scene(), model, np.random.default_rng(3), 75, random_particles=10, adaptive=True
-        )
+        particles = ParticleFilter(scene(), np.random.default_rng(3), 75, random_particles=10)
         for step, travel, strain in sweep(model, 10):
             particles.predict(step, travel)
-            particles.update(strain, PRESENT, 1.0, NOWHERE)
+            weight(particles, model, strain)
         answers.append(particles.belief().mean)
     assert (answers[0] == answers[1]).all()
 
@@ -200,21 +173,21 @@ def test_constant_injection_replaces_every_particle_alike_when_all_weigh_the_sam
     replaced = np.zeros(20)
     for seed in range(300):
         particles = ParticleFilter(
-            scene(), FlatModel(), np.random.default_rng(seed), 20, resample_below=1.0, random_particles=5
+            scene(), np.random.default_rng(seed), 20, resample_below=1.0, random_particles=5
         )
         particles.seed(np.array([0.025, 0.025]), np.array([1e-9, 1e-9]))
-        particles.update(STRAIN, PRESENT, 1.0, NOWHERE)
+        weight(particles, FlatModel(), STRAIN)
         replaced += np.abs(particles.hypotheses()[0] - 0.025).max(axis=1) > 1e-6
     assert replaced.sum() == 5 * 300
     assert stats.chisquare(replaced).pvalue > 1e-3
 
 
-def test_constant_injection_happens_at_each_update_and_counts_only_once_weighed():
+def test_constant_injection_happens_at_each_update_and_counts_once_weighted():
     model = linear(std=0.1)
-    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 75, random_particles=10)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 75, random_particles=10)
     particles.seed(np.array([0.02, 0.03]), np.array([1e-4, 1e-4]))
     for _ in range(5):
-        particles.update(model.gain @ [0.02, 0.03], PRESENT, 1.0, NOWHERE)
+        weight(particles, model, model.gain @ [0.02, 0.03])
         states, weights = particles.hypotheses()
         far = np.linalg.norm(states - [0.02, 0.03], axis=1) > 0.002
         assert 5 <= far.sum() <= 10
@@ -223,12 +196,12 @@ def test_constant_injection_happens_at_each_update_and_counts_only_once_weighed(
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.5, 1.0])
-def test_recovery_spreads_the_share_that_it_is_told(fraction):
+def test_injection_spreads_its_fraction_uniformly(fraction):
     spread = []
     for seed in range(40):
-        particles = ParticleFilter(scene(), FlatModel(), np.random.default_rng(seed), 100)
+        particles = ParticleFilter(scene(), np.random.default_rng(seed), 100)
         particles.seed(np.array([0.025, 0.025]), np.array([1e-5, 1e-5]))
-        particles.recover(fraction)
+        particles.inject(fraction)
         states, weights = particles.hypotheses()
         spread.append(weights[np.abs(states - 0.025).max(axis=1) > 1e-3].sum())
     assert np.mean(spread) == pytest.approx(fraction, abs=0.03)
@@ -236,39 +209,23 @@ def test_recovery_spreads_the_share_that_it_is_told(fraction):
 
 def test_copies_of_one_ancestor_are_kept_apart_by_less_than_the_belief_is_wide():
     model = linear()
-    particles = ParticleFilter(scene(), model, np.random.default_rng(0), 300, resample_below=1.0)
-    particles.update(model.gain @ [0.02, 0.03], PRESENT, 1.0, NOWHERE)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 300, resample_below=1.0)
+    weight(particles, model, model.gain @ [0.02, 0.03])
     before = particles.belief()
-    particles.update(model.gain @ [0.02, 0.03], PRESENT, 0.0, NOWHERE)
+    particles.predict(np.zeros(2), 0.0)
     states, _ = particles.hypotheses()
     assert len(np.unique(states, axis=0)) == 300
     grown = np.sqrt(np.diag(particles.belief().covariance) / np.diag(before.covariance))
     assert (grown < 1.2).all()
 
 
-def test_kld_sampling_takes_few_particles_for_a_narrow_belief_and_many_for_a_broad_one():
-    model = linear(std=0.2)
-    particles = ParticleFilter(
-        scene(), model, np.random.default_rng(0), 2000, adaptive=True, resample_below=1.0
-    )
-    counts = []
-    for step, travel, strain in sweep(model, 10):
-        particles.predict(step, travel)
-        particles.update(strain, PRESENT, 1.0, NOWHERE)
-        counts.append(particles.belief().hypotheses)
-    assert counts[0] == 2000
-    assert counts[-1] < 200
-    particles.reset()
-    assert particles.belief().hypotheses == 2000
-
-
 def test_yaw_wraps_around_as_the_belief_moves_on():
     turning = scene(3, full_turn=True)
-    particles = ParticleFilter(turning, FlatModel(), np.random.default_rng(0), 500)
+    particles = ParticleFilter(turning, np.random.default_rng(0), 500)
     particles.seed(np.array([0.025, 0.025, 3.0]), np.array([1e-4, 1e-4, 0.05]))
     for _ in range(10):
         particles.predict(np.array([0.0, 0.0, 0.1]), 0.0)
-        particles.update(STRAIN, PRESENT, 1.0, NOWHERE)
+        weight(particles, FlatModel(), STRAIN)
     belief = particles.belief()
     assert belief.mean[2] == pytest.approx(4.0 - 2 * math.pi, abs=0.02)
     assert math.sqrt(belief.covariance[2, 2]) == pytest.approx(0.05, rel=0.2)
@@ -276,7 +233,7 @@ def test_yaw_wraps_around_as_the_belief_moves_on():
 
 
 def test_a_seed_on_the_far_side_of_the_turn_lies_on_both_its_ends():
-    particles = ParticleFilter(scene(3, full_turn=True), FlatModel(), np.random.default_rng(0), 2000)
+    particles = ParticleFilter(scene(3, full_turn=True), np.random.default_rng(0), 2000)
     particles.seed(np.array([0.025, 0.025, math.pi]), np.array([0.1, 0.1, 0.1]))
     belief = particles.belief()
     assert math.pi - abs(belief.mean[2]) < 0.01
@@ -284,10 +241,10 @@ def test_a_seed_on_the_far_side_of_the_turn_lies_on_both_its_ends():
 
 
 def test_hypotheses_handed_out_do_not_change_afterwards():
-    particles = ParticleFilter(scene(), FlatModel(), np.random.default_rng(0), 75)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 75)
     states, weights = particles.hypotheses()
     before = states.copy(), weights.copy()
-    particles.recover(0.5)
+    particles.inject(0.5)
     np.testing.assert_array_equal(states, before[0])
     np.testing.assert_array_equal(weights, before[1])
 
@@ -304,4 +261,4 @@ def test_hypotheses_handed_out_do_not_change_afterwards():
 )
 def test_a_wrong_parameter_is_named(wrong, message):
     with pytest.raises(ParameterError, match=message):
-        ParticleFilter(scene(), FlatModel(), np.random.default_rng(0), **wrong)
+        ParticleFilter(scene(), np.random.default_rng(0), **wrong)
