@@ -37,7 +37,7 @@ Five values matter on a new hand and material; the rest has defaults or is chose
   bounds of each axis (scene)         the ends of where the palm will be, and 2 to 5 mm more
   distance of the scanned lines       half the smallest detail that is felt
   motion_std of each axis (scene)     slip in the fingers after a slide, over the root of its metres
-  convergence_std (filter)            the position error that the task bears, one sigma
+  convergence_radius (filter)         the largest position error that the task tolerates
   offset of each phalanx (scene)      from the palm to the fingertip, by the hand's drawing
 docs/essentials.md says how to measure each and what happens when it is wrong."""
 

@@ -20,7 +20,7 @@ from tactile_localizer.evaluation.evaluate import Results, evaluate
 from tactile_localizer.evaluation.evaluation_report import evaluation_report
 from tactile_localizer.evaluation.figures import evaluation_figures
 from tactile_localizer.evaluation.jobs import Workers
-from tactile_localizer.evaluation.methods import Method, standard_methods, tuning_methods
+from tactile_localizer.evaluation.methods import Method, standard_methods
 from tactile_localizer.evaluation.plain_json import write_json
 from tactile_localizer.evaluation.report import save_figures
 from tactile_localizer.evaluation.tables import Table, evaluation_tables
@@ -38,8 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods",
         nargs="+",
         metavar="NAME",
-        help=f"YAML files, or of: {', '.join(standard_methods())} (default: all of these); "
-        f"or of: {', '.join(tuning_methods())}",
+        help=f"YAML files, or of: {', '.join(standard_methods())} (default: all of these)",
     )
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
@@ -63,17 +62,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def methods_of(names: Sequence[str] | None) -> list[Method]:
-    """Methods of a list of names: standard ones, those that compare parameters, or YAML files.
+    """Methods of a list of names: standard ones or YAML files.
 
     Raises
     ------
     ParameterError
         Another name, or a file that is no configuration.
     """
-    standard = standard_methods()
+    known = standard_methods()
     if names is None:
-        return list(standard.values())
-    known = standard | tuning_methods()
+        return list(known.values())
     for name in names:
         if name not in known and not Path(name).exists():
             raise ParameterError(f"--methods {name}: expected a YAML file or one of {', '.join(known)}")

@@ -13,7 +13,7 @@ from tactile_localizer.cli.recording_options import (
     naming_from_arguments,
     speed_from_arguments,
 )
-from tactile_localizer.core.configuration import FILTERS, MODELS, SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.evaluation.odometry import EXACT, RECORDED, SIMULATED
@@ -56,7 +56,7 @@ def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         metavar="MODEL",
-        help=f"{', '.join((*MODELS, SWEEP_MIXTURE))}, or one's own as module:Class",
+        help=f"{', '.join(MODELS)}, or one's own as module:Class",
     )
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter; grid: exact")
     parser.add_argument("--particles", type=int, metavar="N", help="of the particle filter")

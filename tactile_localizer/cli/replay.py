@@ -24,13 +24,13 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.core.configuration import SWEEP_MIXTURE
-from tactile_localizer.core.factory import build_localizer, completed
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.evaluation.metrics import INCH
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.evaluation.plain_json import write_json
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.evaluation.replay_document import replay_document
+from tactile_localizer.io.scans.learned import learned_calibration
 
 NAME = "replay"
 HELP = "localise a recording (CSV, scan file or bag) as the filter node would have"
@@ -60,8 +60,9 @@ def run(args: argparse.Namespace) -> int:
     if odometry != RECORDED:
         recording = with_odometry(recording, scene, noise, odometry)
     with progress_bars() as progress:
-        scene = scene if configuration.model == SWEEP_MIXTURE else completed(scan, scene, progress)
-        localizer = build_localizer(scan, scene, configuration, np.random.default_rng(args.seed), progress)
+        calibration = learned_calibration(Path(args.scan), scan, scene, progress)
+        rng = np.random.default_rng(args.seed)
+        localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
         tracks = replay(localizer, recording, progress)
     document = replay_document(scene, configuration, recording, tracks, odometry=odometry, seed=args.seed)
     _print(document)

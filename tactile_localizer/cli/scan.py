@@ -209,25 +209,18 @@ def _export(args: argparse.Namespace) -> int:
 
 def _region(args: argparse.Namespace) -> int:
     # Half a second of imports that other actions do not need.
-    from tactile_localizer.core.region_confidence import BELIEVED_REGION, judged_proposal, region_confidence
+    from tactile_localizer.core.region import propose_region
 
     with ScanStore.open(args.scan) as store:
         scan, scene = store.load(), store.scene
-    proposal, confidence = judged_proposal(scan, scene)
+    proposal = propose_region(scan, scene)
     if scene.feature is not None:
-        of_given = region_confidence(scan, scene)
-        print(f"{args.scan}: region given by the scene, confidence {of_given:.0%}\n{_box(scene)}")
+        print(f"{args.scan}: region given by the scene\n{_box(scene)}")
     if proposal.region is None:
-        print(f"{args.scan}: no region found: the material is alike everywhere, or differs everywhere")
+        print(f"{args.scan}: no region found: the material is felt everywhere, or nowhere")
         return 0
     proposed = replace(scene, feature=proposal.region)
-    if not confidence > BELIEVED_REGION:
-        print(
-            f"{args.scan}: no region found: a place stands out, but only {confidence:.0%} of what held-out "
-            f"sweeps felt outside it is as featureless material\n{_box(proposed)}"
-        )
-        return 0
-    print(f"{args.scan}: proposed region of the feature, confidence {confidence:.0%}\n{_box(proposed)}")
+    print(f"{args.scan}: proposed region of the feature\n{_box(proposed)}")
     sides = ", ".join(
         f"{axis}: [{low:.4f}, {high:.4f}]" for axis, (low, high) in scene_to_dict(proposed)["feature"].items()
     )
@@ -247,7 +240,7 @@ def _box(scene: Scene) -> str:
 
 def _plot(args: argparse.Namespace) -> int:
     # matplotlib takes a second, which no other action needs.
-    from tactile_localizer.core.region_confidence import judged_proposal
+    from tactile_localizer.core.region import propose_region
     from tactile_localizer.core.scan.tactile_map import make_map
     from tactile_localizer.evaluation.map_figures import scan_figures
     from tactile_localizer.evaluation.region_figure import region_sheet
@@ -257,8 +250,8 @@ def _plot(args: argparse.Namespace) -> int:
     try:
         args.output.mkdir(parents=True, exist_ok=True)
         figures = scan_figures(scan, scene, unit=unit)
-        proposed = judged_proposal(scan, scene)
-        figures["region"] = region_sheet(make_map(scan, scene), scene, *proposed, unit=unit)
+        proposal = propose_region(scan, scene)
+        figures["region"] = region_sheet(make_map(scan, scene), scene, proposal, unit=unit)
         for name, figure in figures.items():
             path = args.output / f"{name.replace('/', '_')}.png"
             figure.savefig(path, dpi=args.dpi)

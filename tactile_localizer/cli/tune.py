@@ -1,4 +1,4 @@
-"""``tactile-localizer tune``: the measurement model's parameters chosen by data and written into a scene."""
+"""``tactile-localizer tune``: what a scan teaches, kept in the scan file for the next start."""
 
 from __future__ import annotations
 
@@ -9,21 +9,18 @@ from pathlib import Path
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.core.factory import with_parameters
-from tactile_localizer.core.likelihood.neighbours import search_neighbours
-from tactile_localizer.core.selection import best_of, search
-from tactile_localizer.evaluation.report import save_figures
-from tactile_localizer.evaluation.tuning import (
-    best_neighbours,
-    neighbours_table,
-    tuning_figure,
-    tuning_table,
-)
-from tactile_localizer.io.scans.learned import completed_scene
+from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
+from tactile_localizer.core.calibration.neighbours import search_neighbours
+from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.evaluation.tuning import learned_table, neighbours_table, noise_table, widths_table
+from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 
 NAME = "tune"
-HELP = "choose the measurement model's parameters by what localises held-out sweeps"
+HELP = "show what is learned from a scan, and keep it there for the next start"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,24 +31,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="SCENE",
-        help="scene to write, a picture beside it (default: choose for the filter, kept in the scan)",
+        help="write the scene with parameters for the kernel and Gaussian models, chosen from the scan; the "
+        "default model needs none",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search, show the curve, write scene and picture; or choose, and keep the choice in the scan file."""
+    """Learn from the scan, print the tables, and write a scene where asked."""
     scan, scene = scan_from_arguments(args)
+    with ScanStore.open(args.scan) as store:
+        unit = store.units["strain"]
+    with progress_bars() as progress:
+        calibration = learned_calibration(Path(args.scan), scan, scene, progress)
+        model = learn_sweep_model(scan, scene)
+    mixture = model.mixture(scene, Configuration().cell, calibration.information_length)
+    print_tables([learned_table(scene, mixture, calibration), noise_table(scene, model, unit)])
+    print(f"{args.scan}: kept for the next start of replay and of the filter node")
     if args.output is None:
-        with progress_bars() as progress:
-            completed_scene(Path(args.scan), scan, scene, progress)
-        print(f"{args.scan}: chosen, for the filter's next start")
         return 0
     with progress_bars() as progress:
-        trials = search(scan, scene, progress)
+        progress("choosing kernel widths", 0.0)
+        chosen = choose_kernel_widths(scan, scene, ModelParameters())
         by_neighbours = search_neighbours(scan, scene, progress)
-    print_tables([tuning_table(trials, scene.axis_names), neighbours_table(by_neighbours)])
-    pictures = save_figures({args.output.stem: tuning_figure(trials, by_neighbours)}, args.output.parent)
-    chosen = replace(best_of(trials).for_whole_scan, neighbours=best_neighbours(by_neighbours).neighbours)
-    save_scene(with_parameters(scene, chosen), args.output)
-    print(f"{args.output}, {pictures[0]}")
+    best = max(by_neighbours, key=lambda trial: trial.score)
+    print_tables([widths_table(scene, chosen, unit), neighbours_table(by_neighbours, best)])
+    chosen = replace(chosen, neighbours=best.neighbours)
+    save_scene(replace(scene, measurement=chosen.to_mapping()), args.output)
+    print(args.output)
     return 0

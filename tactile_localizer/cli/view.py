@@ -21,6 +21,7 @@ from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
 from tactile_localizer.evaluation.view import ReplayView
+from tactile_localizer.io.scans.learned import learned_calibration
 
 NAME = "view"
 HELP = "look into a replay in the Rerun viewer: belief, truth, strains, explanations along the time"
@@ -47,7 +48,9 @@ def run(args: argparse.Namespace) -> int:
         recording = with_odometry(recording, scene, np.random.default_rng([args.seed, 1]), odometry)
     view = ReplayView(scan, scene, args.save)
     with progress_bars() as progress:
-        localizer = build_localizer(scan, scene, configuration, np.random.default_rng(args.seed), progress)
+        calibration = learned_calibration(Path(args.scan), scan, scene, progress)
+        rng = np.random.default_rng(args.seed)
+        localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
         written = view.replay(localizer, recording, progress)
     where = f"{args.save}: open it with `rerun {args.save}`" if args.save else "in the viewer"
     print(f"{len(recording.sweeps)} sweeps, {written} updates, {where}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -40,6 +40,25 @@ class Material:
     recording: Recording
     contact: np.ndarray
     blank: Recording | None = None
+
+
+class Condition(Protocol):
+    """What a localizer is tried on, under a name and with a seed of everything random."""
+
+    @property
+    def name(self) -> str:
+        """For tables and figures."""
+
+    @property
+    def seed(self) -> int:
+        """Of the filter, and of what is simulated."""
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What tells this condition from others, as JSON can hold it."""
+
+    def load(self) -> Material:
+        """The map and the sweeps."""
 
 
 @dataclass(frozen=True)
@@ -152,9 +171,6 @@ class RecordedCondition:
             recording = with_odometry(recording, self.scene, rng, SIMULATED)
         contact = [_first_and_last(self.scene, sweep) for sweep in recording.sweeps]
         return Material(self.scan, self.scene, recording, np.array(contact).reshape(-1, 2))
-
-
-Condition = SimulatedCondition | RecordedCondition
 
 
 def _first_and_last(scene: Scene, sweep: RecordedSweep) -> tuple[int, int]:

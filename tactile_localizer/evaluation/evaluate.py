@@ -9,16 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer, completed
-from tactile_localizer.core.likelihood.neighbours import choose_neighbours
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
+from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.factory import build_localizer, convergence_criteria, learn
+from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.selection import choose_parameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
-from tactile_localizer.evaluation.conditions import Condition
+from tactile_localizer.evaluation.conditions import Condition, Material
 from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
-from tactile_localizer.evaluation.methods import SCENE, TUNED, Method
+from tactile_localizer.evaluation.methods import Method
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.evaluation.replay import replay
@@ -112,63 +114,78 @@ def evaluate(
     ParameterError
         A configuration that cannot be used, or workers that cannot be had.
     """
+    learned = learn_conditions(conditions, folder, workers, progress)
+    kernels = [method for method in methods if method.configuration.model != SWEEP_MIXTURE]
+    widths = kernel_widths(conditions, folder, workers, progress) if kernels else [{}] * len(conditions)
     tasks = []
-    parameters = chosen_parameters(conditions, methods, folder, workers, progress)
     for method in methods:
-        for condition, own in zip(conditions, parameters[method.parameters], strict=True):
-            measurement = {**own, **method.measurement}
-            identity = {
-                "condition": condition.identity,
-                "measurement": measurement,
-                "configuration": told(method.configuration),
-            }
-            tasks.append(Task(localise, (condition, measurement, method.configuration), identity))
-    results = run_tasks(tasks, folder, workers, progress, "localising")
+        for condition, calibration, own in zip(conditions, learned, widths, strict=True):
+            measurement = {**own, **method.measurement} if method in kernels else {}
+            tasks.append(localisation(condition, calibration, measurement, method.configuration))
+    results = run_tasks(tasks, folder, workers, progress, "localizing")
     n = len(conditions)
     by_method = {method.name: results[i * n : (i + 1) * n] for i, method in enumerate(methods)}
     return Results(tuple(conditions), {method.name: method for method in methods}, by_method)
 
 
-def chosen_parameters(
-    conditions: Sequence[Condition],
-    methods: Sequence[Method],
-    folder: Path,
-    workers: Workers,
-    progress: Progress | None = None,
-) -> dict[str, list[dict[str, Any]]]:
-    """Parameters of the measurement model for every condition, by the ways that the methods get them."""
-    ways = sorted({method.parameters for method in methods})
-    tasks = [Task(CHOICES[way], (condition,), condition.identity) for way in ways for condition in conditions]
-    chosen = run_tasks(tasks, folder, workers, progress, "choosing parameters")
-    n = len(conditions)
-    return {way: chosen[i * n : (i + 1) * n] for i, way in enumerate(ways)}
+def learn_conditions(
+    conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
+) -> list[dict[str, Any]]:
+    """The calibration of every condition, as JSON holds it."""
+    tasks = [Task(learn_condition, (condition,), condition.identity) for condition in conditions]
+    return run_tasks(tasks, folder, workers, progress, "learning from the scans")
 
 
-def choose(condition: Condition) -> dict[str, Any]:
-    """Parameters of a condition's scene; what it leaves open is chosen from the scan."""
+def learn_condition(condition: Condition) -> dict[str, Any]:
+    """The calibration of a condition's scan."""
     material = condition.load()
-    scene = completed(material.scan, material.scene)
-    return ModelParameters.from_mapping(scene.measurement).to_mapping()
+    calibration = learn(material.scan, material.scene)
+    return {**calibration._asdict(), "registration_std": calibration.registration_std.tolist()}
 
 
-def choose_anew(condition: Condition) -> dict[str, Any]:
-    """Parameters chosen from a condition's scan, as ``tune`` does; those of the scene do not count."""
+def kernel_widths(
+    conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
+) -> list[dict[str, Any]]:
+    """Parameters of the kernel models for every condition: those of its scene, the rest chosen."""
+    tasks = [Task(choose_widths, (condition,), condition.identity) for condition in conditions]
+    return run_tasks(tasks, folder, workers, progress, "choosing kernel widths")
+
+
+def choose_widths(condition: Condition) -> dict[str, Any]:
+    """Parameters of a condition's scene; the kernel widths that it leaves open are chosen from the scan."""
     material = condition.load()
-    widths = choose_parameters(material.scan, material.scene)
-    neighbours = choose_neighbours(material.scan, material.scene)
-    return replace(widths, neighbours=neighbours).to_mapping()
+    given = ModelParameters.from_mapping(material.scene.measurement)
+    if given.position_std is None or given.strain_std is None:
+        given = choose_kernel_widths(material.scan, material.scene, given)
+    return given.to_mapping()
 
 
-CHOICES = {SCENE: choose, TUNED: choose_anew}
+def localisation(
+    condition: Condition,
+    calibration: dict[str, Any],
+    measurement: dict[str, Any],
+    configuration: Configuration,
+) -> Task:
+    """The task of :func:`localise`."""
+    identity = {
+        "condition": condition.identity,
+        "calibration": calibration,
+        "measurement": measurement,
+        "configuration": told(configuration),
+    }
+    return Task(localise, (condition, calibration, measurement, configuration), identity)
 
 
 def localise(
-    condition: Condition, measurement: dict[str, Any], configuration: Configuration
+    condition: Condition,
+    calibration: dict[str, Any],
+    measurement: dict[str, Any],
+    configuration: Configuration,
 ) -> dict[str, Any]:
     """Outcomes of a condition's sweeps, of its blank sweeps, and the time that updates took."""
     material = condition.load()
     scene = replace(material.scene, measurement=measurement)
-    localizer = build_localizer(material.scan, scene, configuration, np.random.default_rng(condition.seed))
+    localizer = built(condition, material, calibration, measurement, configuration)
     # Processor time: tasks share the machine, with each other and with others.
     tracks = replay(localizer, material.recording, clock=time.thread_time)
     blanks = replay(localizer, material.blank) if material.blank is not None else []
@@ -186,7 +203,25 @@ def localise(
     }
 
 
+def built(
+    condition: Condition,
+    material: Material,
+    calibration: dict[str, Any],
+    measurement: dict[str, Any],
+    configuration: Configuration,
+) -> Localizer:
+    """The localizer of a task."""
+    return build_localizer(
+        material.scan,
+        replace(material.scene, measurement=measurement),
+        configuration,
+        np.random.default_rng(condition.seed),
+        calibration=Calibration(calibration["information_length"], np.array(calibration["registration_std"])),
+    )
+
+
 def _narrow_trace(configuration: Configuration, scene: Scene) -> float:
-    """Trace of a belief that is just narrow enough for convergence, with all axes at their limit."""
-    yaw, length = configuration.convergence_yaw_std, configuration.convergence_std
-    return sum((yaw if axis.name == "yaw" else length) ** 2 for axis in scene.axes)
+    """Trace of a normal belief just narrow enough for convergence, all axes at their limit."""
+    criteria = convergence_criteria(scene, configuration)
+    inside = chi2.ppf(criteria.probability, scene.dimension)
+    return float(np.sum(criteria.radius**2) / inside)

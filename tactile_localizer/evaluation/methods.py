@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from tactile_localizer.core.configuration import MODELS, Configuration
+from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 
 _SQUARE_INCH = 0.0254**2
@@ -14,7 +14,6 @@ _SQUARE_INCH = 0.0254**2
 PAPER_FILTER: dict[str, Any] = {
     "filter": "particle",
     "particles": 75,
-    "recovery": "constant",
     "random_particles": 10,
     "resample_below": 1.0,
     "conditional": False,
@@ -26,19 +25,13 @@ PAPER_PARAMETERS = {
     "strain_std": math.sqrt(0.001),
     "correlation_length": Configuration().update_distance,
     "interpolate": False,
-    "sweep_offset": False,
 }
 """The paper's hand-set widths (III-C) in m and V; each strain counts in full, as it is."""
 
-PARTICLES = (75, 1000)
-"""The paper's number, and one that should come close to the exact filter."""
+PAPER_MODELS = tuple(model for model in MODELS if model != SWEEP_MIXTURE)
 
-PAPER_NEIGHBOURS = 8
-"""k of the paper's Gaussian models (Fig. 6)."""
-
-
-SCENE, TUNED = "scene", "tuned"
-"""Where parameters of the measurement model come from: the scene, or the scan alone as ``tune`` does it."""
+PARTICLES = (75, 300, 1000)
+"""The paper's number, the default's, and one that should come close to the exact filter."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +42,12 @@ class Method:
     ----------
     name : for tables and figures
     configuration : choices of the user
-    measurement : parameters of the measurement model that go before those of ``parameters``
-    parameters : :data:`SCENE` or :data:`TUNED`
+    measurement : parameters of a kernel model that go before those of the scene and of the choice
     """
 
     name: str
     configuration: Configuration
     measurement: dict[str, Any] = field(default_factory=dict)
-    parameters: str = SCENE
 
 
 def paper_form(model: str) -> str:
@@ -73,22 +64,22 @@ def exact_of(method: Method) -> str:
     """Name of the method that a method would be with the exact filter; its own where there is none other."""
     if method.name.endswith("-paper"):
         return f"{method.name}-grid"
-    is_exact = method.name.endswith("-paper-grid")
-    return method.name if is_exact or method.configuration.model != Configuration().model else "default"
+    return "default" if method.configuration.model == SWEEP_MIXTURE else method.name
 
 
 def standard_methods() -> dict[str, Method]:
     """By name: the default, also with few and many particles, the presets, and the paper's models.
 
-    Each of the paper's models is also there with the exact filter.
+    The sums of Gaussians are there with widths chosen from the scan; each of the paper's models as the paper
+    has it, and so with the exact filter.
     """
     methods = [Method("default", Configuration())]
     methods += [
         Method(f"particles-{count}", Configuration(filter="particle", particles=count)) for count in PARTICLES
     ]
-    methods.append(Method("featureless", Configuration(model="featureless")))
     methods += [Method(preset, load_configuration(preset)) for preset in PRESETS]
-    for model in MODELS:
+    methods += [Method(model, Configuration(model=model)) for model in ("sum_of_gaussians", "featureless")]
+    for model in PAPER_MODELS:
         methods.append(
             Method(paper_form(model), Configuration(model=model, **PAPER_FILTER), dict(PAPER_PARAMETERS))
         )
@@ -96,22 +87,4 @@ def standard_methods() -> dict[str, Method]:
         cell = 0.3 if model in ("sum_of_gaussians", "featureless") else 0.6
         exact = Configuration(model=model, filter="grid", cell=cell, conditional=False)
         methods.append(Method(exact_form(model), exact, dict(PAPER_PARAMETERS)))
-    return {method.name: method for method in methods}
-
-
-def tuning_methods() -> dict[str, Method]:
-    """By name: parameters by data beside the paper's, for the default and for the single Gaussian.
-
-    The paper counts every strain in full; *tempered* has its widths, but tempering by data. The Gaussians are
-    both tempered by data and differ in the number of neighbours.
-    """
-    gaussian = Configuration(model="gaussian", filter="particle")
-    widths = {name: PAPER_PARAMETERS[name] for name in ("position_std", "strain_std")}
-    methods = [
-        Method("tuned", Configuration(), parameters=TUNED),
-        Method("hand-set", Configuration(), dict(PAPER_PARAMETERS), TUNED),
-        Method("hand-set-tempered", Configuration(), widths, TUNED),
-        Method("gaussian-tuned", gaussian, parameters=TUNED),
-        Method("gaussian-hand-set", gaussian, {"neighbours": PAPER_NEIGHBOURS}, TUNED),
-    ]
     return {method.name: method for method in methods}

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.region import Proposal
-from tactile_localizer.core.region_confidence import BELIEVED_REGION
 from tactile_localizer.core.scan.tactile_map import TactileMap
 from tactile_localizer.evaluation.display import label_axis, legend_below, literal, shown
 from tactile_localizer.scene import Region, Scene
@@ -22,20 +21,17 @@ _DOTS = "not as featureless material"
 _NO_DATA = "lightsteelblue"
 
 
-def region_sheet(
-    tactile_map: TactileMap, scene: Scene, proposal: Proposal, confidence: float, *, unit: str = "V"
-) -> Figure:
+def region_sheet(tactile_map: TactileMap, scene: Scene, proposal: Proposal, *, unit: str = "V") -> Figure:
     """How far each phalanx's strain is from featureless material, where the phalanx was, and the regions.
 
     Dots are the cells in which most strains are not those of featureless material. Solid is the region
-    that the scene gives, dashed the one that the data propose, where held-out sweeps confirm it.
+    that the scene gives, dashed the one that the data propose.
 
     Parameters
     ----------
     tactile_map : of the scan
     scene : may give a region
     proposal : of :func:`~tactile_localizer.core.region.propose_region`
-    confidence : of the proposed region (:func:`~tactile_localizer.core.region_confidence.region_confidence`)
     unit : of the strain
     """
     felt = [np.linalg.norm(tactile_map.phalanx(name), axis=-1) for name in scene.phalanx_names]
@@ -45,11 +41,10 @@ def region_sheet(
     for plot in figure.axes[: len(felt)]:
         if scene.feature is not None:
             _box(plot, scene.feature, tactile_map.axes, "given by the scene", _GIVEN)
-        if proposal.region is not None and confidence > BELIEVED_REGION:
-            label = f"proposed, confidence {confidence:.0%}"
-            _box(plot, proposal.region, tactile_map.axes, label, _PROPOSED)
+        if proposal.region is not None:
+            _box(plot, proposal.region, tactile_map.axes, "proposed", _PROPOSED)
     legend_below(figure, figure.axes[0])
-    found = "the feature's region" if confidence > BELIEVED_REGION else "no region of a feature was found"
+    found = "no region of a feature was found" if proposal.region is None else "the feature's region"
     figure.suptitle(f"{literal(scene.name)}: {found}; by where each phalanx was")
     return figure
 

@@ -53,7 +53,7 @@ def _updates(scene: Scene, track: Track) -> Iterator[dict[str, Any]]:
         "trace": track.trace,
         "converged": track.converged,
         "reason": list(track.reason),
-        "evidence": track.evidence,
+        "probability": track.probability,
         "log_marginal": track.log_marginal,
         "updated": track.updated,
         "travel_m": track.travel,

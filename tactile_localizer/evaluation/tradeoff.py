@@ -6,19 +6,25 @@ import time
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition, Material
-from tactile_localizer.evaluation.evaluate import as_array, choose, localise
-from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
+from tactile_localizer.evaluation.evaluate import (
+    as_array,
+    built,
+    kernel_widths,
+    learn_conditions,
+    localisation,
+)
+from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
@@ -63,7 +69,6 @@ class Candidate:
         own, default = self.configuration, Configuration()
         parts = [f"{self.preset}:"] if self.preset else []
         parts += [own.model, f"grid {own.cell:g}" if own.filter == "grid" else f"particle {own.particles}"]
-        parts += ["adaptive"] if own.adaptive else []
         parts += [str(getattr(own, n)) for n in ("evaluation", "precision") if n in self.changes]
         step = own.update_distance
         parts += [f"{step * 1e3:g} mm"] if step != default.update_distance else []
@@ -140,21 +145,22 @@ def candidates() -> list[Candidate]:
 def _configurations() -> Iterator[Configuration]:
     grid = Configuration()
     particle = replace(grid, filter="particle", particles=300)
-    for step in (0.0005, 0.001, 0.002):
-        for cell in (0.3, 0.8):
+    for step in (0.001, 0.002, 0.003):
+        for cell in (0.15, 0.3, 0.6, 1.0):
             yield replace(grid, cell=cell, update_distance=step)
         for particles in (75, 150, 300, 1000):
             yield replace(particle, particles=particles, update_distance=step)
-    for evaluation in ("truncated", "exact"):
-        yield replace(particle, particles=75, evaluation=evaluation)
+    few = replace(particle, model="sum_of_gaussians", particles=75)
+    for evaluation in EVALUATIONS:
+        yield replace(few, evaluation=evaluation)
+    yield replace(few, precision="float64")
     for one in (grid, particle):
-        yield replace(one, precision="float64")
-        yield replace(one, model="featureless")
+        for model in ("sum_of_gaussians", "featureless"):
+            yield replace(one, model=model)
     for model in ("gaussian", "gaussian_independent"):
         yield replace(particle, model=model)
         # What the particles cost; finer cells would take minutes.
         yield replace(grid, model=model, cell=0.6)
-    yield replace(particle, particles=3000, adaptive=True)
 
 
 def trade(
@@ -171,43 +177,43 @@ def trade(
     ParameterError
         Workers that cannot be had.
     """
-    choosing = [Task(choose, (condition,), condition.identity) for condition in conditions]
-    chosen = run_tasks(choosing, folder, workers, progress, "choosing parameters")
-    tasks, weighing = [], []
-    for one in tried:
-        for condition, parameters in zip(conditions, chosen, strict=True):
-            thinned = Thinned(condition, one.every)
-            measurement = {**parameters, "neighbours": one.neighbours}
-            identity = {
-                "condition": thinned.identity,
-                "measurement": measurement,
-                "configuration": told(one.configuration),
-            }
-            task = Task(localise, (thinned, measurement, one.configuration), identity)
-            tasks.append(task)
-            if condition is conditions[0]:
-                weighing.append(Task(cost, task.arguments, identity))
+    pairs = [(one, Thinned(condition, one.every)) for one in tried for condition in conditions]
+    materials = list(dict.fromkeys(own for _, own in pairs))
+    learned = dict(zip(materials, learn_conditions(materials, folder, workers, progress), strict=True))
+    widths = kernel_widths(conditions, folder, workers, progress)
+    tasks = [
+        localisation(condition, learned[condition], _measurement(one, own), one.configuration)
+        for (one, condition), own in zip(pairs, widths * len(tried), strict=True)
+    ]
     results = run_tasks(tasks, folder, workers, progress, "trying configurations")
-    # One at a time, whoever does the rest: they would take time from each other.
-    costs = run_tasks(weighing, folder, Workers(), progress, "measuring time and memory")
     n = len(conditions)
+    # One at a time, whoever does the rest: they would take time from each other.
+    weighing = [Task(cost, task.arguments, task.identity) for task in tasks[::n]]
+    costs = run_tasks(weighing, folder, Workers(), progress, "measuring time and memory")
     return [_gather(one, results[i * n : (i + 1) * n], costs[i]) for i, one in enumerate(tried)]
 
 
+def _measurement(candidate: Candidate, widths: dict[str, Any]) -> dict[str, Any]:
+    """What a candidate's scene gives under ``measurement``."""
+    if candidate.configuration.model == SWEEP_MIXTURE:
+        return {}
+    return {**widths, "neighbours": candidate.neighbours}
+
+
 def cost(
-    condition: Condition | Thinned, measurement: dict[str, Any], configuration: Configuration
+    condition: Condition,
+    calibration: dict[str, Any],
+    measurement: dict[str, Any],
+    configuration: Configuration,
 ) -> dict[str, Any]:
     """What a localizer takes: processor time of one thread, and most memory beside the scan.
 
     A strain's time is the least of several passes, so that what else the machine does counts little.
     """
     material = condition.load()
-    scene = replace(material.scene, measurement=measurement)
     few = replace(material.recording, sweeps=material.recording.sweeps[:_TIMED_SWEEPS])
 
-    def build() -> Localizer:
-        return build_localizer(material.scan, scene, configuration, np.random.default_rng(condition.seed))
-
+    build = partial(built, condition, material, calibration, measurement, configuration)
     localizer = build()
     passes = [replay(localizer, few, clock=time.thread_time) for _ in range(_PASSES)]
     least = [

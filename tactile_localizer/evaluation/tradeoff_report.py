@@ -17,16 +17,16 @@ from tactile_localizer.evaluation.report import Report, mapping_table
 from tactile_localizer.evaluation.tables import Table
 from tactile_localizer.evaluation.tradeoff import Trade, pareto_front
 
-_COLOURS = dict(zip(MODELS, ("tab:blue", "tab:red", "tab:orange", "tab:green"), strict=True))
+_COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
 _MARKERS = {"grid": "s", "particle": "o"}
 _COLUMNS = (
     "configuration",
     "error, mm",
-    "95 %",
-    "coverage",
-    "update, us",
-    "99 %, us",
-    "us a mm",
+    "95 % interval, mm",
+    "coverage, %",
+    "update, µs",
+    "99 %, µs",
+    "µs/mm",
     "memory, MB",
 )
 
@@ -76,7 +76,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
         axis.set_major_locator(LogLocator(subs=steps))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
-    plot.set_xlabel("processor time of an update, median, us")
+    plot.set_xlabel("processor time of an update, median, µs")
     plot.set_ylabel("mean error, mm (dashed: 0.1 inch)")
     plot.grid(color="0.92", which="both")
     plot.legend(fontsize=7)
@@ -126,8 +126,8 @@ def tradeoff_report(
 def describe(trade: Trade) -> str:
     """A trade in a line."""
     return (
-        f"{trade.candidate.name}: error {trade.error.mean * MM:.2f} mm, update {trade.update_us:.0f} us "
-        f"(99 %: {trade.update_p99_us:.0f} us), {trade.memory_mb:.0f} MB"
+        f"{trade.candidate.name}: error {trade.error.mean * MM:.2f} mm, update {trade.update_us:.0f} µs "
+        f"(99 %: {trade.update_p99_us:.0f} µs), {trade.memory_mb:.0f} MB"
     )
 
 
@@ -136,7 +136,7 @@ def _row(trade: Trade) -> tuple[str, ...]:
         trade.candidate.name,
         f"{trade.error.mean * MM:.2f}",
         f"{trade.error.low * MM:.2f}-{trade.error.high * MM:.2f}",
-        f"{trade.coverage:.1%}",
+        f"{100 * trade.coverage:.1f}",
         f"{trade.update_us:.0f}",
         f"{trade.update_p99_us:.0f}",
         f"{trade.us_per_mm:.0f}",

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.evaluations import QUICK, TUNED, condition, results
+from support.evaluations import CALIBRATION, QUICK, TUNED, condition, results
 
-from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.evaluation import evaluate as evaluate_module
 from tactile_localizer.evaluation.conditions import SimulatedCondition
-from tactile_localizer.evaluation.evaluate import choose, choose_anew, evaluate, localise
+from tactile_localizer.evaluation.evaluate import choose_widths, evaluate, localise
 from tactile_localizer.evaluation.jobs import Workers
-from tactile_localizer.evaluation.methods import PAPER_PARAMETERS, standard_methods, tuning_methods
-from tactile_localizer.evaluation.methods import TUNED as TUNED_BY_DATA
+from tactile_localizer.evaluation.methods import PAPER_PARAMETERS, standard_methods
 
 
 def test_every_method_is_tried_on_every_condition(tmp_path: Path) -> None:
@@ -32,7 +30,7 @@ def test_every_method_is_tried_on_every_condition(tmp_path: Path) -> None:
 
 
 def test_what_a_scene_gives_is_not_chosen_again() -> None:
-    parameters = choose(condition())
+    parameters = choose_widths(condition())
     assert parameters == {**TUNED, "neighbours": 8}
 
 
@@ -48,9 +46,9 @@ def test_a_simulated_condition_has_its_contacts_and_blank_sweeps() -> None:
 
 def test_blank_sweeps_are_replayed_too() -> None:
     tried = SimulatedCondition("bump", 1, sweeps=1, blanks=1)
-    outcome = localise(tried, TUNED, QUICK[0].configuration)
+    outcome = localise(tried, CALIBRATION, {}, QUICK[0].configuration)
     assert len(outcome["blanks"]) == 1
-    assert outcome["narrow_trace_m2"] == pytest.approx(2 * QUICK[0].configuration.convergence_std ** 2)
+    assert 0.0 < outcome["narrow_trace_m2"] < 2 * QUICK[0].configuration.convergence_radius ** 2
 
 
 def test_an_own_recording_gets_odometry_and_contact_from_the_scenes_region() -> None:
@@ -72,20 +70,11 @@ def test_the_standard_methods_are_the_default_the_presets_and_the_papers_models_
         assert paper.measurement == exact.measurement == PAPER_PARAMETERS
 
 
-def test_parameters_by_data_stand_beside_the_papers() -> None:
-    methods = tuning_methods()
-    assert methods["tuned"].measurement == {}
-    assert methods["hand-set"].measurement == PAPER_PARAMETERS
-    assert {method.parameters for method in methods.values()} == {TUNED_BY_DATA}
-    assert methods["tuned"].configuration == methods["hand-set"].configuration == Configuration()
-
-
-def test_parameters_are_chosen_anew_where_a_method_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    widths = ModelParameters(0.001, 0.02, 0.005)
-    monkeypatch.setattr(evaluate_module, "choose_parameters", lambda scan, scene: widths)
-    monkeypatch.setattr(evaluate_module, "choose_neighbours", lambda scan, scene: 16)
-    assert choose_anew(condition()) == {**widths.to_mapping(), "neighbours": 16}
-    assert choose(condition())["position_std"] == TUNED["position_std"]
+def test_kernel_widths_that_a_scene_leaves_open_are_chosen() -> None:
+    open_scene = replace(condition().scene, measurement={"strain_std": 0.03})
+    chosen = ModelParameters.from_mapping(choose_widths(replace(condition(), scene=open_scene)))
+    assert chosen.strain_std == 0.03
+    assert np.all(np.asarray(chosen.position_std) > 0.0)
 
 
 def test_the_papers_widths_are_variances_in_inches() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 from support.browser import look_at
-from support.evaluations import QUICK, TUNED, condition
+from support.evaluations import CALIBRATION, QUICK, TUNED, condition
 
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
@@ -99,7 +99,9 @@ def test_candidates_are_tried_and_weighed(tmp_path: Path) -> None:
 
 
 def test_a_larger_map_takes_more_memory() -> None:
-    whole, thin = (cost(Thinned(condition(), every), TUNED, QUICK[0].configuration) for every in (1, 4))
+    whole, thin = (
+        cost(Thinned(condition(), every), CALIBRATION, {}, QUICK[0].configuration) for every in (1, 4)
+    )
     assert 2 < whole["peak_bytes"] / thin["peak_bytes"] < 8
 
 

@@ -20,27 +20,27 @@ class KernelPosition:
     """
 
     def __init__(self, model: MeasurementModel, mixture: SweepMixture, correlation_length: float) -> None:
-        self._model, self._mixture = model, mixture
+        self._model, self.mixture = model, mixture
         self.information_length = correlation_length
         self.presence_length = mixture.presence_length
         self.offset_variance = mixture.offset_variance
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """See :meth:`.StrainModel.whitened`."""
-        return self._mixture.whitened(strain)
+        return self.mixture.whitened(strain)
 
     def in_volts(self, difference: np.ndarray) -> np.ndarray:
         """See :meth:`.StrainModel.in_volts`."""
-        return self._mixture.in_volts(difference)
+        return self.mixture.in_volts(difference)
 
     def evaluate(
         self, states: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> Evaluation:
         """See :meth:`.StrainModel.evaluate`."""
-        volts = self._mixture.in_volts(strain) + self._mixture.noise.centre
+        volts = self.mixture.in_volts(strain) + self.mixture.noise.centre
         position = self._model.log_likelihood(states, volts, used)
-        return self._mixture.evaluate(states, strain, used, offset_variance)._replace(position=position)
+        return self.mixture.evaluate(states, strain, used, offset_variance)._replace(position=position)
 
     def expected(self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray) -> Expected:
         """See :meth:`.StrainModel.expected`."""
-        return self._mixture.expected(states, weights, strain)
+        return self.mixture.expected(states, weights, strain)

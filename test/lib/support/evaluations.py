@@ -15,10 +15,14 @@ from tactile_localizer.sim import simulate_scan
 
 TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 
+CALIBRATION = {"information_length": 0.0022, "registration_std": [0.0004, 0.0004]}
+
 QUICK = (
-    Method("default", Configuration(filter="particle", particles=60, update_distance=0.001)),
+    Method("default", Configuration(filter="particle", particles=60)),
     Method(
-        "other", Configuration(filter="particle", particles=20, update_distance=0.001), dict(PAPER_PARAMETERS)
+        "other",
+        Configuration(model="sum_of_gaussians", filter="particle", particles=20),
+        dict(PAPER_PARAMETERS),
     ),
 )
 
