@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.evaluations import QUICK, TUNED, condition
+from support.evaluations import CALIBRATION, QUICK, condition
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
@@ -19,7 +19,7 @@ from tactile_localizer.evaluation.jobs import Task, Workers, run_tasks, told
 def task(seed: int, configuration: Configuration = QUICK[0].configuration) -> Task:
     tried = condition(seed)
     identity = {"condition": tried.identity, "configuration": vars(configuration)}
-    return Task(localise, (tried, TUNED, configuration), identity)
+    return Task(localise, (tried, CALIBRATION, {}, configuration), identity)
 
 
 def without_times(results: list[dict]) -> list[dict]:

@@ -30,11 +30,11 @@ def boxes(plot):
 
 def test_the_given_and_the_proposed_region_are_outlined_on_every_phalanx(scan, tmp_path):
     proposal = propose_region(scan, SCENE)
-    figure = region_sheet(make_map(scan, SCENE), SCENE, proposal, 0.97)
+    figure = region_sheet(make_map(scan, SCENE), SCENE, proposal)
     for plot in figure.axes[:2]:
         drawn = boxes(plot)
         np.testing.assert_allclose(drawn["given by the scene"].extents, [14, 4.5, 48, 63.5], atol=0.01)
-        label = "proposed, confidence 97%"
+        label = "proposed"
         extents = 1e3 * np.array([proposal.region.lower, proposal.region.upper]).ravel()
         np.testing.assert_allclose(drawn[label].extents, extents, atol=0.01)
         np.testing.assert_allclose(plot.get_ylim(), (-12.7, 63.5), atol=0.01)
@@ -45,16 +45,10 @@ def test_a_material_without_a_region_is_drawn_without_a_box(scan, tmp_path):
     scene = Scene("plain", SCENE.axes, SCENE.phalanges)
     nothing = propose_region(scan, scene)
     plain = Proposal(None, [np.zeros_like(cells) for cells in nothing.cells], nothing.axes)
-    figure = region_sheet(make_map(scan, scene), scene, plain, 0.0)
-    assert not boxes(figure.axes[0])
-    figure.savefig(tmp_path / "region.png", dpi=40)
-
-
-def test_a_region_that_held_out_sweeps_do_not_confirm_is_not_drawn(scan):
-    scene = Scene("plain", SCENE.axes, SCENE.phalanges)
-    figure = region_sheet(make_map(scan, scene), scene, propose_region(scan, scene), 0.16)
+    figure = region_sheet(make_map(scan, scene), scene, plain)
     assert not boxes(figure.axes[0])
     assert "no region of a feature was found" in figure._suptitle.get_text()
+    figure.savefig(tmp_path / "region.png", dpi=40)
 
 
 def test_one_axis_has_a_profile_a_phalanx(scan, tmp_path):
@@ -65,7 +59,7 @@ def test_one_axis_has_a_profile_a_phalanx(scan, tmp_path):
         Region((0.02,), (0.04,)),
     )
     line = Scan(scan.states[:, :1], scan.strain, scan.sweep, ("x",), scan.phalanges)
-    figure = region_sheet(make_map(line, scene), scene, propose_region(line, scene), 1.0, unit="counts")
+    figure = region_sheet(make_map(line, scene), scene, propose_region(line, scene), unit="counts")
     box = boxes(figure.axes[1])["given by the scene"]
     np.testing.assert_allclose([box.x0, box.x1], [20, 40])
     assert figure.axes[0].get_ylabel() == "counts"
