@@ -209,7 +209,7 @@ def _export(args: argparse.Namespace) -> int:
 
 def _region(args: argparse.Namespace) -> int:
     # Half a second of imports that other actions do not need.
-    from tactile_localizer.core.region import propose_region
+    from tactile_localizer.core.calibration.feature_region import propose_region
 
     with ScanStore.open(args.scan) as store:
         scan, scene = store.load(), store.scene
@@ -240,7 +240,7 @@ def _box(scene: Scene) -> str:
 
 def _plot(args: argparse.Namespace) -> int:
     # matplotlib takes a second, which no other action needs.
-    from tactile_localizer.core.region import propose_region
+    from tactile_localizer.core.calibration.feature_region import propose_region
     from tactile_localizer.core.scan.tactile_map import make_map
     from tactile_localizer.evaluation.map_figures import scan_figures
     from tactile_localizer.evaluation.region_figure import region_sheet

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tactile_localizer.core.region import Proposal
+from tactile_localizer.core.calibration.feature_region import Proposal
 from tactile_localizer.core.scan.tactile_map import TactileMap
 from tactile_localizer.evaluation.display import label_axis, legend_below, literal, shown
 from tactile_localizer.scene import Region, Scene
@@ -31,7 +31,7 @@ def region_sheet(tactile_map: TactileMap, scene: Scene, proposal: Proposal, *, u
     ----------
     tactile_map : of the scan
     scene : may give a region
-    proposal : of :func:`~tactile_localizer.core.region.propose_region`
+    proposal : of :func:`~tactile_localizer.core.calibration.feature_region.propose_region`
     unit : of the strain
     """
     felt = [np.linalg.norm(tactile_map.phalanx(name), axis=-1) for name in scene.phalanx_names]

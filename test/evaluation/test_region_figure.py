@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
-from tactile_localizer.core.region import Proposal, propose_region
+from tactile_localizer.core.calibration.feature_region import Proposal, propose_region
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.evaluation.region_figure import region_sheet
