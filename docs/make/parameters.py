@@ -30,7 +30,7 @@ scene says about the material (bounds, motion noise, widths) is no parameter of 
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",
-    "material_frame", "reference_frame", "material_pose", "convergence_std", "convergence_yaw_std",
+    "material_frame", "reference_frame", "material_pose", "convergence_radius",
 }  # fmt: skip
 """Parameters that no default can know: wiring, files, frames, and how precise a position has to be."""
 

@@ -156,7 +156,7 @@ class LiveView:
             deviations = np.sqrt(np.diag(believed.covariance)) * 1e3
             trace = np.trace(believed.covariance) * 1e6
             yield "trace", f"{trace:8.2f} mm²  ({deviations[0]:.2f} and {deviations[1]:.2f} mm)"
-            yield "evidence", f"{believed.evidence:6.1f} nats"
+            yield "probability", f"{believed.probability:6.3f} of being within the convergence radius"
             style = "bold green" if believed.converged else "yellow"
             yield "believed", Text(believed.reason, style=style)
         if heard.status is not None:

@@ -57,7 +57,7 @@ class Believed:
     covariance: np.ndarray
     converged: bool
     reason: str
-    evidence: float
+    probability: float
 
 
 class Heard:
@@ -155,7 +155,7 @@ class Heard:
                     np.reshape(message.covariance, (2, 2)),
                     message.converged,
                     message.reason,
-                    message.evidence,
+                    message.probability,
                 )
             )
 

@@ -68,13 +68,15 @@ class FilterDiagnostics:
             values |= {
                 "converged": estimate.converged and not stale,
                 "reason": estimate.reason,
-                "evidence_nat": f"{estimate.evidence:.2f}",
+                "state": estimate.state.name,
+                "probability": f"{estimate.probability:.4f}",
+                "on_map": f"{estimate.on_map:.4f}",
                 "log_marginal_nat": f"{estimate.log_marginal:.2f}",
                 "covariance_trace": f"{estimate.trace:.4g}",
                 "effective_sample_size": f"{estimate.effective_sample_size:.1f}",
                 "hypotheses": estimate.hypotheses,
                 "travel_m": f"{estimate.travel:.4f}",
-                "left_out": " ".join(_left_out(tracker)),
+                "inconsistent": " ".join(_inconsistent(tracker)),
             }
         if tracker.update_times_ns:
             times_us = np.asarray(tracker.update_times_ns) * 1e-3
@@ -86,10 +88,10 @@ class FilterDiagnostics:
             }
         if stale:
             return self._status("belief", DiagnosticStatus.STALE, f"stale: {stale}", values)
-        if left_out := _left_out(tracker):
-            message = f"left out, for they are stuck or contradict the belief: {', '.join(left_out)}"
+        if stuck := _inconsistent(tracker):
+            message = f"not used because the load cell repeats itself (stuck): {', '.join(stuck)}"
             return self._status("belief", DiagnosticStatus.WARN, message, values)
-        message = "nothing felt yet" if estimate is None else estimate.reason
+        message = "no measurement yet" if estimate is None else estimate.reason
         return self._status("belief", DiagnosticStatus.OK, message, values)
 
     def _of_inputs(self, tracker: Tracker, inputs: Inputs) -> Any:
@@ -133,12 +135,13 @@ class FilterDiagnostics:
         )
 
 
-def _left_out(tracker: Tracker) -> list[str]:
-    """Phalanges that are not trusted."""
+def _inconsistent(tracker: Tracker) -> list[str]:
+    """Names of the phalanges that are stuck."""
     if tracker.latest is None:
         return []
     names = tracker.localizer.scene.phalanx_names
-    return [name for name, trusted in zip(names, tracker.latest.trusted, strict=True) if not trusted]
+    consistent = tracker.latest.consistent
+    return [name for name, used in zip(names, consistent, strict=True) if not used]
 
 
 def _waiting_s(pairing: Pairing[Any]) -> float:

@@ -12,8 +12,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
 
-from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
+from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.nodes import hand_markers, posterior_messages

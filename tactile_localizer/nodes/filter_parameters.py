@@ -10,8 +10,6 @@ from tactile_localizer.core.configuration import (
     MODELS,
     PRECISIONS,
     RANGES,
-    RECOVERIES,
-    SWEEP_MIXTURE,
     Configuration,
 )
 from tactile_localizer.core.filters.resampling import RESAMPLERS
@@ -39,26 +37,52 @@ def _plain(name: str, description: str) -> Parameter:
 
 CONFIGURATION = (
     _plain(
-        "model", f"Measurement model: {', '.join((*MODELS, SWEEP_MIXTURE))}, or one's own as module:Class"
+        "model",
+        f"Measurement model: {', '.join(MODELS)}, or one's own as module:Class. "
+        "sweep_mixture is learned from the scan, the others use the scene's kernel widths",
     ),
-    _choice("filter", "Particles, or the exact recursion on the cells of a grid", FILTERS),
-    _number("particles", "How many particles; the paper has 75"),
-    _number("cell", "Largest cell of the grid, in widths of the position kernel"),
-    _choice("evaluation", "How kernel sums are evaluated", EVALUATIONS),
-    _choice("precision", "Of the strains in memory", PRECISIONS),
-    _plain("conditional", "Sum of Gaussians in conditional form; false: the paper's joint form"),
-    _choice("resampling", "Resampling scheme of the particle filter", RESAMPLERS),
-    _number("resample_below", "Effective share of the particles below which they are resampled"),
-    _plain("adaptive", "Choose the number of particles by KLD sampling, up to particles"),
+    _choice("filter", "Bayes filter: particles, or the exact recursion on a grid", FILTERS),
+    _number("particles", "Number of particles; the paper has 75. Without effect unless filter is particle"),
+    _number(
+        "cell",
+        "Resolution of the map and of the grid, in spacings of the scan's sweeps. Without effect on scenes "
+        "of one axis, which have 0.5 mm",
+    ),
     _choice(
-        "recovery", "Spread a contradicted belief; constant: random_particles at each update", RECOVERIES
+        "evaluation", "Evaluation of kernel sums. Only of models sum_of_gaussians and featureless", EVALUATIONS
     ),
-    _number("random_particles", "Of the constant recovery; the paper has 10"),
-    _number("update_distance", "Travel between two weighed strains", "m", live=True),
-    _number("convergence_std", "The belief is narrow below this standard deviation an axis", "m", live=True),
-    _number("convergence_yaw_std", "The same for yaw", "rad", live=True),
-    _number("convergence_evidence", "Evidence needed before the position may be believed", "nat", live=True),
-    _number("convergence_travel", "Travel over which both must hold", "m", live=True),
+    _choice(
+        "precision", "Precision of kernel sums. Only of models sum_of_gaussians and featureless", PRECISIONS
+    ),
+    _plain(
+        "conditional", "Conditional form; false: the paper's joint form. Only of model sum_of_gaussians"
+    ),
+    _choice("resampling", "Resampling scheme. Without effect unless filter is particle", RESAMPLERS),
+    _number(
+        "resample_below",
+        "Resample when the effective sample size falls below this share of the particles. Without effect "
+        "unless filter is particle",
+    ),
+    _number(
+        "random_particles",
+        "Particles replaced by uniformly random ones at each update; the paper has 10. Expects filter particle",
+    ),
+    _number("update_distance", "Travel between two measurement updates", "m", live=True),
+    _number(
+        "convergence_radius", "Distance from the estimate within which the palm has to be", "m", live=True
+    ),
+    _number(
+        "convergence_yaw_radius",
+        "The same for yaw. Without effect on scenes without yaw",
+        "rad",
+        live=True,
+    ),
+    _number(
+        "convergence_probability",
+        "Probability of being on the map and within the radius, above which the position has converged",
+        live=True,
+    ),
+    _number("convergence_travel", "Travel over which that probability must hold", "m", live=True),
 )
 """One parameter for each field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 
@@ -69,7 +93,7 @@ PARAMETERS = (
     Parameter("scan_file", "", "Scan file: the map"),
     Parameter("scene_file", "", "Scene (YAML) in place of the scan file's: a path, or a shipped one's name"),
     Parameter(
-        "candidate_scan_files", [], "Scan files of several features, in place of scan_file: which is it?"
+        "candidate_scan_files", [], "Scan files of several materials, in place of scan_file, to identify which one it is"
     ),
     Parameter("scan_directory", "", "Directory that ~/load_scan may read scan files from; empty: none"),
     *CONFIGURATION,

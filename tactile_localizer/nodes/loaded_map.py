@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.configuration import SWEEP_MIXTURE
 from tactile_localizer.core.factory import Progress, build_identifier, build_localizer
-from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.scans.learned import completed_scene
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.nodes.filter_parameters import configuration
@@ -60,10 +58,6 @@ def load_map(paths: Sequence[Path], of: Parameters, progress: Progress) -> Loade
     scans, scenes = zip(*(_read(path, of["scene_file"]) for path in paths), strict=True)
     frame = palm_frame(of, scenes[0])
     rng, choices = np.random.default_rng(of["seed"]), configuration(of)
-    scenes = tuple(
-        scene if choices.model == SWEEP_MIXTURE else completed_scene(path, scan, scene, progress)
-        for path, scan, scene in zip(paths, scans, scenes, strict=True)
-    )
     localizer: Localizer | FeatureLocalizer
     if len(paths) == 1:
         localizer = build_localizer(scans[0], scenes[0], choices, rng, progress)

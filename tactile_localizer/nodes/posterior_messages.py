@@ -10,6 +10,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
+from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.identification import Identification
 from tactile_localizer.core.localizer import Estimate
@@ -17,30 +18,28 @@ from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.nodes.stamps import from_ns
 
 _PLACES = {"x": 0, "y": 1, "yaw": 5}
-"""Where an axis stands in the covariance of a pose: x, y, z and rotations about x, y, z."""
+"""Index of an axis in the covariance of a pose: x, y, z and rotations about x, y, z."""
 
 
 UNKNOWN_VARIANCE = 1e6
-"""Variance of an axis of a pose that is not modelled, m² or rad²: zero would mean that it is certain."""
+"""Variance of the axes of a pose that are not modelled, m² or rad². Fusion nodes read zero as certainty."""
 
 
-def state_of(estimate: Estimate | None, stale: str = "") -> int:
-    """The state of a ``Posterior``.
+_STATES = {
+    State.UNKNOWN: Posterior.UNKNOWN,
+    State.SEARCHING: Posterior.SEARCHING,
+    State.CONVERGED: Posterior.CONVERGED,
+    State.LOST: Posterior.LOST,
+}
 
-    Parameters
-    ----------
-    estimate : the last one; ``None`` before the first
-    stale : why it is old; empty when it is not
-    """
-    if estimate is None:
-        return Posterior.UNKNOWN
-    if stale:
-        return Posterior.STALE
-    return Posterior.CONVERGED if estimate.converged else Posterior.SEARCHING
+
+def state_of(estimate: Estimate, stale: str = "") -> int:
+    """The state of a ``Posterior``; ``stale`` is why the estimate is old, empty where it is not."""
+    return int(Posterior.STALE if stale else _STATES[estimate.state])
 
 
 def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
-    """An estimate; with a reason why it is ``stale``, it is the last one and has converged no more."""
+    """The message of an estimate; with a reason why it is ``stale``, it no longer counts as converged."""
     message = Posterior()
     message.header = _header(estimate.stamp_ns, frame)
     message.axes = list(axes)
@@ -50,7 +49,8 @@ def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str 
     message.state = state_of(estimate, stale)
     message.converged = message.state == Posterior.CONVERGED
     message.reason = f"stale: {stale}" if stale else estimate.reason
-    message.evidence = estimate.evidence
+    message.probability = estimate.probability
+    message.on_map = estimate.on_map
     message.log_marginal = estimate.log_marginal
     message.effective_sample_size = estimate.effective_sample_size
     message.particles = estimate.hypotheses

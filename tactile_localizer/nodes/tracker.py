@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_localizer.core.feature_localizer import FeatureLocalizer
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pair, Pairing
+from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable

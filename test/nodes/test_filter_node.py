@@ -17,9 +17,9 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 pytestmark = pytest.mark.ros
 
 PAPER = {
+    "model": "sum_of_gaussians",
     "filter": "particle",
     "particles": 75,
-    "recovery": "constant",
     "random_particles": 10,
     "conditional": False,
     "resample_below": 1.0,
@@ -70,7 +70,9 @@ def test_live_it_believes_the_same_as_the_localizer_without_ros(start, scan_file
         [m.covariance for m in heard], [e.covariance.ravel() for e in expected], atol=1e-12
     )
     np.testing.assert_allclose([m.covariance_trace for m in heard], [e.trace for e in expected])
-    np.testing.assert_allclose([m.evidence for m in heard], [e.evidence for e in expected], atol=1e-6)
+    np.testing.assert_allclose([m.probability for m in heard], [e.probability for e in expected], atol=1e-6)
+    np.testing.assert_allclose([m.on_map for m in heard], [e.on_map for e in expected], atol=1e-6)
+    assert [m.state for m in heard] == [state_of(e) for e in expected]
     assert [m.converged for m in heard] == [e.converged for e in expected]
     assert [m.reason for m in heard] == [e.reason for e in expected]
     assert [m.particles for m in heard] == [e.hypotheses for e in expected]
@@ -181,7 +183,10 @@ def test_the_diagnostics_tell_of_belief_and_work(start, probe):
     assert values["reason"] == posterior.reason
     # The strain has stopped by now: a belief that is stale is not believed.
     assert values["converged"] == str(posterior.converged and not message.startswith("stale"))
-    assert values["evidence_nat"] == f"{posterior.evidence:.2f}"
+    assert values["state"] in ("SEARCHING", "CONVERGED")
+    assert values["probability"] == f"{posterior.probability:.4f}"
+    assert values["on_map"] == f"{posterior.on_map:.4f}"
+    assert values["inconsistent"] == ""
     assert 1.0 <= float(values["effective_sample_size"]) <= int(values["hypotheses"])
     assert 0 < float(values["update_median_us"]) <= float(values["update_p99_us"])
     assert float(values["update_p99_us"]) <= float(values["update_worst_us"])
@@ -259,11 +264,11 @@ def unknown_axis(tmp_path):
 
 
 def choices_that_do_not_go_together(tmp_path):
-    return {"recovery": "constant"}, "recovery constant: expected filter particle, got grid"
+    return {"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"
 
 
 def unknown_model(tmp_path):
-    return {"model": "oracle"}, "model 'oracle': expected one of sum_of_gaussians"
+    return {"model": "oracle"}, "model 'oracle': expected one of sweep_mixture"
 
 
 def negative_particles(tmp_path):

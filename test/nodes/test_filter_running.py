@@ -258,7 +258,7 @@ def test_what_may_not_change_while_it_runs_is_refused_with_the_reason(node, prob
         ("particles", 10, f"particles: {before}"),
         ("model", "gaussian", f"model: {before}"),
         ("scan_file", "/other.db", f"scan_file: {before}"),
-        ("convergence_std", -1.0, "convergence_std"),
+        ("convergence_radius", -1.0, "convergence_radius"),
         ("stale_timeout_s", 1e6, "stale_timeout_s"),
         ("stale_timeout_s", "long", "Wrong parameter type"),
     ):

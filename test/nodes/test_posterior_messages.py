@@ -4,22 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from tactile_localizer.core.decision.convergence import State
+
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize(
-    ("converged", "stale", "state"),
-    [
-        (None, "", "UNKNOWN"),
-        (False, "", "SEARCHING"),
-        (True, "", "CONVERGED"),
-        (True, "no strain", "STALE"),
-        (False, "no strain", "STALE"),
-    ],
-)
-def test_the_state_of_an_estimate(converged: bool | None, stale: str, state: str) -> None:
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("stale", ["", "no strain"])
+def test_the_state_is_the_estimates_unless_it_is_stale(state: State, stale: str) -> None:
     from tactile_localizer.msg import Posterior
     from tactile_localizer.nodes.posterior_messages import state_of
 
-    estimate = None if converged is None else SimpleNamespace(converged=converged)
-    assert state_of(estimate, stale) == getattr(Posterior, state)  # type: ignore[arg-type]
+    expected = "STALE" if stale else state.name
+    assert state_of(SimpleNamespace(state=state), stale) == getattr(Posterior, expected)  # type: ignore[arg-type]

@@ -94,7 +94,7 @@ def test_replay_equals_the_filter_node_fed_by_playing_the_bag(
     np.testing.assert_allclose([m.mean for m in heard], [u["mean"] for u in updates], rtol=0, atol=1e-9)
     covariance = np.array([u["covariance"] for u in updates]).reshape(len(updates), 4)
     np.testing.assert_allclose([m.covariance for m in heard], covariance, rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose([m.evidence for m in heard], [u["evidence"] for u in updates], atol=1e-9)
+    np.testing.assert_allclose([m.probability for m in heard], [u["probability"] for u in updates], atol=1e-9)
     np.testing.assert_allclose(
         [m.log_marginal for m in heard], [u["log_marginal"] for u in updates], atol=1e-9
     )
