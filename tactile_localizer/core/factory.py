@@ -88,8 +88,12 @@ def build_identifier(
     configuration: Configuration,
     rng: np.random.Generator,
     progress: Progress | None = None,
+    calibrations: Mapping[str, Calibration] | None = None,
 ) -> FeatureIdentifier:
-    """Localizers for several scans, by name, under one noise model, so that they can be compared."""
+    """Localizers for several scans, by name, under one noise model, so that they can be compared.
+
+    ``calibrations`` are of an earlier :func:`learn` from the same scans; the others are learned anew.
+    """
     say = progress or _silent
     own = [learn_sweep_model(scan, scene) for scan, scene in candidates.values()]
     whitening = common_whitening([model.noise.model for model in own])
@@ -97,7 +101,7 @@ def build_identifier(
     for number, (name, (scan, scene)) in enumerate(candidates.items()):
         say(f"learning {name}", number / len(candidates))
         learned = learn_sweep_model(scan, scene, whitening)
-        calibration = _calibrated(scene, learned)
+        calibration = (calibrations or {}).get(name) or _calibrated(scene, learned)
         localizers[name] = _built(scan, scene, configuration, learned, calibration, rng)
     say("ready", 1.0)
     return FeatureIdentifier(localizers)

@@ -49,14 +49,12 @@ CONFIGURATION = (
         "of one axis, which have 0.5 mm",
     ),
     _choice(
-        "evaluation", "Evaluation of kernel sums. Only of models sum_of_gaussians and featureless", EVALUATIONS
+        "evaluation",
+        "Evaluation of kernel sums, of models sum_of_gaussians and featureless",
+        EVALUATIONS,
     ),
-    _choice(
-        "precision", "Precision of kernel sums. Only of models sum_of_gaussians and featureless", PRECISIONS
-    ),
-    _plain(
-        "conditional", "Conditional form; false: the paper's joint form. Only of model sum_of_gaussians"
-    ),
+    _choice("precision", "Precision of kernel sums, of models sum_of_gaussians and featureless", PRECISIONS),
+    _plain("conditional", "Conditional form; false: the paper's joint form. Of model sum_of_gaussians"),
     _choice("resampling", "Resampling scheme. Without effect unless filter is particle", RESAMPLERS),
     _number(
         "resample_below",
@@ -65,7 +63,8 @@ CONFIGURATION = (
     ),
     _number(
         "random_particles",
-        "Particles replaced by uniformly random ones at each update; the paper has 10. Expects filter particle",
+        "Particles replaced by uniformly random ones at each update; the paper has 10. Expects filter "
+        "particle",
     ),
     _number("update_distance", "Travel between two measurement updates", "m", live=True),
     _number(
@@ -93,7 +92,9 @@ PARAMETERS = (
     Parameter("scan_file", "", "Scan file: the map"),
     Parameter("scene_file", "", "Scene (YAML) in place of the scan file's: a path, or a shipped one's name"),
     Parameter(
-        "candidate_scan_files", [], "Scan files of several materials, in place of scan_file, to identify which one it is"
+        "candidate_scan_files",
+        [],
+        "Scan files of several materials, in place of scan_file, to identify which one it is",
     ),
     Parameter("scan_directory", "", "Directory that ~/load_scan may read scan files from; empty: none"),
     *CONFIGURATION,

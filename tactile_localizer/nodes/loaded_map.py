@@ -1,4 +1,4 @@
-"""A localizer built from scan files, in as long as that takes; knows no ROS but the parameters."""
+"""A localizer built from scan files; knows nothing of ROS but the parameters."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.nodes.filter_parameters import configuration
@@ -48,7 +49,7 @@ class LoadedMap:
 
 
 def load_map(paths: Sequence[Path], of: Parameters, progress: Progress) -> LoadedMap:
-    """Read scan files and build the localizer; what has to be chosen from them is kept in them.
+    """Read scan files and build the localizer. The calibration, which takes seconds, is kept in the files.
 
     Raises
     ------
@@ -58,20 +59,29 @@ def load_map(paths: Sequence[Path], of: Parameters, progress: Progress) -> Loade
     scans, scenes = zip(*(_read(path, of["scene_file"]) for path in paths), strict=True)
     frame = palm_frame(of, scenes[0])
     rng, choices = np.random.default_rng(of["seed"]), configuration(of)
+    calibrations = [
+        learned_calibration(path, scan, scene, progress)
+        for path, scan, scene in zip(paths, scans, scenes, strict=True)
+    ]
     localizer: Localizer | FeatureLocalizer
     if len(paths) == 1:
-        localizer = build_localizer(scans[0], scenes[0], choices, rng, progress)
+        localizer = build_localizer(scans[0], scenes[0], choices, rng, progress, calibrations[0])
     else:
         named = {scene.name: (scan, scene) for scan, scene in zip(scans, scenes, strict=True)}
         if len(named) < len(paths):
             names = ", ".join(scene.name for scene in scenes)
             raise ParameterError(f"candidate_scan_files: expected scenes of different names, got {names}")
-        localizer = FeatureLocalizer(build_identifier(named, choices, rng, progress))
+        learned = dict(zip(named, calibrations, strict=True))
+        localizer = FeatureLocalizer(build_identifier(named, choices, rng, progress, learned))
     return LoadedMap(", ".join(map(str, paths)), scans, scenes, frame, localizer)
 
 
 def _read(path: Path, scene_file: str) -> tuple[Scan, Scene]:
-    """A scan, and the scene to use it with."""
+    """A scan, and the scene to use it with, which fit together."""
     with ScanStore.open(path) as store:
         scan, scene = store.load(), store.scene
-    return scan, load_scene(given_or_shipped(scene_file, "config/scenes")) if scene_file else scene
+    if scene_file:
+        scene = load_scene(given_or_shipped(scene_file, "config/scenes"))
+    scene.columns(scan.axes)
+    scene.channels(scan.phalanges, scan.channels)
+    return scan, scene

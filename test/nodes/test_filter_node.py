@@ -10,6 +10,7 @@ from support.sweeps import MEASUREMENT, SlidingHand, scene_of, stamp_of, unseen_
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_identifier, build_localizer
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -48,7 +49,9 @@ def start(node_process, probe, scan_file):
 def offline(hand, samples, scan_file, configuration):
     """What the same localizer says of the same strains and positions without ROS."""
     with ScanStore.open(scan_file) as store:
-        localizer = build_localizer(store.load(), store.scene, configuration, np.random.default_rng(0))
+        scan, scene = store.load(), store.scene
+    calibration = learned_calibration(scan_file, scan, scene)
+    localizer = build_localizer(scan, scene, configuration, np.random.default_rng(0), None, calibration)
     localizer.reset()
     positions = hand.positions()
     return [
@@ -59,12 +62,14 @@ def offline(hand, samples, scan_file, configuration):
 
 @pytest.mark.parametrize("choices", [CELL, PAPER], ids=["grid", "the paper's particles"])
 def test_live_it_believes_the_same_as_the_localizer_without_ros(start, scan_file, choices):
+    from tactile_localizer.nodes.posterior_messages import state_of
+
     node = start(**choices)
     node.slide(150)
     heard = node.fresh()
     samples = [node.hand.sample_of(message) for message in heard]
     assert samples == list(range(150))
-    expected = offline(node.hand, samples, scan_file, Configuration(**choices))
+    expected = offline(node.hand, samples, scan_file, Configuration(**(CELL | choices)))
     np.testing.assert_allclose(node.means(), [e.mean for e in expected], atol=1e-9)
     np.testing.assert_allclose(
         [m.covariance for m in heard], [e.covariance.ravel() for e in expected], atol=1e-12
@@ -146,11 +151,13 @@ def test_of_several_scans_it_tells_which_feature_is_felt_as_the_identifier_witho
     node = Filter(process, probe, SlidingHand(probe, unseen_sweep("snap")))
     node.slide(150)
     probe.until(lambda: told and stamp_of(told[-1]) == stamp_of(node.fresh()[-1]), "its probabilities")
-    candidates = {}
+    candidates, calibrations = {}, {}
     for path in three_scans:
         with ScanStore.open(path) as store:
-            candidates[store.scene.name] = store.load(), store.scene
-    identifier = build_identifier(candidates, Configuration(**CELL), np.random.default_rng(0))
+            scan, scene = candidates[store.scene.name] = store.load(), store.scene
+        calibrations[scene.name] = learned_calibration(path, scan, scene)
+    rng = np.random.default_rng(0)
+    identifier = build_identifier(candidates, Configuration(**CELL), rng, None, calibrations)
     hand = node.hand
     positions = hand.positions()
     for message, posterior in zip(told, node.fresh(), strict=True):
@@ -198,11 +205,11 @@ def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe
     node = start()
     node.slide(40)
     before = node.fresh()[-1]
-    assert before.reason.endswith(f"of {Configuration().convergence_evidence:.1f} nats")
+    assert before.state == before.SEARCHING
     for name, value in (
-        ("convergence_evidence", 42.0),
-        ("convergence_std", 1.0),
-        ("convergence_travel", 0.0),
+        ("convergence_radius", 0.1),
+        ("convergence_probability", 0.5),
+        ("convergence_travel", 1.0),
         ("update_distance", 0.0001),
         ("stale_timeout_s", 2.0),
         ("particles_rate_hz", 1.0),
@@ -214,8 +221,10 @@ def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe
     after = node.fresh()[-1]
     np.testing.assert_allclose(after.mean, before.mean, atol=2e-3)
     assert after.travel > before.travel
-    node.slide(5)
-    assert node.fresh()[-1].reason.endswith("of 42.0 nats")
+    assert "of 1000.0 mm" in after.reason
+    assert set_parameter(probe, "convergence_travel", 0.0).successful
+    node.slide(1)
+    assert node.fresh()[-1].converged
 
 
 def test_each_choice_of_the_configuration_is_a_parameter_with_its_default():

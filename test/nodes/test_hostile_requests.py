@@ -116,7 +116,13 @@ def test_no_value_of_a_parameter_ends_the_filter(node_process, probe, tmp_path):
     write_scan(scan)
     process = node_process("filter_node", {"scan_file": scan, **CELL})
     node = Filter(process, probe, SlidingHand(probe, unseen_sweep()))
-    for name in ("convergence_radius", "update_distance", "particles_rate_hz", "shown_particles", "scan_file"):
+    for name in (
+        "convergence_radius",
+        "update_distance",
+        "particles_rate_hz",
+        "shown_particles",
+        "scan_file",
+    ):
         for value in (
             float("nan"),
             float("inf"),
