@@ -1,0 +1,65 @@
+"""Strains and positions that a scan cannot explain are recognized by their range."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support.sweeps import scene_of, unseen_sweep
+
+from tactile_localizer.core.scan.range import ScanRange, describe_misfit
+from tactile_localizer.scene import Axis
+from tactile_localizer.sim import SimulatedSweep, simulate_scan
+
+ALL = np.ones(2, dtype=bool)
+
+
+@pytest.fixture(scope="module")
+def known() -> ScanRange:
+    return ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene_of())
+
+
+@pytest.fixture(scope="module")
+def sweep() -> SimulatedSweep:
+    return unseen_sweep()
+
+
+def test_a_new_sweep_is_within_the_range(known: ScanRange, sweep: SimulatedSweep) -> None:
+    assert not known.strains_outside(sweep.strain, ALL).any()
+    assert not known.positions_outside(sweep.odometry, sweep.odometry[0]).any()
+    assert describe_misfit(0.0, 0.0) == ""
+
+
+def test_strains_in_another_unit_are_outside(known: ScanRange, sweep: SimulatedSweep) -> None:
+    assert known.strains_outside(1e3 * sweep.strain, ALL).all()
+
+
+def test_a_phalanx_that_is_absent_does_not_count(known: ScanRange, sweep: SimulatedSweep) -> None:
+    strain = sweep.strain.copy()
+    strain[:, :8] = 5.0
+    assert known.strains_outside(strain, ALL).all()
+    assert not known.strains_outside(strain, np.array([False, True])).any()
+    strain[:, :8] = np.nan
+    assert not known.strains_outside(strain, np.array([False, True])).any()
+
+
+def test_positions_in_another_unit_are_outside(known: ScanRange, sweep: SimulatedSweep) -> None:
+    positions = 1e3 * sweep.odometry
+    assert known.positions_outside(positions, positions[0]).mean() > 0.9
+
+
+def test_an_axis_that_wraps_has_no_end() -> None:
+    scene = scene_of()
+    scene = dataclasses.replace(
+        scene, axes=(Axis("x", 0.0, 0.05), Axis("yaw", -np.pi, np.pi)), feature=None, measurement={}
+    )
+    flat = simulate_scan("bump", seed=1).to_scan()
+    known = ScanRange.of(flat, scene)
+    assert not known.positions_outside(np.array([0.01, 40.0]), np.zeros(2))
+    assert known.positions_outside(np.array([0.06, 0.0]), np.zeros(2))
+
+
+def test_the_line_names_what_is_outside_and_the_usual_cause() -> None:
+    assert describe_misfit(0.5, 0.05).startswith("50% of the strains are outside the range of the scan")
+    both = describe_misfit(0.5, 1.0)
+    assert "unit, tare" in both
+    assert "100% of the positions" in both
