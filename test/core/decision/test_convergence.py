@@ -1,0 +1,114 @@
+"""Converged: the probability of being near the estimate, held over a distance."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_localizer.core.decision.convergence import (
+    Convergence,
+    ConvergenceCriteria,
+    State,
+    mass_near,
+)
+
+CRITERIA = ConvergenceCriteria(np.array([0.005]), probability=0.99, sustain=0.002)
+
+
+def after(*updates: tuple[float, float, float], travel: float = 0.001) -> Convergence:
+    """After updates with (near, on map, unknown), each ``travel`` metres on."""
+    convergence = Convergence(CRITERIA)
+    for near, on_map, unknown in updates:
+        convergence.update(near, on_map, unknown, travel)
+    return convergence
+
+
+HOLDS = (1.0, 0.999, 0.0)
+
+
+def test_it_begins_with_searching() -> None:
+    assert after().state is State.SEARCHING
+    assert after().reason == "not converged: no measurement yet"
+
+
+def test_a_probability_held_over_the_distance_is_converged() -> None:
+    assert after(HOLDS).state is State.SEARCHING
+    assert after(HOLDS).reason == "not converged: held over 1.0 of 2.0 mm"
+    assert after(HOLDS, HOLDS).state is State.CONVERGED
+    assert after(HOLDS, HOLDS).reason == "converged: probability 0.999"
+
+
+def test_an_interruption_begins_the_distance_anew() -> None:
+    assert after(HOLDS, (0.5, 1.0, 0.0), HOLDS).state is State.SEARCHING
+
+
+def test_at_rest_nothing_is_held() -> None:
+    convergence = Convergence(CRITERIA)
+    for _ in range(1000):
+        convergence.update(1.0, 1.0, 0.0, 0.0)
+    assert convergence.state is State.SEARCHING
+
+
+@pytest.mark.parametrize(
+    ("update", "reason"),
+    [
+        ((0.6, 1.0, 0.0), "not converged: the position is within the radius with probability 0.60"),
+        ((1.0, 0.7, 0.2), "not converged: the map explains what is felt with probability 0.70"),
+        ((1.0, 0.02, 0.98), "unknown material: the map explains what is felt with probability 0.02"),
+    ],
+)
+def test_the_reason_names_the_factor_that_fails(update: tuple[float, float, float], reason: str) -> None:
+    assert after(update).reason == reason
+
+
+def test_a_converged_position_is_kept_until_it_is_improbable() -> None:
+    assert after(HOLDS, HOLDS, (0.9, 0.6, 0.3)).state is State.CONVERGED
+    lost = after(HOLDS, HOLDS, (0.9, 0.5, 0.5))
+    assert lost.state is State.LOST
+    assert lost.reason.startswith("lost: the map explains")
+
+
+def test_what_was_lost_can_be_found_again() -> None:
+    assert after(HOLDS, HOLDS, (0.1, 0.9, 0.0), (0.1, 0.9, 0.0)).state is State.LOST
+    assert after(HOLDS, HOLDS, (0.1, 0.9, 0.0), HOLDS).state is State.SEARCHING
+    assert after(HOLDS, HOLDS, (0.1, 0.9, 0.0), HOLDS, HOLDS).state is State.CONVERGED
+
+
+def test_unknown_material_is_a_state_of_its_own() -> None:
+    assert after((1.0, 0.01, 0.96)).state is State.UNKNOWN
+    assert after((1.0, 0.01, 0.5)).state is State.SEARCHING, "featureless material is not unknown"
+
+
+def test_a_reset_forgets() -> None:
+    convergence = after(HOLDS, HOLDS)
+    convergence.reset()
+    assert convergence.state is State.SEARCHING
+    assert convergence.probability == 0.0
+
+
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1)), max_size=40))
+def test_a_reason_always_agrees_with_the_state(updates: list[tuple[float, float, float]]) -> None:
+    convergence = after(*updates)
+    beginning = {
+        State.SEARCHING: ("not converged",),
+        State.CONVERGED: ("converged",),
+        State.LOST: ("lost", "not converged: held"),
+        State.UNKNOWN: ("unknown material", "not converged: held"),
+    }
+    assert convergence.reason.startswith(beginning[convergence.state])
+    assert convergence.converged == (convergence.state is State.CONVERGED)
+    assert 0.0 <= convergence.probability <= 1.0
+
+
+def test_the_mass_near_the_mean_is_that_in_the_ellipsoid() -> None:
+    rng = np.random.default_rng(0)
+    states = rng.standard_normal((20_000, 2)) * [0.002, 0.004]
+    weights = np.full(20_000, 1 / 20_000)
+    near = mass_near(states, weights, np.zeros(2), np.array([0.004, 0.008]), np.zeros(2, bool))
+    assert near == pytest.approx(1.0 - np.exp(-2.0), abs=0.01)
+
+
+def test_yaw_is_near_across_the_turn() -> None:
+    states = np.array([[np.pi - 0.01], [-np.pi + 0.01], [0.0]])
+    near = mass_near(states, np.full(3, 1 / 3), np.array([np.pi]), np.array([0.1]), np.array([True]))
+    assert near == pytest.approx(2 / 3)

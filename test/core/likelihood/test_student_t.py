@@ -1,0 +1,69 @@
+"""Student-t densities, and a scatter that outliers do not inflate."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.integrate import quad
+from scipy.special import gammaln
+
+from tactile_localizer.core.likelihood.student_t import (
+    DEGREES_OF_FREEDOM,
+    log_density,
+    robust_weight,
+    scatter,
+)
+
+NU = DEGREES_OF_FREEDOM
+
+
+def log_constant(channels: int) -> float:
+    """What :func:`log_density` leaves out."""
+    return float(gammaln((NU + channels) / 2) - gammaln(NU / 2) - channels / 2 * np.log(NU * np.pi))
+
+
+@pytest.mark.parametrize("variance", [1e-3, 1.0, 40.0])
+def test_the_density_integrates_to_one(variance: float) -> None:
+    def density(z: float) -> float:
+        return float(np.exp(log_density(np.array(z**2), np.array(variance), 1) + log_constant(1)))
+
+    total = 2.0 * quad(density, 0.0, np.inf, limit=200)[0]
+    assert total == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("channels", [1, 8, 19])
+def test_it_is_the_multivariate_t(channels: int) -> None:
+    rng = np.random.default_rng(0)
+    residual, variance = 3.0 * rng.standard_normal((20, channels)), rng.uniform(0.1, 10.0, 20)
+    expected = [
+        stats.multivariate_t(np.zeros(channels), v * np.eye(channels), df=NU).logpdf(r)
+        for r, v in zip(residual, variance, strict=True)
+    ]
+    found = log_density(np.sum(residual**2, axis=1), variance, channels) + log_constant(channels)
+    np.testing.assert_allclose(found, expected)
+
+
+def test_the_scatter_recovers_that_of_a_t_distribution() -> None:
+    shape = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, -0.3], [0.0, -0.3, 0.5]])
+    samples = stats.multivariate_t(np.zeros(3), shape, df=NU, seed=1).rvs(20_000)
+    np.testing.assert_allclose(scatter(samples), shape, rtol=0.05, atol=0.02)
+
+
+def test_the_scatter_is_robust_to_outliers() -> None:
+    rng = np.random.default_rng(4)
+    clean = rng.standard_normal((2000, 3))
+    spoiled = np.concatenate([clean, 100.0 * rng.standard_normal((40, 3))])
+    np.testing.assert_allclose(scatter(spoiled), scatter(clean), atol=0.15)
+
+
+@pytest.mark.parametrize("samples", [np.zeros((30, 4)), np.zeros((1, 4)), np.ones((2, 4))])
+def test_the_scatter_of_constant_or_few_samples_is_finite(samples: np.ndarray) -> None:
+    assert np.isfinite(scatter(samples)).all()
+
+
+@given(st.floats(0.0, 1e12), st.floats(1e-6, 1e6), st.integers(1, 64))
+def test_no_residual_has_a_weight_above_one(squared: float, variance: float, channels: int) -> None:
+    weight = robust_weight(np.array(squared), np.array(variance), channels)
+    assert 0.0 < weight <= 1.0
+    assert robust_weight(np.array(squared + 1.0), np.array(variance), channels) <= weight

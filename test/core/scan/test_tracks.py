@@ -1,0 +1,110 @@
+"""Sweeps as evenly spaced tracks, and the strain between them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import PITCH, Track, expectation, line_spacing, tracks_of
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SIDE, SPACING = 0.03, 0.003
+PLANE = Scene("plane", (Axis("x", 0.0, SIDE), Axis("y", 0.0, SIDE)), (Phalanx("index", (0.0, 0.0)),))
+LINE = Scene("line", (Axis("x", 0.0, SIDE),), (Phalanx("index", (0.0,)),))
+
+
+def sloping(states: np.ndarray) -> np.ndarray:
+    """Strains (N, 8) that depend linearly on the state."""
+    return 1.0 + states @ np.arange(2.0, 2.0 + 8 * states.shape[1]).reshape(states.shape[1], 8)
+
+
+def lines(step: float = 0.0001) -> Scan:
+    along, across = np.arange(0.0, SIDE, step), np.arange(0.0, SIDE, SPACING)
+    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
+    sweep = np.repeat(np.arange(len(across)), len(along))
+    return Scan(states, sloping(states), sweep, ("x", "y"), ("index",))
+
+
+def inside(count: int, seed: int = 0) -> np.ndarray:
+    """Places (count, 2) within the lines."""
+    return 0.002 + np.random.default_rng(seed).random((count, 2)) * (0.025 - 0.002)
+
+
+def test_a_track_has_points_a_pitch_apart_with_mean_strains() -> None:
+    track = tracks_of(lines(), PLANE)[2]
+    steps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
+    np.testing.assert_allclose(steps[:-2], PITCH, atol=1e-4 + 1e-9)
+    np.testing.assert_allclose(track.strain, sloping(track.positions), atol=1e-12)
+
+
+def test_a_hand_at_rest_adds_nothing() -> None:
+    scan = lines()
+    rows = np.concatenate([np.arange(50), np.full(1000, 50), np.arange(51, len(scan))])
+    rested, moved = (tracks_of(each, PLANE)[0].positions for each in (scan.select(rows), scan))
+    np.testing.assert_allclose(rested, moved, atol=PITCH)
+    still = scan.select(np.zeros(30, dtype=int))
+    assert len(tracks_of(still, PLANE)[0].positions) == 1
+
+
+def test_the_spacing_is_that_of_the_lines() -> None:
+    assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
+    assert line_spacing(tracks_of(lines(), PLANE)[:1], PLANE) == 0.0
+
+
+def test_strains_that_are_linear_in_the_state_are_interpolated_exactly() -> None:
+    places = inside(200)
+    expected = expectation(tracks_of(lines(), PLANE), PLANE, places, SPACING, 1)
+    np.testing.assert_allclose(expected.mean[:, 0], sloping(places), rtol=1e-9)
+
+
+def test_the_components_are_a_mixture() -> None:
+    expected = expectation(tracks_of(lines(), PLANE), PLANE, inside(200), SPACING, 3)
+    np.testing.assert_allclose(np.exp(expected.log_prior).sum(axis=1), 1.0)
+    assert (expected.doubt >= 0.0).all()
+    assert ((expected.noise >= 0.5) & (expected.noise <= 1.0)).all()
+    assert (expected.distance <= SPACING / 2 + 1e-9).all()
+
+
+@given(st.permutations(range(10)))
+def test_the_order_of_the_sweeps_is_irrelevant(order: list[int]) -> None:
+    scan = lines(0.0005)
+    noisy = scan.strain + np.random.default_rng(1).standard_normal(scan.strain.shape)
+    tracks = tracks_of(Scan(scan.states, noisy, scan.sweep, scan.axes, scan.phalanges), PLANE)
+    places = inside(40)
+    one = expectation(tracks, PLANE, places, SPACING, 3)
+    other = expectation([tracks[index] for index in order], PLANE, places, SPACING, 3)
+    for mine, theirs in zip(one, other, strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-9)
+
+
+def test_repeats_on_one_axis_are_averaged_where_they_reach() -> None:
+    x = np.arange(0.0, 0.02, 0.0005)[:, None]
+    short, long = Track(x[:20], np.zeros((20, 8))), Track(x, np.ones((40, 8)))
+    expected = expectation([short, long], LINE, np.array([[0.004], [0.018]]), 0.0, 1)
+    np.testing.assert_allclose(expected.mean[:, 0, 0], [0.5, 1.0])
+    np.testing.assert_allclose(expected.noise[:, 0], [0.5, 1.0])
+
+
+def test_beyond_the_ends_of_the_tracks_the_expectation_is_in_doubt() -> None:
+    x = np.arange(0.0, 0.02, 0.0005)[:, None]
+    expected = expectation([Track(x, np.ones((40, 8)))] * 2, LINE, np.array([[0.01], [0.03]]), 0.0, 1)
+    assert expected.doubt[0].max() == 0.0
+    assert expected.doubt[1].min() > 1.0
+
+
+def test_a_full_turn_of_yaw_is_the_shortest_arc() -> None:
+    scene = Scene("turn", (Axis("x", 0.0, SIDE), Axis("yaw", -np.pi, np.pi)), (Phalanx("index", (0.0, 0.0)),))
+    x = np.arange(0.0, SIDE, 0.0005)
+    yaws = (np.pi - 0.05, -np.pi + 0.05)
+    tracks = [Track(np.column_stack([x, np.full_like(x, yaw)]), np.full((len(x), 8), yaw)) for yaw in yaws]
+    place = np.array([[0.01, -np.pi + 1e-6]])
+    expected = expectation(tracks, scene, place, 0.002, 1)
+    assert expected.mean[0, 0, 0] == pytest.approx(0.0, abs=1e-3)
+    assert expected.distance[0] == pytest.approx(0.05 * 0.02, abs=1e-6)
+
+
+def test_one_track_alone_is_its_own_expectation() -> None:
+    track = tracks_of(lines(), PLANE)[3]
+    expected = expectation([track], PLANE, track.positions, 0.0, 3)
+    np.testing.assert_allclose(expected.mean[:, 0], track.strain)
