@@ -46,14 +46,13 @@ from rows import Row, in_parallel, print_rows, write_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition, recording_of
+from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
+from tactile_localizer.evaluation.convergence_curve import FOREIGN, foreign_tracks, from_contact
 from tactile_localizer.evaluation.metrics import timing
 from tactile_localizer.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.evaluation.replay import Track, replay
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim import simulate_scan
 
 
 def measure_feature(
@@ -68,14 +67,16 @@ def measure_feature(
     choosing_s = time.process_time() - began
     tracks = replay(localizer, material.recording, clock=time.thread_time)
     blanks = replay(localizer, material.blank)
-    nothing = converged_after_contact(localizer, "none", seed, sweeps)
-    seam = converged_after_contact(localizer, "seam", seed, sweeps)
+    seam, nothing = (
+        [from_contact(track, track.converged) for track in foreign_tracks(localizer, name, seed, sweeps)]
+        for name in FOREIGN
+    )
     return [
         {
             "seed": seed,
             "feature": feature,
             "sweeps": sweeps,
-            **on_feature(scene, tracks, material.contact),
+            **on_feature(scene, tracks),
             "false_blank": sum(blank_outcome(track)["converged"] for track in blanks),
             "false_none": sum(bool(sweep.any()) for sweep in nothing),
             "seam_strains": float(np.mean(np.concatenate(seam))),
@@ -91,13 +92,10 @@ def bare(scene: Scene, region: bool) -> Scene:
     return replace(scene, measurement={}, feature=scene.feature if region else None)
 
 
-def on_feature(scene: Scene, tracks: Sequence[Track], contact: np.ndarray) -> Row:
-    """The measures of the sweeps over the feature; ``contact`` (S, 2): first and last sample of it."""
+def on_feature(scene: Scene, tracks: Sequence[Track]) -> Row:
+    """The measures of the sweeps over the feature."""
     axis = sweep_axis(scene, list(tracks))
-    outcomes = [
-        sweep_outcome(scene, track, (int(first), int(last)), axis)
-        for track, (first, last) in zip(tracks, contact, strict=True)
-    ]
+    outcomes = [sweep_outcome(scene, track, axis) for track in tracks]
 
     def of(name: str) -> np.ndarray:
         return np.array([np.nan if one[name] is None else one[name] for one in outcomes], dtype=float)
@@ -118,14 +116,6 @@ def on_feature(scene: Scene, tracks: Sequence[Track], contact: np.ndarray) -> Ro
         "false_before": sum(one["converged_before"] for one in outcomes),
         "past_mm": 1e3 * float(np.mean(past)),
     }
-
-
-def converged_after_contact(localizer: Localizer, material: str, seed: int, sweeps: int) -> list[np.ndarray]:
-    """Which strains of each test sweep are converged, from contact on; without a feature, of all strains."""
-    test = simulate_scan(material, seed, "test", sweeps=sweeps)
-    tracks = replay(localizer, recording_of(test))
-    first = [contact - part.start for contact, part in zip(test.contact, test.slices(), strict=True)]
-    return [track.converged[track.row >= at] for track, at in zip(tracks, first, strict=True)]
 
 
 _COUNTS = ("false_blank", "false_before", "false_none", "sweeps")

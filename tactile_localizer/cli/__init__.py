@@ -67,8 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        if args.resumes:
-            print("interrupted: what is done is kept, run again to go on", file=sys.stderr)
+        kept = ": what is done is kept, run again to go on" if args.resumes else ""
+        print(f"interrupted{kept}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The interpreter flushes once more at exit: into nothing.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,12 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.evaluation.metrics import INCH
+from tactile_localizer.evaluation.learned import learned_values
+from tactile_localizer.evaluation.metrics import INCH, with_contact
+from tactile_localizer.evaluation.misfit import misfit
 from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.evaluation.plain_json import write_json
-from tactile_localizer.evaluation.replay import replay
+from tactile_localizer.evaluation.replay import Track, mixture_of, replay
 from tactile_localizer.evaluation.replay_document import replay_document
 from tactile_localizer.io.scans.learned import learned_calibration
 
@@ -52,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
     recording, true_positions = read_recordings(args, scene)
+    recorded = recording
     odometry = odometry_of(args, true_positions)
     # The localizer's own stream is that of the filter node; what is only simulated has another.
     noise = np.random.default_rng([args.seed, 1])
@@ -63,16 +67,32 @@ def run(args: argparse.Namespace) -> int:
         calibration = learned_calibration(Path(args.scan), scan, scene, progress)
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-        tracks = replay(localizer, recording, progress)
-    document = replay_document(scene, configuration, recording, tracks, odometry=odometry, seed=args.seed)
+        mixture = mixture_of(localizer)
+        tracks = replay(localizer, with_contact(recording, scene, mixture.map), progress)
+    learned = learned_values(scene, mixture, calibration)
+    document = replay_document(
+        scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
+    )
     _print(document)
-    for track in tracks:
-        if len(track) and not track.converged.any():
-            print(f"sweep {track.number} did not converge; at its end: {track.reason[-1]}")
+    for line in _unconverged(tracks):
+        print(line)
+    mismatch = misfit(scan, scene, recorded, tracks, true_positions).line
+    if mismatch is not None:
+        print(mismatch)
     if args.json is not None:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {len(document['updates'])} updates")
     return 0
+
+
+def _unconverged(tracks: Sequence[Track]) -> Iterator[str]:
+    """Why sweeps did not converge, a line each."""
+    for track in tracks:
+        if not len(track):
+            yield f"sweep {track.number} did not converge: no strain could be used"
+        elif not track.converged.any():
+            reason = track.reason[-1].partition(": ")[2] or track.reason[-1]
+            yield f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}"
 
 
 def _print(document: dict[str, Any]) -> None:
@@ -81,10 +101,13 @@ def _print(document: dict[str, Any]) -> None:
     for note in document["recording"]["notes"]:
         console.print(f"note: {note}")
     console.print(
-        f"{summary['sweeps']} sweeps, {summary['strains']} strains, {summary['weighed']} weighed"
+        f"{summary['sweeps']} sweeps, {summary['strains']} strains, {summary['updates']} measurement updates"
         + (f", {summary['refused']} refused" if summary["refused"] else "")
         + f"; {configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
     )
+    console.print("learned: " + ", ".join(f"{name} {value}" for name, value in document["learned"].items()))
+    if summary["contacts"]:
+        console.print(f"travel counts from contact, which {summary['contacts']} sweeps come to")
     if summary["error_m"]["count"]:
         console.print(_table(summary))
         if "error_rad" in summary and summary["error_rad"]["count"]:
@@ -93,17 +116,20 @@ def _print(document: dict[str, Any]) -> None:
             )
             console.print(f"yaw error {median:.2f}° (median), {mean:.2f}° (mean), {largest:.2f}° (largest)")
         console.print(
-            f"95 % region covers {summary['coverage_95']:.1%}, NEES {summary['nees']:.2f} a degree of freedom"
+            f"95 % region covers {summary['coverage_95']:.1%}, "
+            f"NEES {summary['nees']:.2f} per degree of freedom"
         )
     else:
         console.print("no truth in the recording: errors are not known")
     arrived = summary["travel_to_convergence_m"]
-    after = f", after {arrived['median'] * 1e3:.1f} mm (median)" if arrived["count"] else ""
+    since = "from contact" if summary["contacts"] else "of travel"
+    after = f", after {arrived['median'] * 1e3:.1f} mm {since} (median)" if arrived["count"] else ""
     console.print(f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps converged{after}")
     if timing["update_median_us"] is not None:
         console.print(
-            f"update {timing['update_median_us']:.0f} us (median), {timing['update_p99_us']:.0f} us "
-            f"(99th percentile); {timing['strain_mean_us']:.0f} us a strain"
+            f"measurement update {timing['update_median_us']:.0f} µs (median), "
+            f"{timing['update_p99_us']:.0f} µs (99th percentile); "
+            f"{timing['strain_mean_us']:.0f} µs per strain"
         )
 
 
@@ -124,11 +150,12 @@ def _table(summary: dict[str, Any]) -> Table:
         column.no_wrap = True
         column.justify = "left" if column.header == "error" else "right"
     for mark, error in summary["error_after_travel_m"].items():
-        table.add_row(f"after {float(mark) * 1e3:g} mm", str(error["count"]), *_lengths(error))
+        place = f"after {float(mark) * 1e3:g} mm" if float(mark) else "at contact"
+        table.add_row(place, str(error["count"]), *_lengths(error))
     table.add_section()
     names = {
         "error_m": "all strains",
-        "error_on_feature_m": "on the feature",
+        "error_contact_m": "on the feature",
         "error_converged_m": "converged",
     }
     for name, title in names.items():

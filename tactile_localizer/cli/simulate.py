@@ -93,9 +93,9 @@ def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
     """
     counts = zip(PHALANGES, scan.layout.counts, strict=True)
     strain_names = [column for name, channels in counts for column in channel_names(name, channels)]
-    header = ",".join(["stamp_s", "sweep", *AXES, *strain_names])
-    table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain])
-    formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names)]
+    header = ",".join(["stamp_s", "sweep", *AXES, *strain_names, "felt"])
+    table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain, scan.felt])
+    formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names), "%d"]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as unfinished:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import yaml
@@ -16,8 +17,10 @@ from tactile_localizer.cli.conditions import (
 )
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.evaluation.conditions import Condition
+from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES, Condition, SimulatedCondition
+from tactile_localizer.evaluation.convergence_curve import convergence_curve, curve_figure, curve_table
 from tactile_localizer.evaluation.jobs import Workers
 from tactile_localizer.evaluation.plain_json import write_json
 from tactile_localizer.evaluation.report import save_figures
@@ -43,9 +46,17 @@ RESUMES = True
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
-    parser.add_argument("--budget-us", type=float, metavar="US", help="print the best for this update time")
     parser.add_argument(
-        "--target-mm", type=float, metavar="MM", help="print the cheapest for this mean error"
+        "--budget-us", type=float, metavar="US", help="print the best for this update time, µs"
+    )
+    parser.add_argument(
+        "--target-mm", type=float, metavar="MM", help="print the cheapest for this mean error, mm"
+    )
+    parser.add_argument(
+        "--convergence",
+        action="store_true",
+        help="instead: how soon against how falsely it converges, over convergence_probability; on simulated "
+        "features, beside what no scan has shown",
     )
     add_condition_arguments(parser, sweeps=9, seeds=1, blanks=False)
     add_worker_arguments(parser)
@@ -59,6 +70,8 @@ def run(args: argparse.Namespace) -> int:
         if value is not None and not value > 0:
             raise ParameterError(f"--{name.replace('_', '-')}: expected a positive number, got {value}")
     conditions = conditions_from_arguments(args)
+    if args.convergence:
+        return _draw_curve(args, conditions)
     with progress_bars() as progress:
         trades = trade(
             conditions, candidates(), args.output / "tasks", Workers(args.jobs, args.dask), progress
@@ -75,11 +88,28 @@ def run(args: argparse.Namespace) -> int:
     return _answer(args, trades)
 
 
+def _draw_curve(args: argparse.Namespace, conditions: Sequence[Condition]) -> int:
+    """Print, draw and write how soon against how falsely it converges."""
+    simulated = [replace(one, blanks=one.sweeps) for one in conditions if isinstance(one, SimulatedCondition)]
+    if len(simulated) < len(conditions):
+        raise ParameterError(f"--convergence: expected features of {', '.join(SIMULATED_FEATURES)} alone")
+    configuration = Configuration()
+    workers = Workers(args.jobs, args.dask)
+    with progress_bars() as progress:
+        points = convergence_curve(simulated, configuration, args.output / "tasks", workers, progress)
+    default = configuration.convergence_probability
+    print_tables([curve_table(points, default)])
+    save_figures({"convergence": curve_figure(points, default)}, args.output)
+    write_json(args.output / "convergence.json", {"points": points})
+    print(f"{args.output}/convergence.png, convergence.json")
+    return 0
+
+
 def _answer(args: argparse.Namespace, trades: Sequence[Trade]) -> int:
     met = True
     if args.budget_us is not None:
         found = within_budget(trades, args.budget_us)
-        met &= _say(f"best within {args.budget_us:g} us", found, min(trades, key=lambda t: t.update_us))
+        met &= _say(f"best within {args.budget_us:g} µs", found, min(trades, key=lambda t: t.update_us))
     if args.target_mm is not None:
         found = for_target(trades, args.target_mm * 1e-3)
         best = min(trades, key=lambda t: t.error.mean)

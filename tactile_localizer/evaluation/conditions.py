@@ -30,15 +30,13 @@ class Material:
     Parameters
     ----------
     scan, scene : the map and what is modelled
-    recording : S sweeps; positions are odometry, the truth is known
-    contact : (S, 2) int, samples of each sweep at which the feature is first and last felt; -1: never
+    recording : its positions are odometry, the truth is known
     blank : sweeps that never reach the feature, or ``None``
     """
 
     scan: Scan
     scene: Scene
     recording: Recording
-    contact: np.ndarray
     blank: Recording | None = None
 
 
@@ -96,13 +94,10 @@ def _simulate(condition: SimulatedCondition) -> Material:
     if condition.blanks:
         ends_early = simulate_scan(feature, seed, "test", sweeps=condition.blanks, reach_feature=False)
         blank = recording_of(ends_early)
-    starts = np.array([part.start for part in test.slices()])
-    contact = np.stack([test.contact, test.feature_end], axis=1)
     return Material(
         scan=simulate_scan(feature, seed).to_scan(),
         scene=load_scene(resource_path(f"config/scenes/{feature}.yaml")),
         recording=recording_of(test),
-        contact=np.where(contact < 0, -1, contact - starts[:, None]),
         blank=blank,
     )
 
@@ -117,6 +112,7 @@ def recording_of(scan: SimulatedScan) -> Recording:
             strain=scan.strain[part],
             status=missing_status(scan.strain[part], scan.layout),
             truth=scan.truth[part],
+            felt=scan.felt[part],
         )
         for part in scan.slices()
     )
@@ -163,19 +159,10 @@ class RecordedCondition:
         }
 
     def load(self) -> Material:
-        """With odometry, and contact where the scene's feature region says so."""
+        """With odometry."""
         recording, rng = self.recording, np.random.default_rng([self.seed, 1])
         if self.starts is not None:
             recording = random_starts(recording, self.scene, self.starts, self.travel, rng)
         if any(sweep.truth is None for sweep in recording.sweeps):
             recording = with_odometry(recording, self.scene, rng, SIMULATED)
-        contact = [_first_and_last(self.scene, sweep) for sweep in recording.sweeps]
-        return Material(self.scan, self.scene, recording, np.array(contact).reshape(-1, 2))
-
-
-def _first_and_last(scene: Scene, sweep: RecordedSweep) -> tuple[int, int]:
-    """Samples at which some phalanx comes into and leaves the scene's feature region."""
-    if scene.feature is None or sweep.truth is None:
-        return -1, -1
-    on = np.flatnonzero(scene.on_feature(sweep.truth))
-    return (int(on[0]), int(on[-1])) if len(on) else (-1, -1)
+        return Material(self.scan, self.scene, recording)

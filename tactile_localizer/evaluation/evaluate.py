@@ -21,9 +21,9 @@ from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition, Material
 from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
 from tactile_localizer.evaluation.methods import Method
-from tactile_localizer.evaluation.metrics import timing
+from tactile_localizer.evaluation.metrics import timing, with_contact
 from tactile_localizer.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
-from tactile_localizer.evaluation.replay import replay
+from tactile_localizer.evaluation.replay import mixture_of, replay
 from tactile_localizer.scene import Scene
 
 
@@ -187,16 +187,14 @@ def localise(
     scene = replace(material.scene, measurement=measurement)
     localizer = built(condition, material, calibration, measurement, configuration)
     # Processor time: tasks share the machine, with each other and with others.
-    tracks = replay(localizer, material.recording, clock=time.thread_time)
+    recording = with_contact(material.recording, scene, mixture_of(localizer).map)
+    tracks = replay(localizer, recording, clock=time.thread_time)
     blanks = replay(localizer, material.blank) if material.blank is not None else []
     axis = sweep_axis(scene, tracks)
     return {
         "axis": scene.axis_names[axis],
         "edges_m": bin_edges(scene, axis).tolist(),
-        "sweeps": [
-            sweep_outcome(scene, track, (int(span[0]), int(span[1])), axis)
-            for track, span in zip(tracks, material.contact, strict=True)
-        ],
+        "sweeps": [sweep_outcome(scene, track, axis) for track in tracks],
         "blanks": [blank_outcome(track) for track in blanks],
         "narrow_trace_m2": _narrow_trace(configuration, scene),
         "timing": timing(tracks),

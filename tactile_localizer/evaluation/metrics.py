@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.evaluation.replay import Track
+from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
 
 INCH = 0.0254
 """m"""
 
 MARKS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
-"""m of travel at which the error is told."""
+"""m of travel at which the error is reported."""
 
 CONFIDENCE = 0.95
 """Probability of the region whose coverage is measured."""
 
 
+_ROUNDING = 1e-9
+"""m, of a sum of many steps."""
+
 _NARROWEST = 1e-18
-"""m2 (yaw: rad2); particles that have all become one believe in no width at all."""
+"""m2 (yaw: rad2); where all particles are one, their covariance is zero."""
 
 
 def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -49,7 +55,7 @@ def yaw_error(scene: Scene, track: Track) -> np.ndarray:
 
 
 def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
-    """Squared error in units of the believed covariance (n,): d on average when the uncertainty is honest."""
+    """Squared error in units of the covariance (n,): d on average when the uncertainty is right."""
     if track.truth is None:
         return np.full(len(track), np.nan)
     difference = deviation(scene, track.mean, track.truth)
@@ -90,42 +96,81 @@ def statistics(values: np.ndarray) -> dict[str, Any]:
 
 
 def error_at(errors: Sequence[np.ndarray], tracks: Sequence[Track], mark: float) -> np.ndarray:
-    """Error of each track that goes so far when it has travelled ``mark`` m."""
-    mark -= 1e-9  # rounding of a sum of steps
+    """Errors at ``mark`` m of :func:`travel_from_contact`, of the tracks that go so far."""
+    found = []
+    for error, track in zip(errors, tracks, strict=True):
+        travel = travel_from_contact(track)
+        if len(track) and travel[-1] >= mark - _ROUNDING:
+            found.append(error[np.searchsorted(travel, mark - _ROUNDING)])
+    return np.array(found)
+
+
+def travel_from_contact(track: Track) -> np.ndarray:
+    """Travel (n,) m, from contact, negative before it; from the sweep's start where no contact is known."""
+    return track.travel - track.travel[track.start] if len(track) else track.travel
+
+
+def travel_to_convergence(tracks: Sequence[Track]) -> np.ndarray:
+    """:func:`travel_from_contact` of each track's first converged entry; NaN where it never converged."""
     return np.array(
         [
-            error[np.searchsorted(track.travel, mark)]
-            for error, track in zip(errors, tracks, strict=True)
-            if len(track) and track.travel[-1] >= mark
+            travel_from_contact(track)[np.argmax(track.converged)] if track.converged.any() else np.nan
+            for track in tracks
         ]
     )
 
 
-def travel_to_convergence(tracks: Sequence[Track]) -> np.ndarray:
-    """m of travel from a sweep's start to its first converged entry; NaN where it never converged."""
-    return np.array(
-        [track.travel[np.argmax(track.converged)] if track.converged.any() else np.nan for track in tracks]
-    )
+def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> Recording:
+    """The recording with contact known, where the truth is.
+
+    A feature is felt where it exceeds the noise: as the recording says (the simulator knows), otherwise where
+    the map expects a phalanx at the true position to feel more than the noise of one visit. Contact is the
+    first such sample, the feature's end the last. Material that is felt everywhere has no contact.
+
+    Parameters
+    ----------
+    recording : of ``scene``
+    strain_map : of the localizer
+    """
+    if strain_map.featureless_variance is None:
+        return recording
+    weights = np.exp(strain_map.log_prior - strain_map.log_prior.max(axis=1, keepdims=True))
+    weights /= weights.sum(axis=1, keepdims=True)
+    expected = np.einsum("mk,mkc->mc", weights, strain_map.mean)
+    energy = scene.layout.sum(expected**2) / np.array(scene.layout.counts)
+    is_felt = (energy > 1.0).any(axis=1)
+    sweeps = []
+    for sweep in recording.sweeps:
+        if sweep.felt is None and sweep.truth is not None and np.isfinite(sweep.truth).all():
+            sweep = replace(sweep, felt=is_felt[strain_map.nearest(sweep.truth)])
+        sweeps.append(sweep)
+    return replace(recording, sweeps=tuple(sweeps))
 
 
 def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
     """All that can be said of the tracks, by name, in SI units; ``None`` for what is not known.
 
-    *On the feature* means that some phalanx truly was in the scene's feature region.
+    *On contact* is from contact to the feature's end (:func:`with_contact`); travel is counted from contact
+    where it is known.
     """
     errors = [position_error(scene, track) for track in tracks]
     converged = [track.converged for track in tracks]
-    marks = [mark for mark in MARKS if len(error_at(errors, tracks, mark))]
+    # Where contact is known at all, a sweep without one has nothing to count from.
+    counted = [track.contact[0] >= 0 for track in tracks]
+    counts = [index for index, one in enumerate(counted) if one or not any(counted)]
+    after = [errors[index] for index in counts], [tracks[index] for index in counts]
+    marks = [mark for mark in ((0.0,) if any(counted) else ()) + MARKS if len(error_at(*after, mark))]
     arrived = travel_to_convergence(tracks)
     summary = {
         "sweeps": len(tracks),
         "strains": sum(map(len, tracks)),
-        "weighed": int(sum(track.updated.sum() for track in tracks)),
+        "updates": int(sum(track.updated.sum() for track in tracks)),
         "refused": sum(track.refused for track in tracks),
         "error_m": statistics(_pooled(errors)),
-        "error_on_feature_m": None,
+        "contacts": sum(counted),
+        "error_contact_m": statistics(_pooled(errors, [track.on_contact for track in tracks])),
         "error_converged_m": statistics(_pooled(errors, converged)),
-        "error_after_travel_m": {f"{mark:g}": statistics(error_at(errors, tracks, mark)) for mark in marks},
+        "error_after_travel_m": {f"{mark:g}": statistics(error_at(*after, mark)) for mark in marks},
         "final_error_m": statistics(np.array([error[-1] for error in errors if len(error)])),
         **calibration(scene, tracks),
         "converged_sweeps": int(np.isfinite(arrived).sum()),
@@ -134,15 +179,11 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
     }
     if "yaw" in scene.axis_names:
         summary["error_rad"] = statistics(_pooled([yaw_error(scene, track) for track in tracks]))
-    truths = [track.truth for track in tracks if track.truth is not None]
-    if scene.feature is not None and len(truths) == len(tracks):
-        on = [scene.on_feature(truth) for truth in truths]
-        summary["error_on_feature_m"] = statistics(_pooled(errors, on))
     return summary
 
 
 def timing(tracks: Sequence[Track]) -> dict[str, Any]:
-    """What the localizer took, us: a weighed strain, any strain, and a millimetre of travel."""
+    """What the localizer took, us: a measurement update, any strain, and a millimetre of travel."""
     weighed = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
     every = _pooled([track.seconds for track in tracks]) * 1e6
     way = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))

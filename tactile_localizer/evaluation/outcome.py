@@ -32,18 +32,17 @@ def bin_edges(scene: Scene, axis: int) -> np.ndarray:
     return np.linspace(scene.lower[axis], scene.upper[axis], BINS + 1)
 
 
-def sweep_outcome(scene: Scene, track: Track, contact: tuple[int, int], axis: int) -> dict[str, Any]:
+def sweep_outcome(scene: Scene, track: Track, axis: int) -> dict[str, Any]:
     """How a sweep over a feature went.
 
     Parameters
     ----------
     track : with a known truth
-    contact : samples at which the feature is first and last felt; -1: never
     axis : of the sweeps
     """
-    first, last = contact
+    first, last = track.contact
     before = track.row < first if first >= 0 else np.ones(len(track), dtype=bool)
-    during = (track.row >= first) & (track.row <= last) if first >= 0 else np.zeros(len(track), dtype=bool)
+    during = track.on_contact
     errors, trace = position_error(scene, track), track.trace
     covered = squared_mahalanobis(scene, track) <= chi2.ppf(CONFIDENCE, scene.dimension)
     return {
@@ -78,10 +77,10 @@ def blank_outcome(track: Track) -> dict[str, Any]:
 
 
 def _convergence(track: Track, errors: np.ndarray, first: int, last: int) -> dict[str, Any]:
-    start = int(np.searchsorted(track.row, max(first, 0)))
+    start = track.start
     end = int(np.searchsorted(track.row, last, side="right")) if first >= 0 else len(track)
     at = np.flatnonzero(track.converged)
-    known = start < len(track)
+    known = len(track) > 0
     found: dict[str, Any] = {
         "converged_before": bool(first >= 0 and (at < start).any()),
         "converged": bool(((at >= start) & (at < end)).any()),
@@ -129,8 +128,7 @@ def _by_travel(track: Track, errors: np.ndarray, first: int, last: int) -> list[
     """Mean error over each stretch of travel after contact, up to the feature's end."""
     if first < 0 or not len(track):
         return [None] * (len(STRETCHES) - 1)
-    start = min(int(np.searchsorted(track.row, first)), len(track) - 1)
-    gone = np.where(track.row <= last, track.travel - track.travel[start], -1.0)
+    gone = np.where(track.row <= last, track.travel - track.travel[track.start], -1.0)
     return _by_stretch(gone, errors)
 
 

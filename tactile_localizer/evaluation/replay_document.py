@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ def replay_document(
     configuration: Configuration,
     recording: Recording,
     tracks: Sequence[Track],
+    learned: Mapping[str, str],
     *,
     odometry: str,
     seed: int,
@@ -29,14 +30,16 @@ def replay_document(
 
     Parameters
     ----------
-    scene : with the parameters of the measurement model that were used
+    scene : what was modelled
     recording : that was replayed; ``odometry`` says what its positions are
+    learned : what the localizer learned from the scan, by name
     """
     return {
         "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, tracks)},
         "timing": timing(tracks),
         "recording": {"source": recording.source, "notes": recording.notes},
         "configuration": configuration,
+        "learned": dict(learned),
         "scene": scene_to_dict(scene),
         "axes": scene.axis_names,
         "updates": [update for track in tracks for update in _updates(scene, track)],
@@ -52,8 +55,10 @@ def _updates(scene: Scene, track: Track) -> Iterator[dict[str, Any]]:
         "covariance": track.covariance,
         "trace": track.trace,
         "converged": track.converged,
+        "state": [state.value for state in track.state],
         "reason": list(track.reason),
         "probability": track.probability,
+        "on_map": track.on_map,
         "log_marginal": track.log_marginal,
         "updated": track.updated,
         "travel_m": track.travel,

@@ -18,6 +18,8 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Scene
 
+NO_CONTACT = (-1, -1)
+
 
 @dataclass(frozen=True)
 class RecordedSweep:
@@ -32,6 +34,7 @@ class RecordedSweep:
     status : (n, F) uint8 status bits, one a phalanx
     truth : (n, d) true palm positions where they are known apart from ``position``
     gaps : strain samples left out because no pose was near enough in time
+    felt : (n,) bool, whether the hand feels a feature above the noise, where that is known
     """
 
     number: int
@@ -41,6 +44,15 @@ class RecordedSweep:
     status: np.ndarray
     truth: np.ndarray | None = None
     gaps: int = 0
+    felt: np.ndarray | None = None
+
+    @property
+    def contact(self) -> tuple[int, int]:
+        """First and last sample at which a feature is felt: contact, and the feature's end; -1: never."""
+        if self.felt is None or not self.felt.any():
+            return NO_CONTACT
+        at = np.flatnonzero(self.felt)
+        return int(at[0]), int(at[-1])
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -55,6 +67,7 @@ class RecordedSweep:
             self.status[rows],
             None if self.truth is None else self.truth[rows],
             gaps,
+            None if self.felt is None else self.felt[rows],
         )
 
 

@@ -62,6 +62,15 @@ class SimulatedScan:
         """The strain's channels by phalanx."""
         return ChannelLayout.of(self.channels, len(PHALANGES))
 
+    @property
+    def felt(self) -> np.ndarray:
+        """Which samples lie between contact and the feature's end, (N,) bool."""
+        felt = np.zeros(len(self), dtype=bool)
+        for first, last in zip(self.contact, self.feature_end, strict=True):
+            if first >= 0:
+                felt[first : last + 1] = True
+        return felt
+
     def to_scan(self) -> Scan:
         """The training pairs: each strain with the position that the arm reported for it."""
         return Scan(self.odometry, self.strain, self.sweep, AXES, PHALANGES, self.channels)

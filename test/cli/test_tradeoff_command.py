@@ -60,7 +60,7 @@ def test_everything_tried_is_shown_and_written(command: list[str], capsys) -> No
 def test_a_budget_is_answered_with_a_configuration_that_can_be_used(command: list[str], capsys) -> None:
     assert main([*command, "--budget-us", "1e6"]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("# best within 1e+06 us: ")
+    assert printed.startswith("# best within 1e+06 µs: ")
     Path("answer.yaml").write_text(printed)
     assert load_configuration("answer.yaml") in [one.configuration for one in FEW]
     for name, value in yaml.safe_load(printed).items():

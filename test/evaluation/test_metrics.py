@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from support.tracks import made_track
 
 from tactile_localizer.evaluation.metrics import (
     calibration,
@@ -18,32 +19,26 @@ from tactile_localizer.evaluation.metrics import (
     yaw_error,
 )
 from tactile_localizer.evaluation.replay import Track
-from tactile_localizer.scene import Axis, Phalanx, Region, Scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene("sheet", (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1)), (Phalanx("index", (0.0, 0.0)),))
 
 
-def track(errors, *, converged=None, truth=True, std=0.001, number=0, d=2) -> Track:
+def track(errors, *, converged=None, truth=True, std=0.001, number=0, d=2, contact=(-1, -1)) -> Track:
     """Entries 1 mm of travel apart whose estimates are off by ``errors`` (n, d), m."""
     errors = np.asarray(errors, dtype=float)
     n = len(errors)
     places = np.zeros((n, d))
     places[:, 0] = 0.001 * np.arange(n)
-    return Track(
+    return made_track(
+        places + errors,
+        std,
+        places if truth else None,
+        converged=converged,
+        contact=contact,
         number=number,
-        row=np.arange(n),
-        stamp_ns=np.arange(n, dtype=np.int64),
-        mean=places + errors,
-        covariance=np.tile(np.eye(d) * std**2, (n, 1, 1)),
-        converged=np.zeros(n, bool) if converged is None else np.asarray(converged),
         updated=np.arange(n) % 2 == 0,
-        evidence=np.zeros(n),
-        log_marginal=np.zeros(n),
-        reason=("",) * n,
-        truth=places if truth else None,
-        travel=0.001 * np.arange(n),
         seconds=np.where(np.arange(n) % 2 == 0, 1e-3, 1e-5),
-        refused=0,
     )
 
 
@@ -103,11 +98,21 @@ def test_convergence_is_reached_at_the_first_converged_entry() -> None:
     assert summary["converged_share"] == 1 / 8
 
 
-def test_errors_on_the_feature_are_those_while_a_phalanx_truly_is_there() -> None:
-    scene = Scene("sheet", SCENE.axes, SCENE.phalanges, Region((0.002, -1.0), (0.003, 1.0)))
-    summary = summarize(scene, [track([[0.0, 0.02], [0.0, 0.02], [0.0, 0.001], [0.0, 0.003]])])
-    assert summary["error_on_feature_m"]["count"] == 2
-    assert summary["error_on_feature_m"]["mean"] == pytest.approx(0.002)
+def test_errors_on_contact_are_those_from_contact_to_the_features_end() -> None:
+    errors = [[0.0, 0.02], [0.0, 0.02], [0.0, 0.001], [0.0, 0.003], [0.0, 0.02]]
+    summary = summarize(SCENE, [track(errors, contact=(2, 3))])
+    assert summary["error_contact_m"]["count"] == 2
+    assert summary["error_contact_m"]["mean"] == pytest.approx(0.002)
+
+
+def test_travel_is_counted_from_contact_where_it_is_known() -> None:
+    touched = track([[0.001 * i, 0.0] for i in range(8)], contact=(2, 7), converged=np.arange(8) == 4)
+    blank = track([[0.009, 0.0]] * 8)
+    summary = summarize(SCENE, [touched, blank])
+    assert summary["contacts"] == 1
+    assert summary["error_after_travel_m"]["0"]["median"] == pytest.approx(0.002)
+    assert summary["error_after_travel_m"]["0.005"]["median"] == pytest.approx(0.007)
+    assert summary["travel_to_convergence_m"]["median"] == pytest.approx(0.002)
 
 
 def test_timing_tells_weighed_strains_from_all() -> None:

@@ -1,9 +1,10 @@
 """Recordings in CSV: one row a sample, one sweep a file or as a column says.
 
-Standard columns: ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units; other names and
-units by a :class:`~tactile_localizer.io.csv.columns.ColumnNaming`, position from constant speed where
-nothing recorded it. A row that cannot be used is counted and reported. Rows that run backwards in time are
-sorted by their stamps.
+Standard columns: ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units, and, where it is
+known, ``felt``: 1 from contact with a feature to its end. Other names and units by a
+:class:`~tactile_localizer.io.csv.columns.ColumnNaming`, position from constant speed where nothing recorded
+it. A row that cannot be used is counted and reported. Rows that run backwards in time are sorted by their
+stamps.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from tactile_localizer.io.csv.table import listed, read_table
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
 from tactile_localizer.scene import Axis, Scene
 
+_FELT = "felt"
 _NOT_NUMBERS = "not numbers"
 _NOT_FINITE = "with a position that is not finite"
 _OUT_OF_ORDER = "with a stamp out of order"
@@ -88,7 +90,7 @@ def _read_file(path: Path, scene: Scene, naming: ColumnNaming) -> Recording:
 
 @dataclass(frozen=True)
 class _Sample:
-    """A row that could be read: positions that are columns, then strain, in the order of the scene."""
+    """A row that could be read: positions that are columns, strain, in the order of the scene; felt."""
 
     line: int
     stamp_ns: int
@@ -251,8 +253,11 @@ class _Picker:
             stamp_index=find("stamp_s", stamp.names[0]),
             nanoseconds=stamp.scale * 10**9,
             sweep_index=find("sweep", sweep) if has_sweep else None,
-            indices=tuple(find(what, name) for what, columns in wanted.items() for name in columns.names),
-            scales=tuple(float(columns.scale) for columns in wanted.values() for _ in columns.names),
+            indices=(
+                *(find(what, name) for what, columns in wanted.items() for name in columns.names),
+                *((header.index(_FELT),) if header.count(_FELT) == 1 else ()),
+            ),
+            scales=(*(float(columns.scale) for columns in wanted.values() for _ in columns.names), 1.0),
             positions=len(axes),
         )
 
@@ -265,7 +270,7 @@ class _Picker:
             raise ValueError
         if abs(stamp_ns) > _MOST:
             raise OverflowError
-        values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=True)]
+        values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=False)]
         return int(number), stamp_ns, values
 
     def culprit(self, row: list[str]) -> str:
@@ -294,7 +299,14 @@ def _sweep(
             for axis in scene.axes
         ]
     )
-    strain = values[:, len(recorded) :]
+    strain, felt = np.split(values[:, len(recorded) :], [scene.layout.size], axis=1)
     strain[~np.isfinite(strain)] = math.nan
     status = missing_status(strain, scene.layout)
-    return RecordedSweep(number, stamp_ns, near_bounds(scene.axes, position), strain, status)
+    return RecordedSweep(
+        number,
+        stamp_ns,
+        near_bounds(scene.axes, position),
+        strain,
+        status,
+        felt=felt[:, 0] > 0.0 if felt.size else None,
+    )

@@ -9,9 +9,7 @@ import numpy as np
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 from tactile_localizer.core.calibration.sweep_model import SweepModel
-from tactile_localizer.core.likelihood.kernel_position import KernelPosition
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.evaluation.display import MM
 from tactile_localizer.evaluation.tables import Table
@@ -84,14 +82,6 @@ def learned_values(scene: Scene, mixture: SweepMixture, calibration: Calibration
         "presence length": f"{mixture.presence_length * MM:.1f} mm",
         "registration": registration,
     }
-
-
-def mixture_of(localizer: Localizer) -> SweepMixture:
-    """The sweep mixture of a localizer, which a kernel model has beside it."""
-    model = localizer.model
-    mixture = model.mixture if isinstance(model, KernelPosition) else model
-    assert isinstance(mixture, SweepMixture)
-    return mixture
 
 
 def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> Table:
