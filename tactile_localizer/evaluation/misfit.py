@@ -8,17 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core.scan.range import MATERIAL_SHARE, ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.evaluation.replay import Track
 from tactile_localizer.io.csv.columns import ANGLES, LENGTHS, fitting_unit
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.scene import Scene
 
-_MARGIN = 0.25
-"""Share of a channel's range in the scan by which a strain may exceed it."""
-_MANY = 0.2
-"""Share of positions or strains from which a recording does not fit. None on nine simulated sessions that
-fit, at most 0.17 over a foreign seam, all in another unit."""
 _SWAPPED = 10.0
 """Nats per measurement by which another order of the phalanges must explain the strains better. Over 1,000 in
 favour of the right one on simulated hands."""
@@ -46,7 +42,8 @@ class Misfit(NamedTuple):
     @property
     def line(self) -> str | None:
         """One line for a person; ``None`` where the recording fits."""
-        if self.outside < _MANY and self.unfelt < _MANY and not self.left_out and not self.hints:
+        fits = self.outside <= MATERIAL_SHARE and self.unfelt <= MATERIAL_SHARE
+        if fits and not self.left_out and not self.hints:
             return None
         parts = [
             f"{self.outside:.0%} of the positions are out of the scene's bounds",
@@ -71,42 +68,34 @@ def misfit(
     true_positions : whether the positions are those on the material, rather than the arm's own, of which
         only the differences count
     """
-    positions = np.concatenate([_placed(sweep.position, scene, true_positions) for sweep in recording.sweeps])
+    scan_range = ScanRange.of(scan, scene)
+    positions = np.concatenate([sweep.position for sweep in recording.sweeps])
     strain = np.concatenate([sweep.strain for sweep in recording.sweeps])
-    strain = strain[np.isfinite(strain).all(axis=1)]
-    felt = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
-    outside = _outside(positions, scene)
-    unfelt = _unfelt(strain, felt)
+    present = np.concatenate([usable(sweep.status) for sweep in recording.sweeps])
+    outside = _outside(recording, scene, scan_range, true_positions)
+    unfelt = float(np.mean(scan_range.strains_outside(strain, present))) if len(strain) else 0.0
     hints = []
-    if outside >= _MANY:
+    if outside > MATERIAL_SHARE:
         hints += _position_hints(positions, scene)
-    if len(strain):
-        hints += _strain_hints(strain, felt, scene, unfelt)
+    whole = strain[np.isfinite(strain).all(axis=1)]
+    if len(whole):
+        felt = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+        hints += _strain_hints(whole, felt, scene, scan_range, unfelt)
     return Misfit(outside, unfelt, _left_out(scene, recording, tracks), tuple(hints))
 
 
-def _placed(position: np.ndarray, scene: Scene, true_positions: bool) -> np.ndarray:
-    """Positions that can be compared with the bounds; the arm's are put as near to their middle as can be."""
-    if true_positions or not len(position):
-        return position
-    middle = 0.5 * (position.min(axis=0) + position.max(axis=0))
-    return position - middle + 0.5 * (scene.lower + scene.upper)
-
-
-def _outside(positions: np.ndarray, scene: Scene) -> float:
-    if not len(positions):
+def _outside(recording: Recording, scene: Scene, scan_range: ScanRange, true_positions: bool) -> float:
+    """Share of the positions that the scene does not have; the arm's count from where they start."""
+    if not len(recording):
         return 0.0
-    beyond = (positions < scene.lower) | (positions > scene.upper)
-    return float(np.mean((beyond & ~scene.wraps).any(axis=1)))
-
-
-def _unfelt(strain: np.ndarray, felt: np.ndarray) -> float:
-    """Share of strains (n, C) with a channel beyond the range of those felt in the scan."""
-    if not len(strain):
-        return 0.0
-    low, high = felt.min(axis=0), felt.max(axis=0)
-    margin = _MARGIN * (high - low)
-    return float(np.mean(((strain < low - margin) | (strain > high + margin)).any(axis=1)))
+    parts = []
+    for sweep in recording.sweeps:
+        if true_positions:
+            beyond = (sweep.position < scene.lower) | (sweep.position > scene.upper)
+            parts.append((beyond & ~scene.wraps).any(axis=1))
+        elif len(sweep):
+            parts.append(scan_range.positions_outside(sweep.position, sweep.position[0]))
+    return float(np.mean(np.concatenate(parts)))
 
 
 def _position_hints(positions: np.ndarray, scene: Scene) -> list[str]:
@@ -119,18 +108,22 @@ def _position_hints(positions: np.ndarray, scene: Scene) -> list[str]:
     return hints or ["another piece of material, or another origin?"]
 
 
-def _strain_hints(strain: np.ndarray, felt: np.ndarray, scene: Scene, unfelt: float) -> list[str]:
+def _strain_hints(
+    strain: np.ndarray, felt: np.ndarray, scene: Scene, scan_range: ScanRange, unfelt: float
+) -> list[str]:
     """Another unit of the strain, or another order of the phalanges, that fits far better."""
+    every = np.ones(len(scene.phalanges), dtype=bool)
     spread = np.maximum(felt.std(axis=0), 1e-300)
     for factor, text in _SCALES.items():
         ratio = float(np.median(factor * strain.std(axis=0) / spread))
-        if 0.1 < ratio < 10.0 and _unfelt(factor * strain, felt) < max(unfelt, _MANY):
+        scaled = float(np.mean(scan_range.strains_outside(factor * strain, every)))
+        if 0.1 < ratio < 10.0 and scaled <= max(unfelt, MATERIAL_SHARE):
             return [f"strains are {text}"]
     order = _best_order(strain, felt, scene)
     if order is not None:
         expected = ", ".join(scene.phalanx_names)
         return [f"phalanges swapped: {', '.join(order)} in the columns of {expected}?"]
-    return ["another material, force or tare?"] if unfelt >= _MANY else []
+    return ["another material, force or tare?"] if unfelt > MATERIAL_SHARE else []
 
 
 def _best_order(strain: np.ndarray, felt: np.ndarray, scene: Scene) -> tuple[str, ...] | None:
