@@ -78,6 +78,8 @@ class FilterDiagnostics:
                 "travel_m": f"{estimate.travel:.4f}",
                 "inconsistent": " ".join(_inconsistent(tracker)),
             }
+        strains, positions = tracker.fit.shares
+        values |= {"strains_out_of_range": f"{strains:.2f}", "positions_out_of_range": f"{positions:.2f}"}
         if tracker.update_times_ns:
             times_us = np.asarray(tracker.update_times_ns) * 1e-3
             median, tail, worst = np.quantile(times_us, [0.5, 0.99, 1.0])
@@ -91,6 +93,8 @@ class FilterDiagnostics:
         if stuck := _inconsistent(tracker):
             message = f"not used because the load cell repeats itself (stuck): {', '.join(stuck)}"
             return self._status("belief", DiagnosticStatus.WARN, message, values)
+        if tracker.fit.trouble:
+            return self._status("belief", DiagnosticStatus.WARN, tracker.fit.trouble, values)
         message = "no measurement yet" if estimate is None else estimate.reason
         return self._status("belief", DiagnosticStatus.OK, message, values)
 

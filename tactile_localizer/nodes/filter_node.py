@@ -129,7 +129,7 @@ class FilterNode(ManagedNode):
     def _use(self, loaded: LoadedMap) -> None:
         """Localize on another map from now on; where that fails, what was there stays."""
         of, reader = self.parameters, StrainReader(loaded.scenes[0])
-        self._tracker = Tracker(loaded.localizer, of["max_gap_s"], of["patience_s"])
+        self._tracker = Tracker(loaded.localizer, of["max_gap_s"], of["patience_s"], loaded.ranges)
         self._loaded, self._frame, self._reader = loaded, loaded.frame, reader
 
     def _begin(self) -> None:

@@ -12,6 +12,7 @@ from tactile_localizer.core.factory import Progress, build_identifier, build_loc
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.scans.learned import learned_calibration
@@ -41,6 +42,11 @@ class LoadedMap:
     scenes: Sequence[Scene]
     frame: PalmFrame
     localizer: Localizer | FeatureLocalizer
+
+    @property
+    def ranges(self) -> list[ScanRange]:
+        """Range of each scan."""
+        return [ScanRange.of(scan, scene) for scan, scene in zip(self.scans, self.scenes, strict=True)]
 
     @property
     def scan(self) -> Scan:

@@ -1,9 +1,10 @@
-"""Strains and palm poses as they come, through pairing and localizer, to estimates; the rest is counted."""
+"""Pairs strains with palm poses as they arrive, feeds the localizer, and counts what cannot be used."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,10 @@ from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pair, Pairing
 from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
+from tactile_localizer.nodes.scan_fit import ScanFit
 
 _TIMES_KEPT = 4096
 _BEFORE_ALL_NS = -1
@@ -24,16 +27,21 @@ Felt = tuple[np.ndarray, np.ndarray]
 
 @dataclass
 class Counts:
-    """Strain vectors since the start, by what became of them.
+    """Strain vectors since the start, by how they were used.
 
-    ``weighed`` and ``moved`` were taken in: the belief was updated, or only moved along. ``earlier`` were
-    felt before the belief began anew, ``gaps`` had no pose near enough in time, ``unusable`` no phalanx that
-    was well, ``refused`` were not finite. ``absent`` says, a phalanx, how many it was missing, saturated or
-    faulty in.
+    Parameters
+    ----------
+    absent : vectors in which a phalanx was missing, saturated or faulty, by phalanx
+    updated : led to a measurement update
+    moved : only moved the belief along
+    earlier : stamped before the belief was last reset or seeded
+    gaps : had no pose near enough in time
+    unusable : had no phalanx with status OK
+    refused : were not finite
     """
 
     absent: dict[str, int]
-    weighed: int = 0
+    updated: int = 0
     moved: int = 0
     earlier: int = 0
     gaps: int = 0
@@ -46,22 +54,31 @@ class Tracker:
 
     Parameters
     ----------
-    localizer : what is fed; one of several scans tells which of their features it is
+    localizer : that is fed
     max_gap_s : longest time between the two poses around a strain vector, s
     patience_s : time, by stamps, that a strain vector waits for its pose, s
+    ranges : of the scans that are localized on
 
     Attributes
     ----------
     latest : the last estimate; ``None`` before the first
     palm : (d,) palm position that it was made with, m (yaw: rad); ``None`` before the first
-    trouble : why the last strain vector was not taken in; empty when it was
-    counts : what became of the strain vectors
+    fit : whether strains and positions are in the range of the scans
+    trouble : why the last strain vector was not used; empty when it was
+    counts : strain vectors by how they were used
     leaps : times that strain stamps went on by more than ``patience_s``: silence, or a clock that was set
-    update_times_ns : how long the last weighed updates took
+    update_times_ns : duration of the last measurement updates
     """
 
-    def __init__(self, localizer: Localizer | FeatureLocalizer, max_gap_s: float, patience_s: float) -> None:
+    def __init__(
+        self,
+        localizer: Localizer | FeatureLocalizer,
+        max_gap_s: float,
+        patience_s: float,
+        ranges: Sequence[ScanRange] = (),
+    ) -> None:
         self.localizer = localizer
+        self.fit = ScanFit(ranges)
         self.latest: Estimate | None = None
         self.palm: np.ndarray | None = None
         self.trouble = ""
@@ -72,7 +89,7 @@ class Tracker:
         self.interrupt()
 
     def interrupt(self) -> None:
-        """Forget the poses and what waits for one: the next to come do not follow the last."""
+        """Forget the poses, and the strains that wait for one: the next do not continue the last."""
         scene = self.localizer.scene
         self.pairing: Pairing[Felt] = Pairing(
             scene.axes, max_gap_s=self._max_gap_s, patience_s=self._patience_s
@@ -82,17 +99,21 @@ class Tracker:
         self._since_ns = _BEFORE_ALL_NS
 
     def reset(self, since_ns: int = _BEFORE_ALL_NS) -> None:
-        """Believe in every state alike; leave out what was felt up to ``since_ns``, though it comes later."""
+        """Return to a uniform belief; strains up to ``since_ns`` are ignored, even if they arrive later."""
         self.localizer.reset()
-        self.latest, self._since_ns = None, since_ns
+        self._begin(since_ns)
 
     def seed(self, mean: np.ndarray, std: np.ndarray, since_ns: int = _BEFORE_ALL_NS) -> None:
-        """Believe in a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad).
+        """Start from a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad).
 
-        As :meth:`reset` for what was felt up to ``since_ns``.
+        Strains up to ``since_ns`` are ignored, as by :meth:`reset`.
         """
         self.localizer.seed(mean, std)
+        self._begin(since_ns)
+
+    def _begin(self, since_ns: int) -> None:
         self.latest, self._since_ns = None, since_ns
+        self.fit.begin()
 
     @property
     def age_s(self) -> float:
@@ -127,6 +148,7 @@ class Tracker:
             self._resets = self.pairing.resets
             self._newest_ns.clear()
             self._since_ns = _BEFORE_ALL_NS
+            self.fit.begin()
         self._newest_ns[topic] = max(self._newest_ns.get(topic, stamp_ns), stamp_ns)
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
@@ -137,14 +159,14 @@ class Tracker:
             return None
         strain, status = pair.felt
         present = usable(status)
-        for phalanx, well in zip(counts.absent, present, strict=True):
-            counts.absent[phalanx] += not well
+        for phalanx, ok in zip(counts.absent, present, strict=True):
+            counts.absent[phalanx] += not ok
         if pair.position is None:
             counts.gaps += 1
             self.trouble = f"no palm pose within {self._max_gap_s:g} s of the strain"
         elif not present.any():
             counts.unusable += 1
-            self.trouble = "no phalanx is well"
+            self.trouble = "no phalanx is OK"
         else:
             try:
                 self._update(pair.stamp_ns, pair.position, strain, present)
@@ -161,7 +183,8 @@ class Tracker:
         self.latest = self.localizer.update(stamp_ns, position, strain, present)
         self.palm = position
         if self.latest.updated:
-            self.counts.weighed += 1
+            self.counts.updated += 1
+            self.fit.add(position, strain, present)
             self.update_times_ns.append(time.perf_counter_ns() - begun_ns)
         else:
             self.counts.moved += 1

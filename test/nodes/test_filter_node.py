@@ -6,7 +6,15 @@ import shutil
 import numpy as np
 import pytest
 from support.filter import CELL, Filter, set_parameter
-from support.sweeps import MEASUREMENT, SlidingHand, scene_of, stamp_of, unseen_sweep, write_scan
+from support.sweeps import (
+    MEASUREMENT,
+    SlidingHand,
+    kidnapped_sweep,
+    scene_of,
+    stamp_of,
+    unseen_sweep,
+    write_scan,
+)
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_identifier, build_localizer
@@ -39,9 +47,9 @@ def scan_file(tmp_path_factory):
 def start(node_process, probe, scan_file):
     """Start the node on the scan of the bump."""
 
-    def start(**parameters):
+    def start(sweep=None, **parameters):
         node = node_process("filter_node", {"scan_file": scan_file, **CELL, **parameters})
-        return Filter(node, probe, SlidingHand(probe, unseen_sweep()))
+        return Filter(node, probe, SlidingHand(probe, sweep or unseen_sweep()))
 
     return start
 
@@ -85,6 +93,36 @@ def test_live_it_believes_the_same_as_the_localizer_without_ros(start, scan_file
     assert {m.header.frame_id for m in heard} == {"material"}
     assert node.process.stop() == 0
     assert "Traceback" not in node.process.output
+
+
+@pytest.mark.parametrize(
+    ("sweep", "states"),
+    [
+        (kidnapped_sweep(), ["SEARCHING", "CONVERGED", "LOST", "CONVERGED"]),
+        (unseen_sweep("seam"), ["SEARCHING", "UNKNOWN"]),
+    ],
+    ids=["lifted and put elsewhere", "other material"],
+)
+def test_the_states_are_published(start, probe, sweep, states):
+    from tactile_localizer.msg import Posterior
+
+    node = start(sweep, stale_timeout_s=30.0)
+    node.slide(len(sweep.strain) - 2)
+    found = [message.state for message in node.fresh()]
+    changes = [state for k, state in enumerate(found) if k == 0 or state != found[k - 1]]
+    assert changes == [getattr(Posterior, state) for state in states]
+    assert all(message.converged == (message.state == Posterior.CONVERGED) for message in node.fresh())
+    probe.until(lambda: node.told("belief")[2].get("state") == states[-1], "the diagnostics")
+    _, _, values = node.told("belief")
+    assert values["strains_out_of_range"] == "0.00"
+
+
+def test_strains_that_do_not_fit_the_scan_are_a_warning_in_the_diagnostics(start, probe):
+    sweep = unseen_sweep()
+    node = start(dataclasses.replace(sweep, strain=1e3 * sweep.strain), stale_timeout_s=30.0)
+    node.slide(120)
+    probe.until(lambda: node.told("belief")[0] == b"\x01", "the warning")
+    assert "of the strains are outside the range of the scan" in node.told("belief")[1]
 
 
 def test_late_poses_are_waited_for_and_make_the_same_belief(start, probe):
@@ -198,7 +236,7 @@ def test_the_diagnostics_tell_of_belief_and_work(start, probe):
     assert 0 < float(values["update_median_us"]) <= float(values["update_p99_us"])
     assert float(values["update_p99_us"]) <= float(values["update_worst_us"])
     _, _, inputs = node.told("inputs")
-    assert int(inputs["weighed"]) + int(inputs["moved"]) == len(node.fresh())
+    assert int(inputs["updated"]) + int(inputs["moved"]) == len(node.fresh())
 
 
 def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe):

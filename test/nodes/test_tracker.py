@@ -4,10 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.sweeps import scene_of, unseen_sweep
+from support.sweeps import kidnapped_sweep, scene_of, unseen_sweep
 
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.nodes.tracker import Tracker
 from tactile_localizer.sim import simulate_scan
 
@@ -19,13 +22,19 @@ WELL = np.zeros(2, dtype=np.uint8)
 def localizer():
     scan = simulate_scan("bump", seed=1).to_scan()
     configuration = Configuration(cell=1.0)
-    return build_localizer(scan, scene_of(), configuration, np.random.default_rng(0))
+    calibration = Calibration(0.0033, np.array([0.0004, 0.0004]))
+    return build_localizer(scan, scene_of(), configuration, np.random.default_rng(0), None, calibration)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene_of())
 
 
 @pytest.fixture
-def tracker(localizer):
+def tracker(localizer, known):
     localizer.reset()
-    return Tracker(localizer, max_gap_s=0.1, patience_s=1.0)
+    return Tracker(localizer, max_gap_s=0.1, patience_s=1.0, ranges=(known,))
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +61,8 @@ def test_each_strain_between_two_poses_makes_an_estimate(tracker, sweep):
     estimates = slide(tracker, sweep, 0, 20)
     assert [e.stamp_ns for e in estimates] == [int(t) + 20 * MS for t in sweep.stamp_ns[:20]]
     assert tracker.latest is estimates[-1]
-    assert tracker.counts.weighed + tracker.counts.moved == 20
-    assert len(tracker.update_times_ns) == tracker.counts.weighed == sum(e.updated for e in estimates)
+    assert tracker.counts.updated + tracker.counts.moved == 20
+    assert len(tracker.update_times_ns) == tracker.counts.updated == sum(e.updated for e in estimates)
     assert tracker.trouble == ""
 
 
@@ -85,7 +94,7 @@ def test_a_phalanx_that_is_not_well_is_left_out_and_the_other_goes_on(tracker, s
         tracker.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, strain, np.array(status, dtype=np.uint8))
     assert move(tracker, sweep, 5)
     assert tracker.counts.absent == {"index": 1, "middle": 2}
-    assert tracker.counts.weighed + tracker.counts.moved == 5
+    assert tracker.counts.updated + tracker.counts.moved == 5
 
 
 def test_without_any_phalanx_nothing_is_estimated(tracker, sweep):
@@ -95,7 +104,7 @@ def test_without_any_phalanx_nothing_is_estimated(tracker, sweep):
     assert move(tracker, sweep, 6) == []
     assert tracker.latest is before
     assert tracker.counts.unusable == 1
-    assert tracker.trouble == "no phalanx is well"
+    assert tracker.trouble == "no phalanx is OK"
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -172,3 +181,41 @@ def test_a_seed_is_believed_in(tracker, sweep):
     tracker.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]))
     (first, *_) = slide(tracker, sweep, 0, 2)
     np.testing.assert_allclose(first.mean, [0.01, 0.03], atol=1e-3)
+
+
+def states(estimates):
+    """The states in their order, without repetitions."""
+    found = [estimate.state for estimate in estimates]
+    return [state for k, state in enumerate(found) if k == 0 or state is not found[k - 1]]
+
+
+def test_on_other_material_the_state_becomes_unknown(tracker):
+    other = unseen_sweep("seam")
+    assert states(slide(tracker, other, 0, len(other.strain) - 1)) == [State.SEARCHING, State.UNKNOWN]
+
+
+def test_a_hand_that_is_lifted_and_put_elsewhere_is_lost_until_it_converges_again(tracker):
+    sweep = kidnapped_sweep()
+    estimates = slide(tracker, sweep, 0, len(sweep.strain) - 1)
+    assert states(estimates) == [State.SEARCHING, State.CONVERGED, State.LOST, State.CONVERGED]
+    assert np.linalg.norm(estimates[-1].mean - sweep.truth[-2]) < 0.003
+
+
+def test_strains_and_positions_in_other_units_are_reported(tracker, sweep):
+    slide(tracker, sweep, 0, 100)
+    assert tracker.fit.trouble == ""
+    tracker.reset()
+    volts = dataclasses.replace(sweep, strain=1e3 * sweep.strain, stamp_ns=sweep.stamp_ns + 10**12)
+    slide(tracker, volts, 0, 100)
+    assert tracker.fit.shares[0] > 0.9
+    assert "of the strains are outside the range of the scan" in tracker.fit.trouble
+    tracker.reset()
+    metres = dataclasses.replace(sweep, odometry=1e3 * sweep.odometry, stamp_ns=sweep.stamp_ns + 2 * 10**12)
+    slide(tracker, metres, 0, 100)
+    assert tracker.fit.shares[0] == 0.0
+    assert "farther from the start than the scene is long" in tracker.fit.trouble
+
+
+def test_a_few_strains_are_no_reason_to_report_a_misfit(tracker, sweep):
+    slide(tracker, dataclasses.replace(sweep, strain=1e3 * sweep.strain), 0, 15)
+    assert tracker.fit.trouble == ""

@@ -50,6 +50,19 @@ def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> 
     return simulate_sweep(feature, seed=1, number=number, start=(0.004, 0.0241), rate=rate)
 
 
+def kidnapped_sweep(after: int = 101) -> SimulatedSweep:
+    """A sweep on which the hand is lifted ``after`` so many strains and begins anew, unknown to the arm."""
+    first, again = unseen_sweep(), unseen_sweep(number=1)
+    odometry = again.odometry - again.odometry[0] + first.odometry[after]
+    return dataclasses.replace(
+        first,
+        stamp_ns=first.stamp_ns[0] + 40_000_000 * np.arange(after + len(odometry)),
+        odometry=np.concatenate([first.odometry[:after], odometry]),
+        truth=np.concatenate([first.truth[:after], again.truth]),
+        strain=np.concatenate([first.strain[:after], again.strain]),
+    )
+
+
 class SlidingHand:
     """Publishes a simulated sweep: strain at its samples, poses halfway between them.
 
