@@ -1,4 +1,4 @@
-"""How fast and how exact the numerical core is: updates, maps of any size, models, axes, phalanges, memory.
+"""Speed and exactness of the numerical core: updates, maps of any size, models, axes, phalanges, memory.
 
 One thread. Beside each time stand its ratio to the floor (one read of the training strains, measured in the
 same run) and the total variation of the weights from those of the exact sum.
@@ -41,15 +41,15 @@ from workload import (
 )
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.credit import NO_CREDIT
-from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.filters.base import BayesFilter
+from tactile_localizer.core.filters.grid import GridFilter
+from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.filters.weights import normalize
-from tactile_localizer.core.grid_filter import GridFilter
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
-from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -73,14 +73,14 @@ def measured(
     shift: np.ndarray | float = 0.0,
     floor: float | None = None,
 ) -> dict[str, Any]:
-    """A row: predict, weigh and resample, every update, before convergence or after."""
+    """A row: resample, predict and weight the particles, every update, before convergence or after."""
 
     def stopwatch(model: MeasurementModel) -> Stopwatch:
-        mine = ParticleFilter(scene, model, np.random.default_rng(0), particles, resample_below=1.0)
+        mine = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
 
         def run(displacement: np.ndarray, strain: np.ndarray) -> None:
             mine.predict(displacement, float(np.hypot(*displacement)))
-            mine.update(strain, PRESENT, 1.0, NO_CREDIT)
+            weight(mine, model, strain, PRESENT)
 
         if converged:
             return Stopwatch(run, lambda truth: mine.seed(truth, converged_std()), False, shift)
@@ -111,6 +111,12 @@ def measured(
         ratio_to_floor=watch.median_us / (floor or floor_us(scan)),
         tv_to_exact=total_variation,
     )
+
+
+def weight(own: BayesFilter, model: MeasurementModel, strain: np.ndarray, present: np.ndarray) -> None:
+    """Weight the states of a filter by a strain."""
+    states, _ = own.prior()
+    own.update(model.log_likelihood(states, strain, present))
 
 
 def sum_of_gaussians(scan: Scan, scene: Scene, **options: Any) -> SumOfGaussians:
@@ -247,23 +253,28 @@ def _median(rows: list[dict[str, Any]], name: str) -> float:
 
 
 def filters(scan: Scan, scene: Scene, floor: float) -> list[dict[str, Any]]:
-    """The grid filter's update, and a weighed strain in the whole localizer with either filter."""
+    """The kernel model's grid filter, and a measurement update of the whole localizer with either filter."""
     model = sum_of_gaussians(scan, scene)
-    grid = GridFilter(scene, model, 0.3 * np.full(2, POSITION_STD))
+    grid = GridFilter(scene, 0.3 * np.full(2, POSITION_STD))
 
     def update_grid(displacement: np.ndarray, strain: np.ndarray) -> None:
         grid.predict(displacement, float(np.hypot(*displacement)))
-        grid.update(strain, PRESENT, 0.3, NO_CREDIT)
+        weight(grid, model, strain, PRESENT)
 
-    given = {
-        "position_std": float(POSITION_STD),
-        "strain_std": float(STRAIN_STD),
-        "correlation_length": 0.003,
-    }
-    runs = {"grid filter": (update_grid, lambda _: grid.reset())}
-    for kind in ("grid", "particle"):
+    given = {"position_std": float(POSITION_STD), "strain_std": float(STRAIN_STD)}
+    runs = {"sum_of_gaussians, grid filter": (update_grid, lambda _: grid.reset())}
+    calibration = learn(scan, scene)
+    for name, kind in (
+        ("sweep_mixture", "grid"),
+        ("sweep_mixture", "particle"),
+        ("sum_of_gaussians", "grid"),
+    ):
         localizer = build_localizer(
-            scan, replace(scene, measurement=given), Configuration(filter=kind), np.random.default_rng(0)
+            scan,
+            replace(scene, measurement=given),
+            Configuration(model=name, filter=kind),
+            np.random.default_rng(0),
+            calibration=calibration,
         )
         place, stamp = np.zeros(2), [0]
 
@@ -278,7 +289,7 @@ def filters(scan: Scan, scene: Scene, floor: float) -> list[dict[str, Any]]:
             stamp[0] += 10_000_000
             localizer.update(stamp[0], place, strain)
 
-        runs[f"localizer, {kind} filter"] = (update, lambda _, localizer=localizer: localizer.reset())
+        runs[f"localizer, {name}, {kind} filter"] = (update, lambda _, localizer=localizer: localizer.reset())
     rows = []
     for name, (run, prepare) in runs.items():
         watch = Stopwatch(run, prepare, every_step=False)
@@ -286,7 +297,7 @@ def filters(scan: Scan, scene: Scene, floor: float) -> list[dict[str, Any]]:
             watch.step()
         rows.append(
             row(
-                f"{name}: one weighed strain",
+                f"{name}: one measurement update",
                 watch.median_us,
                 "us",
                 pairs=len(scan),
@@ -332,9 +343,12 @@ def _scene_row(
     present = np.ones(phalanges, dtype=bool)
 
     def build() -> ParticleFilter:
-        model = SumOfGaussians(scan, scene, **options)
-        return ParticleFilter(scene, model, np.random.default_rng(0), 75, resample_below=1.0)
+        return ParticleFilter(scene, np.random.default_rng(0), 75, resample_below=1.0)
 
+    model, exact = (
+        SumOfGaussians(scan, scene, **options),
+        SumOfGaussians(scan, scene, **options, evaluation="exact"),
+    )
     particles = build()
     times = []
     for number in range(205):
@@ -342,13 +356,9 @@ def _scene_row(
         strain = strains[rng.integers(len(strains))] + 0.01
         begin = time.perf_counter()
         particles.predict(np.full(dimension, 0.0003), 0.0005)
-        particles.update(strain, present, 1.0, NO_CREDIT)
+        weight(particles, model, strain, present)
         if number >= 5:
             times.append(time.perf_counter() - begin)
-    model, exact = (
-        SumOfGaussians(scan, scene, **options),
-        SumOfGaussians(scan, scene, **options, evaluation="exact"),
-    )
     worst = 0.0
     for number in range(0, len(strains), len(strains) // 10):
         states = scene.lower + rng.random((75, dimension)) * (scene.upper - scene.lower)
@@ -366,7 +376,7 @@ def _scene_row(
         pairs=len(scan),
         median_us=median,
         p99_us=1e6 * float(np.quantile(times, 0.99)),
-        peak_mb=peak_mb(lambda: build().update(strains[0], present, 1.0, NO_CREDIT)),
+        peak_mb=peak_mb(lambda: weight(build(), SumOfGaussians(scan, scene, **options), strains[0], present)),
         ratio_to_floor=median / floor_us(part),
         tv_to_exact=worst,
     )

@@ -1,6 +1,6 @@
 """Which feature is it, what that costs, and what a hand knows that has lost one of two phalanges.
 
-A feature counts as named from 5 mm after contact to its end; each strain that is weighed counts once. A
+A feature counts as named from 5 mm after contact to its end; each measurement update counts once. A
 phalanx that is left knows something only of sweeps on which it comes by the feature: the fingertips lie
 25.4 mm apart, and the features are 10 to 12 mm wide. So those sweeps are told apart from the others, and on
 the others the error is compared with that of an observer who knows where it would have felt the feature.
@@ -90,21 +90,21 @@ def cost(identifier: FeatureIdentifier, localizers: Sequence[Localizer], seed: i
 
 
 def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, errors: Errors) -> None:
-    """With one phalanx left, on all sweeps, on those that it comes by the feature on, and while believed."""
+    """With one phalanx left, on all sweeps, on those that it comes by the feature on, and while converged."""
     test = simulate_scan(feature, seed, "test")
-    both, both_believed, weighed = _track(localizer, test, np.ones(2, dtype=bool))
-    y = np.concatenate([np.full(len(k), test.truth[k, 1].mean()) for k in weighed])
+    both, both_converged, updated = _track(localizer, test, np.ones(2, dtype=bool))
+    y = np.concatenate([np.full(len(k), test.truth[k, 1].mean()) for k in updated])
     for left in range(2):
-        one, believed, _ = _track(localizer, test, np.arange(2) == left)
+        one, converged, _ = _track(localizer, test, np.arange(2) == left)
         comes_by = np.abs(y + OFFSETS_M[left, 1] - FEATURE_CENTER_M[1]) < COMES_BY_M
-        knows = np.where(comes_by, both, _of_one_who_felt_nothing(localizer.scene, test, weighed, left))
+        knows = np.where(comes_by, both, _of_one_who_felt_nothing(localizer.scene, test, updated, left))
         for kind, of_one, of_both in (
             ("", one, both),
             (" that comes by the feature", one[comes_by], both[comes_by]),
             (" that does not", one[~comes_by], both[~comes_by]),
             (" that does not, as an observer", knows[~comes_by], both[~comes_by]),
             (", as both or as an observer", knows, both),
-            (", while believed", one[believed], both[both_believed]),
+            (", while converged", one[converged], both[both_converged]),
         ):
             errors["one left" + kind] += of_one.tolist()
             errors["both, for one left" + kind] += of_both.tolist()
@@ -113,8 +113,8 @@ def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, errors: Errors
 def _track(
     localizer: Localizer, test: SimulatedScan, present: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Of the strains that are weighed on contact: errors, m, whether believed, and which they are."""
-    errors, believed, weighed = [], [], []
+    """Of the measurement updates on contact: errors, m, whether converged, and which they are."""
+    errors, converged, updated = [], [], []
     for number, part in enumerate(test.slices()):
         localizer.reset()
         felt = []
@@ -122,14 +122,14 @@ def _track(
             estimate = localizer.update(int(test.stamp_ns[k]), test.odometry[k], test.strain[k], present)
             if estimate.updated and k >= test.contact[number]:
                 errors.append(np.linalg.norm(estimate.mean - test.truth[k]))
-                believed.append(estimate.converged)
+                converged.append(estimate.converged)
                 felt.append(k)
-        weighed.append(np.array(felt, dtype=int))
-    return np.array(errors), np.array(believed), weighed
+        updated.append(np.array(felt, dtype=int))
+    return np.array(errors), np.array(converged), updated
 
 
 def _of_one_who_felt_nothing(
-    scene: Scene, test: SimulatedScan, weighed: list[np.ndarray], left: int
+    scene: Scene, test: SimulatedScan, updated: list[np.ndarray], left: int
 ) -> np.ndarray:
     """Errors, m, of an observer who knows only, but exactly, where the feature would have been felt.
 
@@ -139,7 +139,7 @@ def _of_one_who_felt_nothing(
     axes = [np.linspace(low, high, 48) for low, high in zip(scene.lower, scene.upper, strict=True)]
     starts = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     errors = []
-    for part, own in zip(test.slices(), weighed, strict=True):
+    for part, own in zip(test.slices(), updated, strict=True):
         possible = np.ones(len(starts), dtype=bool)
         for k in range(part.start, own[-1] + 1):
             palm = starts + test.truth[k] - test.truth[part.start]

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.credit import NO_CREDIT
+from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
-from tactile_localizer.core.particle_filter import ParticleFilter
 from tactile_localizer.io.scans.store import ScanStore
 
 POSITION_STD, STRAIN_STD = 0.0254 * math.sqrt(0.0075), math.sqrt(0.001)
@@ -26,7 +25,7 @@ def held_mb() -> float:
 start_mb, begin = held_mb(), time.perf_counter()
 with ScanStore.open(sys.argv[1]) as store:
     scene, model = store.scene, SumOfGaussians(store.load(), store.scene, POSITION_STD, STRAIN_STD)
-particles = ParticleFilter(scene, model, np.random.default_rng(0), 75)
+particles = ParticleFilter(scene, np.random.default_rng(0), 75)
 loaded_s, loaded_mb, begin = time.perf_counter() - begin, held_mb(), time.perf_counter()
-particles.update(np.zeros(16), np.ones(2, dtype=bool), 1.0, NO_CREDIT)
+particles.update(model.log_likelihood(particles.prior()[0], np.zeros(16), np.ones(2, dtype=bool)))
 print(loaded_s, time.perf_counter() - begin, start_mb, loaded_mb, held_mb())

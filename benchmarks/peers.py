@@ -1,4 +1,4 @@
-"""Our particle filter beside those of four packages, on the same model: predict, weigh, resample.
+"""Our particle filter beside those of four packages, on the same model: predict, weight, resample.
 
 The packages bring the filter; the model is what their user would write in numpy and scipy: strain distances
 shared between the particles, then position kernels. All run in one process, in an environment of their own
@@ -66,9 +66,8 @@ def compare() -> list[dict[str, Any]]:
     )
 
     from tactile_localizer.core.configuration import Configuration
-    from tactile_localizer.core.credit import NO_CREDIT
+    from tactile_localizer.core.filters.particle import ParticleFilter
     from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
-    from tactile_localizer.core.particle_filter import ParticleFilter
 
     scan, scene = bump_scan(), bump_scene()
     floor = floor_us(scan)
@@ -80,11 +79,12 @@ def compare() -> list[dict[str, Any]]:
     rows = []
 
     def ours(particles: int) -> Stopwatch:
-        mine = ParticleFilter(scene, model, np.random.default_rng(0), particles, resample_below=1.0)
+        mine = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
 
         def run(displacement: np.ndarray, strain: np.ndarray) -> None:
             mine.predict(displacement, float(np.hypot(*displacement)))
-            mine.update(strain, PRESENT, 1.0, NO_CREDIT)
+            states, _ = mine.prior()
+            mine.update(model.log_likelihood(states, strain, PRESENT))
 
         return Stopwatch(run, lambda _: mine.reset(), every_step=True)
 

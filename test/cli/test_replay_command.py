@@ -11,6 +11,7 @@ import pytest
 from support.bags import pose, strain, write_bag
 
 from tactile_localizer.cli import main
+from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
@@ -52,19 +53,23 @@ def updates_text(path: str) -> str:
 def test_train_import_replay_finds_the_place_and_writes_every_update(folder: Path, capsys) -> None:
     assert main([*COMMAND.split(), "--json", "out.json"]) == 0
     printed = capsys.readouterr().out
-    assert "sum_of_gaussians, grid filter; odometry simulated" in printed
-    assert "after 40 mm" in printed
+    assert "sweep_mixture, grid filter; odometry simulated" in printed
+    assert "learned: material featureless between features, information length" in printed
+    assert "travel counts from contact, which 2 sweeps come to" in printed
+    assert "at contact" in printed
+    assert "after 20 mm" in printed
+    assert "does not fit" not in printed
     found = document()
     rows = np.genfromtxt("test.csv", delimiter=",", names=True)
     assert len(found["updates"]) == len(rows)
-    assert found["summary"]["error_after_travel_m"]["0.04"]["max"] < 0.005
-    assert found["summary"]["error_on_feature_m"]["count"] > 100
+    assert found["summary"]["error_after_travel_m"]["0.02"]["max"] < 0.005
+    assert found["summary"]["error_contact_m"]["count"] > 100
     last = found["updates"][-1]
     assert last["truth"] == pytest.approx([rows["x"][-1], rows["y"][-1]])
     assert last["error_m"] == pytest.approx(np.linalg.norm(np.subtract(last["mean"], last["truth"])))
     assert last["trace"] == pytest.approx(np.trace(last["covariance"]))
     assert last["stamp_s"] == pytest.approx(rows["stamp_s"][-1])
-    assert {"sweep", "converged", "reason", "evidence", "stamp_ns"} <= set(last)
+    assert {"sweep", "converged", "reason", "state", "probability", "on_map", "stamp_ns"} <= set(last)
 
 
 def test_a_seed_gives_the_same_updates_to_the_byte_and_another_seed_others(folder: Path) -> None:
@@ -82,7 +87,20 @@ def test_exact_odometry_is_the_truths_displacements(folder: Path) -> None:
     arguments = "replay test.csv --scan scan.db --odometry exact --config fast --json exact.json"
     assert main(arguments.split()) == 0
     assert document("exact.json")["summary"]["odometry"] == "exact"
-    assert document("exact.json")["configuration"]["cell"] == 0.8
+    assert document("exact.json")["configuration"]["cell"] == load_configuration("fast").cell
+
+
+def test_what_does_not_fit_and_why_it_did_not_converge_is_said(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header, *rows = Path("test.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows[:400]]
+    millivolts = [[*row[:4], *(str(1e3 * float(v)) for v in row[4:20]), *row[20:]] for row in cells]
+    Path("mv.csv").write_text("\n".join([header, *map(",".join, millivolts)]))
+    assert run("replay mv.csv --scan scan.db --config fast") == 0
+    printed = capsys.readouterr().out
+    assert "sweep 0 did not converge: unknown at its end; the map explains what is felt" in printed
+    assert "100% of the strains out of the scan's range (strains are 1000 times too large" in printed
 
 
 def test_a_scan_file_is_a_recording_too(folder: Path) -> None:
