@@ -97,9 +97,9 @@ def _summary(result: SoakResult) -> dict[str, Any]:
         "failures": result.failures,
         "sweeps": result.sweeps,
         "posteriors": result.judged,
-        "believed": result.believed,
-        "believed_error_mm": _quantiles_mm(result.errors_m),
-        "wrong": {why or "no reason": count for why, count in result.wrong.items()},
+        "converged": result.believed,
+        "converged_error_mm": _quantiles_mm(result.errors_m),
+        "falsely_converged": {why or "no fault": count for why, count in result.wrong.items()},
         "longest_lag_s": result.lag_s,
         "longest_wait_for_a_pose_s": result.waiting_s,
         "most_in_receive_queue_bytes": result.queue_bytes,
@@ -151,8 +151,8 @@ def _sentences(result: SoakResult) -> list[str]:
     lines = [
         f"load of the machine {os.getloadavg()[2]:.1f} on {os.cpu_count()} cores; "
         f"{result.late} times it took a fault beyond its time limit",
-        f"{result.sweeps} sweeps, {result.judged} posteriors, {result.believed} of them believed ({errors})",
-        f"believed and wrong: {result.wrong.get('', 0)} without a reason, {excused} while misled",
+        f"{result.sweeps} sweeps, {result.judged} posteriors, {result.believed} of them converged ({errors})",
+        f"falsely converged: {result.wrong.get('', 0)} without a fault, {excused} during faults that mislead",
         f"longest lag when well {result.lag_s:.2f} s, longest wait for a pose {result.waiting_s:.2f} s, "
         f"fullest receive queue {result.queue_bytes} bytes",
     ]

@@ -1,4 +1,4 @@
-"""Whether what is believed is true: each posterior against where the simulated palm really was."""
+"""Compares converged posteriors with the true position of the simulated palm."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _LONGEST_STEP_NS = 200_000_000
 _KEPT = 100_000
 _TRUTHS = 500
 
+_EXAMPLES = 20
+
 WRONG_M = 0.01
-WRONG_SIGMAS = 5.0
-"""A position that may be believed is wrong when it is off by more than both of these."""
+"""Error above which convergence is false, m: beyond the default convergence radius of 7.5 mm."""
 
 
 class BeliefWatch:
@@ -29,20 +30,22 @@ class BeliefWatch:
 
     Parameters
     ----------
-    watcher : hears them
-    relay : whose clock their stamps go by
+    watcher : subscribes to them
+    relay : whose clock their stamps are of
 
     Attributes
     ----------
-    misled : why the belief may be wrong now and until the sweep's end; empty: it may not
-    judged, believed : posteriors compared with the truth, and those of them that may be believed
-    wrong : those that may be believed and are wrong, by why they may be
-    errors_m : of the believed ones
+    misled : fault that excuses false convergence until the end of the sweep; empty: none
+    judged, believed : posteriors compared with the truth, and those of them that are converged
+    wrong : number of false convergences, by the fault that excuses them
+    examples : the first false convergences that no fault excuses, one line each
+    errors_m : of the converged ones
     """
 
     def __init__(self, watcher: Watcher, relay: Relay) -> None:
         self.judged = self.believed = 0
         self.wrong: Counter[str] = Counter()
+        self.examples: list[str] = []
         self.errors_m: deque[float] = deque(maxlen=_KEPT)
         self._relay = relay
         self._misled = self._excuse = ""
@@ -63,12 +66,12 @@ class BeliefWatch:
         self._excuse = why or self._excuse  # the sweep under way stays spoilt
 
     def begin_sweep(self, now_ns: int) -> None:
-        """The belief knows nothing and nothing misleads it, or what :attr:`misled` says."""
+        """Judge what is stamped after ``now_ns``; the belief is uniform."""
         self._excuse = self._misled
         self._from_ns = now_ns
 
     def end_sweep(self) -> None:
-        """The fingers let go: nobody tells the filter, whose belief means nothing until the next sweep."""
+        """Stop judging: the fingers let go, which the filter does not know."""
         self._from_ns = None
 
     def _on_posterior(self, message: Posterior) -> None:
@@ -89,7 +92,7 @@ class BeliefWatch:
                 self._judge(posterior, truth)
 
     def _truth_at(self, stamp_ns: int) -> np.ndarray | None:
-        """Where the palm was, (2,), m; ``None`` before what is known."""
+        """True position of the palm, (2,), m; ``None`` before the first."""
         after = bisect_left(self._truths, stamp_ns, key=lambda truth: truth[0])
         if after == 0:
             return None
@@ -101,9 +104,12 @@ class BeliefWatch:
         if not posterior.converged:
             return
         self.believed += 1
-        off = np.array(posterior.mean) - truth
-        covariance = np.reshape(posterior.covariance, (len(off), len(off)))
-        error = float(np.linalg.norm(off))
+        error = float(np.linalg.norm(np.array(posterior.mean) - truth))
         self.errors_m.append(error)
-        if error > WRONG_M and off @ np.linalg.solve(covariance, off) > WRONG_SIGMAS**2:
+        if error > WRONG_M:
             self.wrong[self._excuse] += 1
+            if not self._excuse and len(self.examples) < _EXAMPLES:
+                self.examples.append(
+                    f"{1e3 * error:.1f} mm off after {1e3 * posterior.travel:.1f} mm of travel at "
+                    f"x {1e3 * truth[0]:.1f}, y {1e3 * truth[1]:.1f} mm: {posterior.reason}"
+                )

@@ -148,7 +148,7 @@ class _Soak:
         belief = self._system.belief
         self.result.sweeps, self.result.judged = self._sweeping.done, belief.judged
         self.result.believed, self.result.wrong = belief.believed, dict(belief.wrong)
-        self.result.errors_m = list(belief.errors_m)
+        self.result.examples, self.result.errors_m = list(belief.examples), list(belief.errors_m)
 
     def _faults(self) -> Iterator[Fault]:
         """Round after round; after the warm-up, memory counts."""
@@ -200,7 +200,7 @@ class _Soak:
         else:
             one.well_s = time.monotonic() - ended_s
         if wrong := system.belief.wrong[""] - wrong_before:
-            trouble.append(f"{wrong} posteriors believed and wrong without a reason")
+            trouble.append(f"{wrong} falsely converged posteriors that no fault excuses")
         one.trouble = "; ".join(trouble)
         return one
 

@@ -44,9 +44,10 @@ class SoakResult:
     is_warm : whether the soak was long enough to judge the memory
     late : times that a fault took longer than its limit to show or to be over, for want of a processor
     sweeps : that the hand finished
-    judged, believed : posteriors compared with the truth, and those of them that might be believed
-    wrong : believed and wrong, by why the belief might be wrong then; empty: for no reason
-    errors_m : of the believed ones
+    judged, believed : posteriors compared with the truth, and those of them that were converged
+    wrong : number of false convergences, by the fault that excuses them; empty: none does
+    examples : the first false convergences that no fault excuses, one line each, with their reasons
+    errors_m : of the converged ones
     lag_s : longest that a posterior was behind while all was well
     waiting_s : longest that a strain vector waited for its pose
     queue_bytes : most in the driver's receive queue
@@ -62,6 +63,7 @@ class SoakResult:
     judged: int = 0
     believed: int = 0
     wrong: dict[str, int] = field(default_factory=dict)
+    examples: list[str] = field(default_factory=list)
     errors_m: list[float] = field(default_factory=list)
     lag_s: float = 0.0
     waiting_s: float = 0.0
@@ -80,6 +82,7 @@ class SoakResult:
                 found.append(f"{name}: memory grew by {memory.growth_bytes / 1e6:.1f} MB")
         if self.waiting_s > WAITING_LIMIT_S:
             found.append(f"a strain vector waited {self.waiting_s:.1f} s for its pose")
+        found += [f"false convergence: {example}" for example in self.examples]
         if not self.sweeps or not self.believed:
-            found.append(f"{self.sweeps} sweeps, {self.believed} posteriors believed: nothing was shown")
+            found.append(f"{self.sweeps} sweeps, {self.believed} converged posteriors: nothing was shown")
         return found

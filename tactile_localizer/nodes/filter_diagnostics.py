@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.nodes.tracker import Tracker
@@ -95,8 +96,11 @@ class FilterDiagnostics:
             return self._status("belief", DiagnosticStatus.WARN, message, values)
         if tracker.fit.trouble:
             return self._status("belief", DiagnosticStatus.WARN, tracker.fit.trouble, values)
-        message = "no measurement yet" if estimate is None else estimate.reason
-        return self._status("belief", DiagnosticStatus.OK, message, values)
+        if estimate is None:
+            return self._status("belief", DiagnosticStatus.OK, "no measurement yet", values)
+        adverse = estimate.state in (State.LOST, State.UNKNOWN)
+        level = DiagnosticStatus.WARN if adverse else DiagnosticStatus.OK
+        return self._status("belief", level, estimate.reason, values)
 
     def _of_inputs(self, tracker: Tracker, inputs: Inputs) -> Any:
         counts = dataclasses.asdict(tracker.counts)

@@ -1,4 +1,4 @@
-"""What the soak calls believed and wrong."""
+"""False convergence, as the soak reports it."""
 
 import numpy as np
 import pytest
@@ -34,12 +34,11 @@ def watch(heard):
     return BeliefWatch(heard, Relay(heard))
 
 
-def tell(heard, stamp_ns, mean, std=0.002, converged=True, stale=False):
+def tell(heard, stamp_ns, mean, converged=True, stale=False, reason=""):
     from tactile_localizer.msg import Posterior
     from tactile_localizer.nodes.stamps import from_ns
 
-    covariance = (np.eye(2) * std**2).ravel().tolist()
-    message = Posterior(mean=list(mean), covariance=covariance, converged=converged, stale=stale)
+    message = Posterior(mean=list(mean), converged=converged, stale=stale, reason=reason)
     message.header.stamp = from_ns(stamp_ns)
     heard.works["filter/posterior"](message)
 
@@ -72,13 +71,22 @@ def test_the_truth_is_interpolated_at_the_posteriors_stamp(heard, watch):
 
 @pytest.mark.parametrize(
     ("how", "count"),
-    [({}, 1), ({"converged": False}, 0), ({"stale": True}, 0), ({"std": 0.01}, 0)],
-    ids=["believed", "not believed", "stale", "unsure"],
+    [({}, 1), ({"converged": False}, 0), ({"stale": True}, 0)],
+    ids=["converged", "not converged", "stale"],
 )
-def test_wrong_is_what_is_believed_and_far_off_for_its_spread(heard, watch, how, count):
+def test_convergence_is_false_far_from_the_truth(heard, watch, how, count):
     watch.begin_sweep(SECOND)
-    sweep(heard, [(0.03, 0.0)], **how)
+    sweep(heard, [(0.03, 0.0), (0.012, 0.0)], **how)
     assert watch.wrong.total() == count
+    assert len(watch.examples) == count
+
+
+def test_a_false_convergence_is_reported_with_its_reason(heard, watch):
+    watch.begin_sweep(SECOND)
+    sweep(heard, [(0.03, 0.0)], reason="converged: probability 0.995")
+    assert watch.examples == [
+        "25.0 mm off after 0.0 mm of travel at x 5.0, y 0.0 mm: converged: probability 0.995"
+    ]
 
 
 def test_between_sweeps_nothing_is_judged(heard, watch):
@@ -99,3 +107,4 @@ def test_a_belief_that_was_misled_is_excused_until_the_sweeps_end(heard, watch):
     watch.begin_sweep(SECOND)
     sweep(heard, [(0.03, 0.0)])
     assert watch.wrong == {"wrong seed": 1, "": 1}
+    assert len(watch.examples) == 1

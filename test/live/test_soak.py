@@ -31,7 +31,7 @@ def test_a_short_soak_finds_every_fault_told_and_all_well_again(process, tmp_pat
     assert len(report["injections"]) >= 3
     assert all(one["told_s"] < 4.0 and one["well_s"] is not None for one in report["injections"])
     assert report["sweeps"] >= 1
-    assert report["believed"] > 0
+    assert report["converged"] > 0
     assert set(report["memory"]) == {"simulator", "driver", "mapping", "filter"}
     assert "nothing failed" in (tmp_path / "report.txt").read_text()
     assert "Traceback" not in soak.output

@@ -113,8 +113,11 @@ def test_the_states_are_published(start, probe, sweep, states):
     assert changes == [getattr(Posterior, state) for state in states]
     assert all(message.converged == (message.state == Posterior.CONVERGED) for message in node.fresh())
     probe.until(lambda: node.told("belief")[2].get("state") == states[-1], "the diagnostics")
-    _, _, values = node.told("belief")
+    level, _, values = node.told("belief")
+    assert values["reason"] == node.fresh()[-1].reason
     assert values["strains_out_of_range"] == "0.00"
+    if states[-1] == "UNKNOWN":
+        assert level == b"\x01"
 
 
 def test_strains_that_do_not_fit_the_scan_are_a_warning_in_the_diagnostics(start, probe):
