@@ -27,7 +27,7 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 
 NAME = "demo"
-HELP = "scan a simulated feature, then localise on it: simulator, driver, mapping and filter live"
+HELP = "scan a simulated feature, then localize on it: simulator, driver, mapping and filter live"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     console = Console(markup=False, emoji=False)
     scene = load_scene(resource_path(f"config/scenes/{args.feature}.yaml"))
     settings = DemoSettings(args.feature, args.out, args.seed, args.speed, args.sweeps)
-    title = f"{args.feature}: from CAN frames and palm poses to a believed position"
+    title = f"{args.feature}: from CAN frames and palm poses to a converged position"
     with demo_view(console, scene, title) as view:
         result = run_demo(settings, view)
         view.phase("drawing")
@@ -103,18 +103,18 @@ def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     table = Table(box=SIMPLE, show_header=False)
     error = summary["error_after_contact_mm"]
     inch = summary["error_after_contact_inch"]
-    told = "no contact" if error is None else f"{error:.2f} mm, {inch:.3f} inch (limit 0.1 inch)"
+    shown = "no contact" if error is None else f"{error:.2f} mm, {inch:.3f} inch (limit 0.1 inch)"
     travel, duration = summary["travel_to_convergence_mm"], summary["time_to_convergence_s"]
     belief = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
-    believed, count = summary["error_believed_mm"], len(summary["sweeps"])
-    table.add_row("mean error after contact", told)
-    table.add_row("of that, while believed", "never" if believed is None else f"{believed:.2f} mm")
+    converged, count = summary["error_converged_mm"], len(summary["sweeps"])
+    table.add_row("mean error after contact", shown)
+    table.add_row("of that, while converged", "never" if converged is None else f"{converged:.2f} mm")
     table.add_row("time and travel to convergence", belief)
     table.add_row("sweeps that converged", f"{summary['converged_sweeps']} of {count}")
     table.add_row("converged before contact", str(summary["converged_before_contact"]))
     table.add_row("frames dropped", str(summary["frames_dropped"]))
     table.add_row(
-        "update time", f"median {summary['update_median_us']:.0f} us, 99 % {summary['update_p99_us']:.0f} us"
+        "update time", f"median {summary['update_median_us']:.0f} µs, 99 % {summary['update_p99_us']:.0f} µs"
     )
     table.add_row("all in all", f"{summary['duration_s']:.0f} s, written to {folder}")
     console.print(table)

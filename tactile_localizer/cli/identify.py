@@ -26,7 +26,7 @@ from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
 NAME = "identify"
-HELP = "tell which of several scans a recording was felt on, or none of them"
+HELP = "identify which of several scans a recording was felt on, or none of them"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

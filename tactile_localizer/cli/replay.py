@@ -36,7 +36,7 @@ from tactile_localizer.evaluation.replay_document import replay_document
 from tactile_localizer.io.scans.learned import learned_calibration
 
 NAME = "replay"
-HELP = "localise a recording (CSV, scan file or bag) as the filter node would have"
+HELP = "localize a recording (CSV, scan file or bag) as the filter node would have"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,7 +101,8 @@ def _print(document: dict[str, Any]) -> None:
     for note in document["recording"]["notes"]:
         console.print(f"note: {note}")
     console.print(
-        f"{summary['sweeps']} sweeps, {summary['strains']} strains, {summary['updates']} measurement updates"
+        f"{summary['sweeps']} sweeps, {summary['strains']} strains, "
+        f"{summary['measurement_updates']} measurement updates"
         + (f", {summary['refused']} refused" if summary["refused"] else "")
         + f"; {configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
     )

@@ -1,4 +1,4 @@
-"""What a localizer is tried on: simulated features, or one's own scan and recordings."""
+"""Conditions that a localizer is tried on: simulated features, or one's own scan and recordings."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Condition(Protocol):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What tells this condition from others, as JSON can hold it."""
+        """Identity of this condition among others, as JSON can hold it."""
 
     def load(self) -> Material:
         """The map and the sweeps."""
@@ -78,7 +78,7 @@ class SimulatedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What tells this condition from others."""
+        """Identity of this condition among others."""
         return dict(vars(self))
 
     def load(self) -> Material:
@@ -142,7 +142,7 @@ class RecordedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What tells this condition from others: a digest of all its numbers."""
+        """Identity of this condition among others: a digest of all its numbers."""
         digest = hashlib.sha256()
         for array in (self.scan.states, self.scan.strain, self.scan.sweep):
             digest.update(np.ascontiguousarray(array).data)

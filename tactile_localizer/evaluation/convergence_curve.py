@@ -20,7 +20,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.evaluation.conditions import SimulatedCondition, recording_of
 from tactile_localizer.evaluation.display import MM
 from tactile_localizer.evaluation.evaluate import built, learn_conditions
-from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
+from tactile_localizer.evaluation.jobs import Progress, Task, Workers, configuration_identity, run_tasks
 from tactile_localizer.evaluation.metrics import travel_from_contact
 from tactile_localizer.evaluation.replay import Track, replay
 from tactile_localizer.evaluation.tables import Table
@@ -69,7 +69,7 @@ def convergence_curve(
 ) -> list[CurvePoint]:
     """The curve over simulated features; what ``folder`` holds already is not measured again."""
     learned = learn_conditions(conditions, folder, workers, progress)
-    choices = told(configuration)
+    choices = configuration_identity(configuration)
     tasks = [
         Task(
             decide,

@@ -19,7 +19,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.evaluation.bootstrap import Interval, mean_interval
 from tactile_localizer.evaluation.conditions import Condition, Material
-from tactile_localizer.evaluation.jobs import Progress, Task, Workers, run_tasks, told
+from tactile_localizer.evaluation.jobs import Progress, Task, Workers, configuration_identity, run_tasks
 from tactile_localizer.evaluation.methods import Method
 from tactile_localizer.evaluation.metrics import timing, with_contact
 from tactile_localizer.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
@@ -171,7 +171,7 @@ def localisation(
         "condition": condition.identity,
         "calibration": calibration,
         "measurement": measurement,
-        "configuration": told(configuration),
+        "configuration": configuration_identity(configuration),
     }
     return Task(localise, (condition, calibration, measurement, configuration), identity)
 

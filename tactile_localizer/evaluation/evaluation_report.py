@@ -75,8 +75,8 @@ def configuration_table(results: Results) -> Table:
         own = {**asdict(method.configuration), **method.measurement}
         changed = {key: value for key, value in own.items() if default.get(key) != value}
         rows.append((name, ", ".join(f"{k}: {_short(v)}" for k, v in changed.items()) or "the defaults"))
-    told = ", ".join(f"{k}: {_short(v)}" for k, v in default.items())
-    return Table("Configurations", ("method", "differs from the default in"), rows, f"Default: {told}.")
+    defaults = ", ".join(f"{k}: {_short(v)}" for k, v in default.items())
+    return Table("Configurations", ("method", "differs from the default in"), rows, f"Default: {defaults}.")
 
 
 def _count(number: int, what: str) -> str:

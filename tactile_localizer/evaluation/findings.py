@@ -1,4 +1,4 @@
-"""The paper's qualitative findings, each asked of the results: held, not held, or not to be told."""
+"""The paper's qualitative findings, each checked on the results: held, not held, or open."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DETECTED = 0.95
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement of the paper and what the results say of it.
+    """A statement of the paper, checked on the results.
 
     ``verdict`` is :data:`HELD`, :data:`NOT_HELD`, or :data:`OPEN` where the confidence interval allows both.
     """
@@ -49,7 +49,7 @@ def check_findings(results: Results) -> list[Finding]:
         (_featureless_no_worse, (SUM, FEATURELESS)),
         (_featureless_broader_before_contact, (SUM, FEATURELESS)),
         (_featureless_broader_before_contact_exactly, (SUM_EXACT, FEATURELESS_EXACT)),
-        (_evidence_does_not_fire_falsely, ("default",)),
+        (_probability_does_not_fire_falsely, ("default",)),
         (_motion_alone_past_the_feature, ("default",)),
         (_injection_forgets_past_the_feature, (SUM,)),
     ]
@@ -104,7 +104,7 @@ def _of_blanks(results: Results, method: str, name: str) -> np.ndarray:
 
 
 def own_criterion(results: Results, method: str) -> FalseAlarms:
-    """False alarms of the package's own criterion: trace and evidence, sustained."""
+    """False alarms of the package's own criterion: a probability, held over a distance."""
     before = results.values(method, "converged_before")
     return FalseAlarms(np.nan, _share(before), _share([b["converged"] for b in results.blanks(method)]))
 
@@ -174,17 +174,17 @@ def _sum_better_past_the_edge(results: Results) -> Finding:
 
 def _plain_criteria_fire_falsely(results: Results) -> Finding:
     worst: dict[str, float] = {}
-    told = []
+    shares = []
     for method in (GAUSSIAN, INDEPENDENT, SUM):
         for name, alarms in plain_criteria(results, method).items():
             share = float(np.nanmax([alarms.before, alarms.blank]))
             worst[name] = max(worst.get(name, 0.0), share)
-            told.append(f"{name}, {method}: {share:.0%}")
+            shares.append(f"{name}, {method}: {share:.0%}")
     return Finding(
         "Low covariance alone or high likelihood alone falsely signal convergence before contact.",
         "III-D",
         HELD if min(worst.values()) > 0 else NOT_HELD,
-        f"sweeps in which it fires before contact, or blank ones: {'; '.join(told)}",
+        f"sweeps in which it fires before contact, or blank ones: {'; '.join(shares)}",
     )
 
 
@@ -216,13 +216,13 @@ def _broader(results: Results, featureless: str, other: str, how: str) -> Findin
     )
 
 
-def _evidence_does_not_fire_falsely(results: Results) -> Finding:
+def _probability_does_not_fire_falsely(results: Results) -> Finding:
     alarms = own_criterion(results, "default")
     blanks = len(results.blanks("default"))
     held = blanks > 0 and alarms.blank == 0.0
     in_blanks = f"in {alarms.blank:.1%} of {blanks} blank sweeps and " if blanks else ""
     return Finding(
-        "Convergence can be told without false alarms where no feature is (this package's criterion).",
+        "Convergence is recognized without false alarms where no feature is (this package's criterion).",
         "III-D, aim",
         HELD if held else OPEN if not blanks else NOT_HELD,
         f"fires {in_blanks}in {alarms.before:.1%} of sweeps before contact",

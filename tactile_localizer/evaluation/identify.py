@@ -1,4 +1,4 @@
-"""Which of several scans a recording was felt on, or none of them, along each of its sweeps."""
+"""Probabilities of several scans, and of none of them, along each sweep of a recording."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class IdentifiedSweep:
 def identify(
     identifier: FeatureIdentifier, scene: Scene, recording: Recording, progress: Progress | None = None
 ) -> list[IdentifiedSweep]:
-    """Feed each sweep of a recording to an identifier that knows nothing at its start.
+    """Feed each sweep of a recording to an identifier, from a uniform prior.
 
     Parameters
     ----------
     identifier : its state of before is lost
     scene : of the recording's axes
     recording : its positions are the odometry
-    progress : told the share that is done
+    progress : called with what is being done and the fraction of it that is done
 
     Raises
     ------

@@ -42,7 +42,7 @@ class Task:
     ----------
     function : importable by its name; returns a mapping that JSON can hold
     arguments : of the call
-    identity : what tells this task from others, as JSON can hold it; equal identities mean equal results
+    identity : its identity among tasks, as JSON can hold it; equal identities mean equal results
     """
 
     function: Callable[..., dict[str, Any]]
@@ -110,8 +110,8 @@ def source_digest() -> str:
     return _digest(PACKAGE / part for part in _THAT_MATTER)
 
 
-def told(configuration: Configuration) -> dict[str, Any]:
-    """What tells a configuration from others: its choices, and the code of a model of one's own.
+def configuration_identity(configuration: Configuration) -> dict[str, Any]:
+    """Identity of a configuration: its choices, and the code of a user-defined model.
 
     Of a module its file counts, of a package all of its modules; what they import from elsewhere does not.
     """

@@ -1,4 +1,4 @@
-"""Pictures of live sweeps: the error along the sweep (the paper's Fig. 5), how sure it was (Fig. 8 b)."""
+"""Pictures of live sweeps: the error along the sweep (the paper's Fig. 5), its uncertainty (Fig. 8 b)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep
 
 _BIN_MM = 1.0
 _HIGHEST_MM = 15.0
-"""Errors above say only that nothing is known yet."""
+"""Errors above mean that the position is still open."""
 _COLOUR = "tab:blue"
 _FELT = "tab:orange"
 
@@ -36,7 +36,7 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
     error.set_ylim(0, min(_HIGHEST_MM, error.get_ylim()[1]))
     trace.set_ylabel("root of the\ncovariance trace, mm")
     trace.set_ylim(0, None)
-    share.set_ylabel("share of\nsweeps believed")
+    share.set_ylabel("share of\nsweeps converged")
     share.set_ylim(-0.05, 1.05)
     for plot in (error, trace, share):
         _contact_band(plot, sweeps)
@@ -49,7 +49,7 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
 
 
 def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
-    """One sweep: where the palm truly was, and where it was thought and believed to be."""
+    """One sweep: where the palm truly was, and where it was estimated to be."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     plots = figure.subplots(2, 1, sharex=True)
     seconds = (sweep.stamp_ns - sweep.stamp_ns[0]) * 1e-9
@@ -57,8 +57,8 @@ def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
         plot.plot(seconds, sweep.truth[:, column] * MM, "k", linewidth=1.2, label="truth")
         plot.plot(seconds, sweep.mean[:, column] * MM, color=_COLOUR, linewidth=1.2, label="estimate")
         plot.set_ylabel(f"{axis}, mm")
-        believed = np.ma.masked_where(~sweep.converged, sweep.mean[:, column] * MM)
-        plot.plot(seconds, believed, color="tab:green", linewidth=3.0, alpha=0.5, label="believed")
+        converged = np.ma.masked_where(~sweep.converged, sweep.mean[:, column] * MM)
+        plot.plot(seconds, converged, color="tab:green", linewidth=3.0, alpha=0.5, label="converged")
         felt = seconds[sweep.after_contact]
         if len(felt):
             plot.axvspan(felt[0], felt[-1], color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")

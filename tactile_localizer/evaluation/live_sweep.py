@@ -1,4 +1,4 @@
-"""What a live sweep over a simulated feature was worth: the error after contact, and when it was believed."""
+"""Outcome of a live sweep over a simulated feature: error from contact on, and convergence."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class LiveSweep:
             "sweep": self.number,
             "start_mm": (self.truth[0] * 1e3).round(2),
             "error_after_contact_mm": _mean_mm(self.error[felt]),
-            "error_believed_mm": _mean_mm(self.error[felt & self.converged]),
+            "error_converged_mm": _mean_mm(self.error[felt & self.converged]),
             "error_at_end_mm": 1e3 * float(self.error[felt][-1]) if felt.any() else None,
             "converged": bool(self.converged[felt].any()),
             "converged_before_contact": first is not None
@@ -91,21 +91,21 @@ def contact_of(feature: str, seed: int, number: int, speed: float, rate: float) 
 
 def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
     """Means over the sweeps, by name; ``within_limit``: the error after contact is at most 0.1 inch."""
-    told = [sweep.told() for sweep in sweeps]
-    errors = _known(told, "error_after_contact_mm")
+    outcomes = [sweep.told() for sweep in sweeps]
+    errors = _known(outcomes, "error_after_contact_mm")
     mean = float(np.mean(errors)) if len(errors) else None
     return {
         "error_after_contact_mm": mean,
         "error_after_contact_inch": None if mean is None else mean / (INCH * 1e3),
-        "error_believed_mm": _mean(told, "error_believed_mm"),
-        "error_at_end_mm": _mean(told, "error_at_end_mm"),
+        "error_converged_mm": _mean(outcomes, "error_converged_mm"),
+        "error_at_end_mm": _mean(outcomes, "error_at_end_mm"),
         "within_limit": mean is not None and mean <= LIMIT_M * 1e3,
-        "converged": bool(told) and all(one["converged"] for one in told),
-        "converged_sweeps": sum(one["converged"] for one in told),
-        "converged_before_contact": sum(one["converged_before_contact"] for one in told),
-        "time_to_convergence_s": _mean(told, "time_to_convergence_s"),
-        "travel_to_convergence_mm": _mean(told, "travel_to_convergence_mm"),
-        "sweeps": told,
+        "converged": bool(outcomes) and all(one["converged"] for one in outcomes),
+        "converged_sweeps": sum(one["converged"] for one in outcomes),
+        "converged_before_contact": sum(one["converged_before_contact"] for one in outcomes),
+        "time_to_convergence_s": _mean(outcomes, "time_to_convergence_s"),
+        "travel_to_convergence_mm": _mean(outcomes, "travel_to_convergence_mm"),
+        "sweeps": outcomes,
     }
 
 
@@ -114,10 +114,10 @@ def _mean_mm(error: np.ndarray) -> float | None:
     return 1e3 * float(error.mean()) if len(error) else None
 
 
-def _known(told: Sequence[dict[str, Any]], name: str) -> np.ndarray:
-    return np.array([one[name] for one in told if one[name] is not None])
+def _known(outcomes: Sequence[dict[str, Any]], name: str) -> np.ndarray:
+    return np.array([one[name] for one in outcomes if one[name] is not None])
 
 
-def _mean(told: Sequence[dict[str, Any]], name: str) -> float | None:
-    values = _known(told, name)
+def _mean(outcomes: Sequence[dict[str, Any]], name: str) -> float | None:
+    values = _known(outcomes, name)
     return float(values.mean()) if len(values) else None

@@ -1,4 +1,4 @@
-"""What is compared: the default, the presets, the paper's models as it has them and with the exact filter."""
+"""Methods that an evaluation compares: the default, the presets and the paper's models."""
 
 from __future__ import annotations
 

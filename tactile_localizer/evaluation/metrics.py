@@ -1,4 +1,4 @@
-"""Numbers that say how well a recording was localised: error, calibration, convergence, time."""
+"""Measures of a replay: error, calibration, convergence, time."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
     summary = {
         "sweeps": len(tracks),
         "strains": sum(map(len, tracks)),
-        "updates": int(sum(track.updated.sum() for track in tracks)),
+        "measurement_updates": int(sum(track.updated.sum() for track in tracks)),
         "refused": sum(track.refused for track in tracks),
         "error_m": statistics(_pooled(errors)),
         "contacts": sum(counted),
@@ -184,14 +184,14 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
 
 def timing(tracks: Sequence[Track]) -> dict[str, Any]:
     """What the localizer took, us: a measurement update, any strain, and a millimetre of travel."""
-    weighed = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
+    updates = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
     every = _pooled([track.seconds for track in tracks]) * 1e6
     way = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
-    if not len(weighed):
+    if not len(updates):
         return dict.fromkeys(("update_median_us", "update_p99_us", "strain_mean_us", "us_per_mm"))
     return {
-        "update_median_us": float(np.median(weighed)),
-        "update_p99_us": float(np.quantile(weighed, 0.99)),
+        "update_median_us": float(np.median(updates)),
+        "update_p99_us": float(np.quantile(updates, 0.99)),
         "strain_mean_us": float(np.mean(every)),
         "us_per_mm": float(every.sum() / way) if way > 0.0 else None,
     }

@@ -1,4 +1,4 @@
-"""What the arm would have told of the motion, where a recording holds only where the palm truly was."""
+"""Odometry for recordings that hold only the true positions of the palm."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
 
 SIMULATED, EXACT, RECORDED = "simulated", "exact", "recorded"
-"""Odometry: the truth's displacements with the scene's motion noise; without it; what the arm told."""
+"""Odometry: the truth's displacements with the scene's motion noise; without it; what the arm reported."""
 
 
 _ROUNDING = 1e-9
@@ -33,7 +33,7 @@ def with_odometry(recording: Recording, scene: Scene, rng: np.random.Generator, 
     Returns
     -------
     Recording
-        Each sweep's odometry starts at zero, so that nothing in it tells where the palm is.
+        Each sweep's odometry starts at zero, so that nothing in it shows where the palm is.
     """
     sweeps = []
     for sweep in recording.sweeps:
@@ -71,7 +71,7 @@ def random_starts(
 
     Parameters
     ----------
-    recording : its positions tell the travel
+    recording : its positions give the travel
     count : how many pieces
     length : m, of each piece; ``None``: to the end of its sweep. No piece begins where less is left.
     rng : chooses where they begin

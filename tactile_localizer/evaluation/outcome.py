@@ -1,4 +1,4 @@
-"""How one sweep went, as plain numbers: what evaluations gather from every task."""
+"""Outcome of one sweep as plain numbers, which evaluations gather from every task."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def bin_edges(scene: Scene, axis: int) -> np.ndarray:
 
 
 def sweep_outcome(scene: Scene, track: Track, axis: int) -> dict[str, Any]:
-    """How a sweep over a feature went.
+    """Outcome of a sweep over a feature.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def sweep_outcome(scene: Scene, track: Track, axis: int) -> dict[str, Any]:
 
 
 def blank_outcome(track: Track) -> dict[str, Any]:
-    """How a sweep that never reaches a feature went: whatever fires, fires falsely."""
+    """Outcome of a sweep that never reaches a feature: whatever fires, fires falsely."""
     every = np.ones(len(track), dtype=bool)
     return {"converged": bool(track.converged.any()), **_plain_criteria("blank", track, every)}
 

@@ -100,8 +100,8 @@ class Report:
             raise ScanError(f"{path}: expected to write a report, {error.strerror}") from None
 
     def _add(self, heading: str, note: str, content: str) -> None:
-        told = f'<p class="note">{escape(note)}</p>' if note else ""
-        self._parts.append(f"<section><h2>{escape(heading)}</h2>{told}{content}</section>")
+        caption = f'<p class="note">{escape(note)}</p>' if note else ""
+        self._parts.append(f"<section><h2>{escape(heading)}</h2>{caption}{content}</section>")
 
 
 def mapping_table(title: str, values: Mapping[str, object]) -> Table:

@@ -19,7 +19,7 @@ from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.scene import Scene
 
 _FEWEST = 50
-"""Pairs below which the values of a gauge tell nothing of the gauge."""
+"""Pairs below which the values of a gauge say nothing about the gauge."""
 
 _MOST_VOLTS = 20.0
 """More than any amplifier of strain gauges gives: rather mV or counts."""
@@ -104,9 +104,9 @@ def findings(
 
 def _amount(scan: Scan) -> Iterator[str]:
     if len(scan) < _FEWEST:
-        yield f"only {len(scan)} pairs: too few to tell how the gauges do"
+        yield f"only {len(scan)} pairs: too few to judge the gauges"
     if len(scan.sweep_numbers) == 1:
-        yield "only one sweep: nothing tells how sweeps differ, and parameters cannot be chosen well"
+        yield "only one sweep: how sweeps differ is not known, and the noise cannot be estimated well"
 
 
 def _unit(scan: Scan, unit: str) -> Iterator[str]:

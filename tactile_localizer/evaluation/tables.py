@@ -1,4 +1,4 @@
-"""Tables of an evaluation, in words and numbers, for the terminal and for the report alike."""
+"""Tables of an evaluation, for the terminal and for the report alike."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Table:
 
 
 def evaluation_tables(results: Results) -> list[Table]:
-    """All tables; what a recording cannot tell is left out."""
+    """All tables; what is not known of a recording is left out."""
     featured, featureless = by_feature(results)
     compared = featured or results
     tables = [error_table(compared)]
@@ -84,7 +84,7 @@ def error_table(results: Results) -> Table:
 
 
 def travel_table(results: Results) -> Table:
-    """Error on material without a feature, where no contact tells when to begin: after some travel."""
+    """Error on material without a feature, which has no contact to begin from: after some travel."""
     after = {
         (condition, method): [sweep["error_after_travel_m"] for sweep in results.sweeps(method, condition)]
         for condition in results.condition_names
@@ -108,7 +108,7 @@ def travel_table(results: Results) -> Table:
 
 
 def convergence_table(results: Results) -> Table:
-    """How soon and how rightly convergence is told."""
+    """How soon and how rightly sweeps converge."""
     rows = []
     for method in results.methods:
         travel = results.values(method, "travel_to_convergence_m")
@@ -151,7 +151,7 @@ def criteria_table(results: Results) -> Table:
     rows = []
     for method in results.methods:
         own = own_criterion(results, method)
-        rows.append((method, "trace and evidence", "", _percent(own.before), _percent(own.blank)))
+        rows.append((method, "probability", "", _percent(own.before), _percent(own.blank)))
         for name, alarms in plain_criteria(results, method).items():
             trace = name == "low trace"
             shown = f"{alarms.threshold * 1e6:.3g} mm²" if trace else f"{alarms.threshold:.3g} nats"
@@ -181,8 +181,8 @@ def quality_table(results: Results) -> Table:
                 f"{p99:.0f}",
             )
         )
-    columns = ("method", "coverage", "on contact", "NEES", "on contact", "update, us", "99 %, us")
-    note = "Share of estimates whose 95 % region holds the truth; NEES a degree of freedom (honest: 1)."
+    columns = ("method", "coverage", "on contact", "NEES", "on contact", "update, µs", "99 %, µs")
+    note = "Share of estimates whose 95 % region holds the truth; NEES per degree of freedom (right: 1)."
     return Table("Calibration and time", columns, rows, note)
 
 

@@ -85,8 +85,8 @@ class Trade:
     ----------
     error : m, mean from contact to the feature's end (over the sweep where contact is not known)
     coverage : share of estimates whose 95 % region holds the truth
-    update_us, update_p99_us : processor time of a weighed strain, median and 99th percentile (:func:`cost`)
-    us_per_mm : processor time a millimetre of travel
+    update_us, update_p99_us : processor time of a measurement update, median and 99th percentile
+    us_per_mm : processor time per millimetre of travel
     memory_mb : most memory held, beside the scan, MB
     """
 
@@ -108,7 +108,7 @@ class Thinned:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What tells this condition from others."""
+        """Identity of this condition among others."""
         return {**self.condition.identity, "every": self.every}
 
     @property
@@ -188,8 +188,8 @@ def trade(
     results = run_tasks(tasks, folder, workers, progress, "trying configurations")
     n = len(conditions)
     # One at a time, whoever does the rest: they would take time from each other.
-    weighing = [Task(cost, task.arguments, task.identity) for task in tasks[::n]]
-    costs = run_tasks(weighing, folder, Workers(), progress, "measuring time and memory")
+    costing = [Task(cost, task.arguments, task.identity) for task in tasks[::n]]
+    costs = run_tasks(costing, folder, Workers(), progress, "measuring time and memory")
     return [_gather(one, results[i * n : (i + 1) * n], costs[i]) for i, one in enumerate(tried)]
 
 

@@ -17,7 +17,7 @@ from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
 
 TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
-COMMAND = "replay test.csv --scan scan.db --scene scene.yaml --model sum_of_gaussians --filter grid --seed 1"
+COMMAND = "replay test.csv --scan scan.db --scene scene.yaml --filter grid --seed 1"
 
 
 @pytest.fixture(scope="module")

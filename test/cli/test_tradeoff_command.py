@@ -49,7 +49,7 @@ def test_everything_tried_is_shown_and_written(command: list[str], capsys) -> No
     assert main(command) == 0
     printed = capsys.readouterr().out
     assert "Pareto front" in printed
-    assert "fast: sum_of_gaussians grid" in printed
+    assert "fast: sweep_mixture grid" in printed
     trades = json.loads(Path("out/tradeoff.json").read_text())["trades"]
     assert len(trades) == len(FEW)
     assert all(one["update_us"] > 0 and one["memory_mb"] > 0 for one in trades)
@@ -81,3 +81,27 @@ def test_what_nothing_meets_is_said_with_the_nearest_and_status_1(command: list[
 def test_a_budget_that_is_none_is_refused(command: list[str], capsys) -> None:
     assert main([*command, "--budget-us", "0"]) == 2
     assert capsys.readouterr().err == "error: --budget-us: expected a positive number, got 0.0\n"
+
+
+def test_the_curve_of_soon_against_sure_is_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = ["--features", "bump", "--sweeps", "1", "--seeds", "1", "-o", "out"]
+    assert main(["tradeoff", "--convergence", *arguments]) == 0
+    printed = capsys.readouterr().out
+    assert "Soon against sure" in printed
+    assert "0.99 *" in printed
+    points = json.loads(Path("out/convergence.json").read_text())["points"]
+    assert [point["probability"] for point in points] == [0.9, 0.95, 0.99, 0.999, 0.9999]
+    assert Path("out/convergence.png").exists()
+
+
+def test_the_curve_is_of_simulated_features_alone(
+    bump: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(bump)
+    assert main(["tradeoff", "test.csv", "--scan", "scan.db", "--convergence"]) == 2
+    assert capsys.readouterr().err.startswith(
+        "error: --convergence: expected features of bump, snap, grommet"
+    )

@@ -13,7 +13,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.evaluation import jobs
 from tactile_localizer.evaluation.evaluate import localise
-from tactile_localizer.evaluation.jobs import Task, Workers, run_tasks, told
+from tactile_localizer.evaluation.jobs import Task, Workers, configuration_identity, run_tasks
 
 
 def task(seed: int, configuration: Configuration = QUICK[0].configuration) -> Task:
@@ -101,10 +101,12 @@ def test_a_key_changes_with_the_code_of_a_model_of_ones_own(
     for code in ("A = 1", "A = 2", "A = 2"):
         file.write_text(code)
         (file.parent / "__init__.py").touch()
-        keys.append(Task(localise, (), {"configuration": told(own)}).key)
+        keys.append(Task(localise, (), {"configuration": configuration_identity(own)}).key)
     assert keys[0] != keys[1] == keys[2]
-    assert told(Configuration()) == vars(Configuration())
-    assert "source" in told(Configuration(model="missing_model:Place")), "refused where it is built"
+    assert configuration_identity(Configuration()) == vars(Configuration())
+    assert "source" in configuration_identity(Configuration(model="missing_model:Place")), (
+        "refused where it is built"
+    )
 
 
 def test_workers_that_cannot_be_had_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

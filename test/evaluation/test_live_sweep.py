@@ -1,4 +1,4 @@
-"""A live sweep's numbers: the error from contact to the feature's end, and when it was believed."""
+"""A live sweep's numbers: the error from contact to the feature's end, and when it converged."""
 
 import numpy as np
 import pytest
@@ -33,13 +33,13 @@ def test_only_what_lies_between_contact_and_the_features_end_counts():
     assert told["error_at_end_mm"] == pytest.approx(1.5)
 
 
-def test_the_error_while_believed_is_told_apart():
+def test_the_error_while_converged_is_separate():
     one = sweep(error_mm=1.5, converged_from=60)
     one.mean[40:60] += 0.01
     told = one.told()
-    assert told["error_believed_mm"] == pytest.approx(1.5)
+    assert told["error_converged_mm"] == pytest.approx(1.5)
     assert told["error_after_contact_mm"] > 5.0
-    assert sweep(converged_from=N).told()["error_believed_mm"] is None
+    assert sweep(converged_from=N).told()["error_converged_mm"] is None
 
 
 def test_time_and_travel_to_convergence_are_from_the_sweeps_start():
@@ -63,7 +63,7 @@ def test_a_sweep_that_never_converged_has_no_time():
 def test_a_sweep_without_contact_has_no_error_after_it():
     told = sweep(contact=None).told()
     assert told["error_after_contact_mm"] is None
-    assert told["converged_before_contact"], "whatever it believed was believed without contact"
+    assert told["converged_before_contact"], "it converged without contact"
 
 
 @pytest.mark.parametrize(("errors_mm", "within"), [((2.0, 3.0), True), ((2.0, 3.2), False)])

@@ -80,7 +80,7 @@ def test_several_sweeps_that_count_as_one_are_told_by_the_leaps_between_them(sou
 
 def test_of_a_few_pairs_nothing_is_said_of_the_gauges(sound):
     (first, *others) = findings(sound.select(np.arange(3)), SCENE, [])
-    assert first == "only 3 pairs: too few to tell how the gauges do"
+    assert first == "only 3 pairs: too few to judge the gauges"
     assert not any("element" in line for line in others)
 
 
