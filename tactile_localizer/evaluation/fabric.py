@@ -49,13 +49,12 @@ def fabric_condition(name: str, seed: int, folder: Path) -> RecordedCondition:
     scan = _scan(read_csv(files[:2], scene, naming, _SPEED), scene)
     recording = read_csv(files[2], scene, naming, _SPEED)
     scale = _TYPICAL_STRAIN / float(np.median(scan.strain.std(axis=0)))
-    strain_std = (scale * np.asarray(scene.measurement["strain_std"])).tolist()
     sweeps = tuple(replace(sweep, strain=scale * sweep.strain) for sweep in recording.sweeps)
     return RecordedCondition(
         name,
         seed,
         replace(scan, strain=scale * scan.strain),
-        replace(scene, measurement={**scene.measurement, "strain_std": strain_std}),
+        scene,
         replace(recording, sweeps=sweeps),
         starts=STARTS,
         travel=TRAVEL,

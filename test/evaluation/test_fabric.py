@@ -31,12 +31,11 @@ def test_the_map_is_that_of_an_import_but_for_its_unit(data_dir: Path, tmp_path:
     reading = ["--columns", "fabric_slide.yaml", "--speed", "0.01", "--scene", "canvas.yaml"]
     assert main(["import", "csv", *files, *reading, "-o", str(tmp_path / "scan.db")]) == 0
     with ScanStore.open(tmp_path / "scan.db") as store:
-        imported, widths = store.load(), np.array(store.scene.measurement["strain_std"])
+        imported = store.load()
     condition = fabric_condition("canvas", 1, data_dir / "fabric_slide")
     scale = np.median(condition.scan.strain.std(axis=0)) / np.median(imported.strain.std(axis=0))
     np.testing.assert_array_equal(condition.scan.states, imported.states)
     np.testing.assert_allclose(condition.scan.strain, scale * imported.strain)
-    np.testing.assert_allclose(condition.scene.measurement["strain_std"], scale * widths)
 
 
 def test_recordings_that_are_not_there_are_refused(tmp_path: Path) -> None:
