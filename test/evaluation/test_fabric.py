@@ -10,6 +10,7 @@ import pytest
 from tactile_localizer.cli import main
 from tactile_localizer.errors import ScanError
 from tactile_localizer.evaluation.fabric import STARTS, TRAVEL, fabric_condition
+from tactile_localizer.io.recording import NO_CONTACT
 from tactile_localizer.io.scans.store import ScanStore
 
 
@@ -20,7 +21,7 @@ def test_a_fabric_is_mapped_from_two_repeats_and_started_anywhere_on_the_third(d
     for sweep in material.recording.sweeps:
         assert np.ptp(sweep.truth) == pytest.approx(TRAVEL, abs=0.001)
         assert sweep.position[0] == 0.0
-    assert (material.contact == -1).all()
+    assert all(sweep.contact == NO_CONTACT for sweep in material.recording.sweeps)
     assert condition.load().recording.sweeps[3].truth[0] == material.recording.sweeps[3].truth[0]
     another = fabric_condition("linen", 2, data_dir / "fabric_slide").load()
     assert another.recording.sweeps[3].truth[0] != material.recording.sweeps[3].truth[0]
