@@ -110,7 +110,7 @@ def scan() -> None:
 
 
 def belief() -> None:
-    """The belief along one new sweep, and what decides whether it may be believed."""
+    """The belief along one new sweep, and the probabilities that decide about convergence."""
     recorded = simulate_scan("bump", seed=1)
     training = Scan(recorded.odometry, recorded.strain, recorded.sweep, SCENE.axis_names, SCENE.phalanx_names)
     localizer = build_localizer(training, SCENE, Configuration(), np.random.default_rng(1))
@@ -127,9 +127,10 @@ def belief() -> None:
     above, below = figure.subfigures(2, 1, height_ratios=(1.15, 1))
     for axes, row in zip(above.subplots(1, 4, sharey=True), shown, strict=True):
         states, weights = pictures[row]
-        side = (len(np.unique(states[:, 0])), len(np.unique(states[:, 1])))
+        (columns, column), (rows, of_row) = (np.unique(values, return_inverse=True) for values in states.T)
+        image = np.zeros((len(rows), len(columns)))  # the filter leaves out cells that are as good as empty
+        image[of_row, column] = np.sqrt(weights)
         low, high = states.min(axis=0) * MM, states.max(axis=0) * MM
-        image = np.sqrt(weights.reshape(side).T)
         axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), cmap="Blues")
         material(axes, region=False)
         axes.plot(*(sweep.truth[row] * MM), "+", color="tab:red", ms=9, mew=1.6)
@@ -138,11 +139,12 @@ def belief() -> None:
     x = sweep.truth[:, 0] * MM
     spread, proof = below.subplots(1, 2)
     spread.semilogy(x, [np.sqrt(estimate.trace / 2) * MM for estimate in estimates])
-    spread.axhline(Configuration().convergence_std * MM, color="0.5", ls="--", lw=0.8)
-    spread.set_title("standard deviation an axis, mm (dashed: narrow)")
-    proof.plot(x, [estimate.evidence for estimate in estimates])
-    proof.axhline(Configuration().convergence_evidence, color="0.5", ls="--", lw=0.8)
-    proof.set_title("evidence, nats (dashed: enough)")
+    spread.set_title("standard deviation per axis, mm")
+    proof.plot(x, [estimate.on_map for estimate in estimates], label="on the map")
+    proof.plot(x, [estimate.probability for estimate in estimates], label="and within the radius")
+    proof.axhline(Configuration().convergence_probability, color="0.5", ls="--", lw=0.8)
+    proof.set_title("probability (dashed: converged above)")
+    proof.legend(frameon=False, loc="upper left")
     converged = np.array([estimate.converged for estimate in estimates])
     for axes in (spread, proof):
         axes.fill_between(

@@ -76,9 +76,14 @@ def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
         essential = " **Essential.**" if parameter.name in ESSENTIAL else ""
         live = " *Live.*" if parameter.live else ""
         unit = f" [{parameter.unit}]" if parameter.unit else ""
-        text = f"{parameter.description.rstrip('.?')}{unit}.{essential}{live}".replace("|", "\\|")
+        text = f"{sentence(f'{parameter.description}{unit}')}{essential}{live}".replace("|", "\\|")
         lines.append(f"| `{parameter.name}` | {shown(parameter.default)} | {allowed(parameter)} | {text} |")
     return "\n".join(lines)
+
+
+def sentence(text: str) -> str:
+    """A description with the full stop that it has not."""
+    return text if text.endswith((".", "?")) else f"{text}."
 
 
 def shown(default: object) -> str:

@@ -39,7 +39,7 @@ CONFIGURATION = (
     _plain(
         "model",
         f"Measurement model: {', '.join(MODELS)}, or one's own as module:Class. "
-        "sweep_mixture is learned from the scan, the others use the scene's kernel widths",
+        "sweep_mixture is learned from the scan; the others use the scene's kernel widths, or choose some",
     ),
     _choice("filter", "Bayes filter: particles, or the exact recursion on a grid", FILTERS),
     _number("particles", "Number of particles; the paper has 75. Without effect unless filter is particle"),
@@ -54,7 +54,7 @@ CONFIGURATION = (
         EVALUATIONS,
     ),
     _choice("precision", "Precision of kernel sums, of models sum_of_gaussians and featureless", PRECISIONS),
-    _plain("conditional", "Conditional form; false: the paper's joint form. Of model sum_of_gaussians"),
+    _plain("conditional", "Conditional form of model sum_of_gaussians; false: the paper's joint form"),
     _choice("resampling", "Resampling scheme. Without effect unless filter is particle", RESAMPLERS),
     _number(
         "resample_below",
@@ -72,7 +72,7 @@ CONFIGURATION = (
     ),
     _number(
         "convergence_yaw_radius",
-        "The same for yaw. Without effect on scenes without yaw",
+        "The same for yaw, where the scene has it",
         "rad",
         live=True,
     ),
@@ -98,14 +98,29 @@ PARAMETERS = (
     ),
     Parameter("scan_directory", "", "Directory that ~/load_scan may read scan files from; empty: none"),
     *CONFIGURATION,
-    Parameter("seed", 0, "Seed of everything random", lower=0),
-    Parameter("max_gap_s", DEFAULT_MAX_GAP_S, "Poses further apart are not interpolated", "s", 0.0, 10.0),
-    Parameter("patience_s", DEFAULT_PATIENCE_S, "Time, by stamps, to wait for a late pose", "s", 0.0, 60.0),
+    Parameter("seed", 0, "Seed of the particle filter", lower=0),
+    Parameter(
+        "max_gap_s", DEFAULT_MAX_GAP_S, "Poses farther apart in time are not interpolated", "s", 0.0, 10.0
+    ),
+    Parameter(
+        "patience_s",
+        DEFAULT_PATIENCE_S,
+        "Time, by stamps, that a strain waits for a late pose",
+        "s",
+        0.0,
+        60.0,
+    ),
     Parameter("stale_timeout_s", 0.5, "Age at which a position is stale", "s", 0.01, 60.0, live=True),
     Parameter(
-        "particles_rate_hz", 10.0, "Most ~/particles in a second, by stamps", "Hz", 0.1, 1000.0, live=True
+        "particles_rate_hz",
+        10.0,
+        "Highest rate of ~/particles and ~/markers, by stamps",
+        "Hz",
+        0.1,
+        1000.0,
+        live=True,
     ),
-    Parameter("shown_particles", 500, "Most points in ~/particles", "", 1, 1_000_000, live=True),
+    Parameter("shown_particles", 500, "Largest number of points in ~/particles", "", 1, 1_000_000, live=True),
     *palm_pose.PARAMETERS,
     Parameter(
         "publish_tf",
