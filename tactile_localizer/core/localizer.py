@@ -9,7 +9,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria, State, mass_near
 from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsistency
@@ -17,6 +16,7 @@ from tactile_localizer.core.decision.presence import Presence
 from tactile_localizer.core.decision.sweep_offset import SweepOffset
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.filters.weights import log_sum
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import checked, usable
 from tactile_localizer.core.likelihood.evaluation import Evaluation, StrainModel
@@ -205,7 +205,7 @@ class Localizer:
 
         self._decide(log_prior, evaluation, travel, stretch)
         if self._offset.is_learned:
-            expected = self.model.expected(*self.filter.hypotheses(), whitened)
+            expected = self.model.expected(states, log_prior + exponent * evaluation.position, whitened)
             self._offset.update(expected, used, exponent)
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
@@ -218,8 +218,8 @@ class Localizer:
 
     def _decide(self, log_prior: np.ndarray, evaluation: Evaluation, travel: float, stretch: float) -> None:
         """Whether the map explains the strain, and whether the position has converged."""
-        here = float(logsumexp(log_prior + evaluation.same_material))
-        other = float(logsumexp(log_prior + evaluation.other_material))
+        here = log_sum(log_prior + evaluation.same_material)
+        other = log_sum(log_prior + evaluation.other_material)
         # Unknown material is as likely to feel like any place of the map as like the estimated one.
         elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
         self._exponent = min(1.0, stretch / self.model.presence_length)

@@ -10,6 +10,7 @@ by is the variance of the registration.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -30,8 +31,8 @@ _PRIOR_STD = 0.0004
 _PRIOR_SWEEPS = 2.0
 """Registration of a scan of which nothing is known, m, and how many held-out sweeps it counts for. By
 judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
-_FARTHEST = 0.01
-"""Error, m, beyond which a held-out sweep was mistaken for another place, which is not its registration."""
+_CANDIDATES = np.geomspace(0.25, 12.0, 32)
+"""Registrations that are tried, in units of the prior's."""
 _LINES_PER_CELL = 1.0 / 3.0
 
 
@@ -66,24 +67,27 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
     localizer : makes one of a mixture, without registration
     """
     lengths = INFORMATION_LENGTHS
-    prior = np.full(scene.dimension, _PRIOR_STD) / lever(scene)
+    sweeps = len(model.noise.tracks)
     outcomes: list[list[_Outcome]] = [[] for _ in lengths]
-    for index, without in _held_out(len(model.noise.tracks)):
+    for index, without in _held_out(sweeps):
         track = model.noise.recorded[index]
-        for number, length in enumerate(lengths):
-            one = localizer(model.mixture(scene, _LINES_PER_CELL, length, without))
-            outcomes[number].append(_localize(one, track.positions, track.strain, scene))
+        mixture = model.mixture(scene, _LINES_PER_CELL, lengths[0], without)
+        for own, length in zip(outcomes, lengths, strict=True):
+            one = localizer(mixture.tempered(length))
+            own.append(_localize(one, track.positions, track.strain, scene))
     if not outcomes[0]:
-        return Calibration(lengths[-1], prior)
-    registrations = [_registration(own, prior, len(model.noise.tracks)) for own in outcomes]
+        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene))
+    registrations = [_registration(own, scene) for own in outcomes]
     scores = np.array(
         [
-            [_score(outcome, registration, scene) for outcome in own]
+            [_score(outcome, registration, scene).mean() for outcome in own]
             for own, registration in zip(outcomes, registrations, strict=True)
         ]
     )
     chosen = _most_cautious(scores)
-    return Calibration(lengths[chosen], registrations[chosen])
+    # A sweep against the mean of all of them, from sweeps against the mean of the others.
+    scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
+    return Calibration(lengths[chosen], scale * registrations[chosen])
 
 
 def _held_out(count: int) -> list[tuple[int, tuple[int, ...]]]:
@@ -110,27 +114,30 @@ def _localize(localizer: Localizer, positions: np.ndarray, strain: np.ndarray, s
     return _Outcome(np.array(squared), np.array(variance))
 
 
-def _registration(outcomes: Sequence[_Outcome], prior: np.ndarray, sweeps: int) -> np.ndarray:
-    """Standard deviation (d,) from the excess of each sweep's squared errors, shrunk towards ``prior``."""
-    excess = [prior**2 * _PRIOR_SWEEPS]
-    count = _PRIOR_SWEEPS
-    for squared, variance in outcomes:
-        near = (squared < _FARTHEST**2).all(axis=1) & (variance < _FARTHEST**2).all(axis=1)
-        if np.count_nonzero(near) >= 3:
-            excess.append((squared[near] - variance[near]).mean(axis=0))
-            count += 1.0
-    # A sweep against the mean of all of them, from sweeps against the mean of the others.
-    scale = (1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1))
-    least = prior**2 * _PRIOR_SWEEPS / count
-    return np.asarray(np.sqrt(np.maximum(scale * np.sum(excess, axis=0) / count, least)))
+def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
+    """Most probable standard deviation (d,): one observation per sweep, beside those of the prior."""
+    found = []
+    for axis, unit in enumerate(lever(scene)):
+        prior = _PRIOR_STD / unit
+        candidates = prior * _CANDIDATES
+        fit = -0.5 * _PRIOR_SWEEPS * (2.0 * np.log(candidates) + (prior / candidates) ** 2)
+        for outcome in outcomes:
+            fit += [_axis_score(outcome, axis, each, scene).mean() for each in candidates]
+        found.append(candidates[fit.argmax()])
+    return np.array(found)
 
 
-def _score(outcome: _Outcome, registration: np.ndarray, scene: Scene) -> float:
-    """Mean logarithm of the predictive density along a sweep: normal, with a hundredth uniform."""
-    variance = outcome.variance + registration**2
-    normal = -0.5 * np.sum(outcome.squared / variance + np.log(2.0 * np.pi * variance), axis=1)
-    uniform = -float(np.log(scene.upper - scene.lower).sum())
-    return float(np.logaddexp(normal + np.log(0.99), uniform + np.log(0.01)).mean())
+def _score(outcome: _Outcome, registration: np.ndarray, scene: Scene) -> np.ndarray:
+    """Logarithm (n,) of the predictive density of the position along a sweep."""
+    return np.sum([_axis_score(outcome, a, std, scene) for a, std in enumerate(registration)], axis=0)
+
+
+def _axis_score(outcome: _Outcome, axis: int, registration: float, scene: Scene) -> np.ndarray:
+    """The same on one axis: normal, with a hundredth uniform for what was mistaken for another place."""
+    variance = outcome.variance[:, axis] + registration**2
+    normal = -0.5 * (outcome.squared[:, axis] / variance + np.log(2.0 * np.pi * variance))
+    uniform = -math.log(scene.upper[axis] - scene.lower[axis])
+    return np.logaddexp(normal + math.log(0.99), uniform + math.log(0.01))
 
 
 def _most_cautious(scores: np.ndarray) -> int:

@@ -135,8 +135,11 @@ class GridFilter:
         self._pending = np.zeros(len(self._shape))
 
     def _states(self, cells: np.ndarray) -> np.ndarray:
-        index = np.stack(np.unravel_index(cells, self._shape), axis=1)
-        return self._lower + self._cell * (index + 0.5) + self._offset
+        origin = self._lower + 0.5 * self._cell + self._offset
+        index = np.unravel_index(cells, self._shape)
+        return np.stack(
+            [first + size * i for first, size, i in zip(origin, self._cell, index, strict=True)], 1
+        )
 
     def _shift(self, axis: int, cells: int) -> float:
         """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""

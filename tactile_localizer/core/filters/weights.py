@@ -31,6 +31,14 @@ def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     return scaled - log_sum, peak + log_sum
 
 
+def log_sum(log_values: np.ndarray) -> float:
+    """Logarithm of the sum of values (P,) given by their logarithms."""
+    peak = float(np.max(log_values))
+    if peak == -math.inf:
+        return -math.inf
+    return peak + math.log(float(np.sum(np.exp(log_values - peak))))
+
+
 def log_mean(log_values: np.ndarray) -> float:
     """Logarithm of the mean of values (P,) given by their logarithms."""
     return normalize(log_values)[1] - math.log(len(log_values))

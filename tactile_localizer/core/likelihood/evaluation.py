@@ -75,5 +75,5 @@ class StrainModel(Protocol):
         offset_variance : (F,) of what is not known of the sweep's offset, whitened
         """
 
-    def expected(self, states: np.ndarray, weights: np.ndarray, strain: np.ndarray) -> Expected:
-        """The strain (C,) compared with its expectation under ``weights`` (P,) of ``states`` (P, d)."""
+    def expected(self, states: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
+        """The strain (C,) compared with its expectation under ``log_weights`` (P,) of ``states`` (P, d)."""

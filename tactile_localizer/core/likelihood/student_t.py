@@ -20,8 +20,8 @@ def log_density(squared: np.ndarray, variance: np.ndarray, channels: int) -> np.
     variance : (...) scale of the distribution, in units of the whitened variance
     channels : dimension of the residual
     """
-    tails = np.log1p(squared / (DEGREES_OF_FREEDOM * variance))
-    return -0.5 * ((DEGREES_OF_FREEDOM + channels) * tails + channels * np.log(variance))
+    tails = np.log(variance + squared / DEGREES_OF_FREEDOM)
+    return -0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - DEGREES_OF_FREEDOM * np.log(variance))
 
 
 def robust_weight(squared: np.ndarray, variance: np.ndarray, channels: int) -> np.ndarray:
