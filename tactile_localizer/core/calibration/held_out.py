@@ -1,11 +1,12 @@
 """Tempering and registration, from sweeps that are held out of the map and localized on it.
 
 *Tempering*: the map's own errors recur from strain to strain, so consecutive strains are no independent
-measurements. The travel that makes one is chosen by the predictive density of the held-out positions.
+measurements. The travel that makes one is the longest whose error on held-out sweeps is within one standard
+error of the least.
 
 *Registration*: fingers flex, material stretches and recordings begin late. Where one sweep felt a place,
-another feels it a little further on. What the squared errors of held-out sweeps exceed the filter's variance
-by is the variance of the registration.
+another feels it a little further on. Its variance is added to the filter's, so that the predictive density of
+held-out positions is largest.
 """
 
 from __future__ import annotations
@@ -20,17 +21,19 @@ from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.tracks import lever
+from tactile_localizer.core.scan.tracks import Track, lever
 from tactile_localizer.scene import Scene
 
-INFORMATION_LENGTHS = (0.001, 0.0015, 0.0022, 0.0033, 0.005)
+INFORMATION_LENGTHS = (0.001, 0.0017, 0.003, 0.005)
 """m of travel between two independent measurements: the candidates."""
-_MOST_SWEEPS = 6
+_MOST_SWEEPS = 8
 """Sweeps that are held out, one after another: each takes a new map."""
 _PRIOR_STD = 0.0004
 _PRIOR_SWEEPS = 2.0
 """Registration of a scan of which nothing is known, m, and how many held-out sweeps it counts for. By
 judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
+_MISTAKE = 0.02
+"""Error, m, beyond which a sweep was mistaken for another place: how far does not matter."""
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Registrations that are tried, in units of the prior's."""
 _LINES_PER_CELL = 1.0 / 3.0
@@ -50,16 +53,19 @@ class Calibration(NamedTuple):
 
 
 class _Outcome(NamedTuple):
-    """Squared errors and variances (n, d), m, of the estimates along one held-out sweep."""
+    """Squared errors and variances (n, d), m^2 (yaw by its lever), along one held-out sweep."""
 
     squared: np.ndarray
     variance: np.ndarray
 
+    @property
+    def error(self) -> float:
+        """Mean error, m; one that is as large as a mistake counts no more than that."""
+        return float(np.minimum(np.sqrt(self.squared.sum(axis=1)), _MISTAKE).mean())
+
 
 def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture], Localizer]) -> Calibration:
-    """Localize sweeps on the map of the others, without a neighbour where there are enough.
-
-    Neighbours are alike beyond chance, because the material was in the same deformation mode.
+    """Localize sweeps on the map of the others.
 
     Parameters
     ----------
@@ -68,83 +74,64 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
     """
     lengths = INFORMATION_LENGTHS
     sweeps = len(model.noise.tracks)
-    outcomes: list[list[_Outcome]] = [[] for _ in lengths]
-    for index, without in _held_out(sweeps):
+    if sweeps < 2:
+        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene))
+    chosen = np.unique(np.linspace(0, sweeps - 1, min(sweeps, _MOST_SWEEPS)).round().astype(int)).tolist()
+
+    def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
         track = model.noise.recorded[index]
         mixture = model.mixture(scene, _LINES_PER_CELL, lengths[0], without)
-        for own, length in zip(outcomes, lengths, strict=True):
-            one = localizer(mixture.tempered(length))
-            own.append(_localize(one, track.positions, track.strain, scene))
-    if not outcomes[0]:
-        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene))
-    registrations = [_registration(own, scene) for own in outcomes]
-    scores = np.array(
-        [
-            [_score(outcome, registration, scene).mean() for outcome in own]
-            for own, registration in zip(outcomes, registrations, strict=True)
-        ]
-    )
-    chosen = _most_cautious(scores)
+        return [_localize(localizer(mixture.tempered(each)), track, scene) for each in lengths]
+
+    errors = [[outcome.error for outcome in localize(i, (i,), lengths)] for i in chosen]
+    length = lengths[_longest(np.array(errors))]
+    # Without a neighbour where there are enough: it is alike beyond chance, in the same deformation mode.
+    outcomes = [
+        localize(i, (i, i + 1) if sweeps > 3 and i + 1 < sweeps else (i,), (length,))[0] for i in chosen
+    ]
     # A sweep against the mean of all of them, from sweeps against the mean of the others.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
-    return Calibration(lengths[chosen], scale * registrations[chosen])
+    return Calibration(length, scale * _registration(outcomes, scene))
 
 
-def _held_out(count: int) -> list[tuple[int, tuple[int, ...]]]:
-    """Numbers of sweeps to localize, each with those to leave out of its map."""
-    if count < 2:
-        return []
-    if count <= _MOST_SWEEPS:
-        chosen = np.arange(count)
-    else:
-        chosen = np.linspace(0, count - 1, _MOST_SWEEPS + 2)[1:-1].round().astype(int)
-    return [(int(i), (int(i), int(i) + 1) if count > 3 and i + 1 < count else (int(i),)) for i in chosen]
+def _longest(errors: np.ndarray) -> int:
+    """The last candidate whose mean of the errors (S, L) is within one standard error of the least."""
+    best = int(errors.mean(axis=0).argmin())
+    loss = errors - errors[:, best : best + 1]
+    tolerance = loss.std(axis=0, ddof=1) / np.sqrt(len(errors))
+    return int(np.flatnonzero(loss.mean(axis=0) <= tolerance)[-1])
 
 
-def _localize(localizer: Localizer, positions: np.ndarray, strain: np.ndarray, scene: Scene) -> _Outcome:
+def _localize(localizer: Localizer, track: Track, scene: Scene) -> _Outcome:
     """Errors of a localizer along a sweep, from a uniform prior."""
     localizer.reset()
     squared, variance = [], []
-    for index, (position, each) in enumerate(zip(positions, strain, strict=True)):
-        estimate = localizer.update(10_000_000 * index, position, each)
+    for index, (position, strain) in enumerate(zip(track.positions, track.strain, strict=True)):
+        estimate = localizer.update(10_000_000 * index, position, strain)
         if estimate.updated:
             error = estimate.mean - position
             squared.append(np.where(scene.wraps, wrap_angle(error), error) ** 2)
             variance.append(np.diag(estimate.covariance))
-    return _Outcome(np.array(squared), np.array(variance))
+    return _Outcome(np.array(squared) * lever(scene) ** 2, np.array(variance) * lever(scene) ** 2)
 
 
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
     """Most probable standard deviation (d,): one observation per sweep, beside those of the prior."""
     found = []
-    for axis, unit in enumerate(lever(scene)):
-        prior = _PRIOR_STD / unit
-        candidates = prior * _CANDIDATES
-        fit = -0.5 * _PRIOR_SWEEPS * (2.0 * np.log(candidates) + (prior / candidates) ** 2)
-        for outcome in outcomes:
-            fit += [_axis_score(outcome, axis, each, scene).mean() for each in candidates]
+    extent = (scene.upper - scene.lower) * lever(scene)
+    for axis in range(scene.dimension):
+        candidates = _PRIOR_STD * _CANDIDATES
+        fit = -0.5 * _PRIOR_SWEEPS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
+        for squared, variance in outcomes:
+            fit += [
+                _log_density(squared[:, axis], variance[:, axis] + each**2, extent[axis])
+                for each in candidates
+            ]
         found.append(candidates[fit.argmax()])
-    return np.array(found)
+    return np.array(found) / lever(scene)
 
 
-def _score(outcome: _Outcome, registration: np.ndarray, scene: Scene) -> np.ndarray:
-    """Logarithm (n,) of the predictive density of the position along a sweep."""
-    return np.sum([_axis_score(outcome, a, std, scene) for a, std in enumerate(registration)], axis=0)
-
-
-def _axis_score(outcome: _Outcome, axis: int, registration: float, scene: Scene) -> np.ndarray:
-    """The same on one axis: normal, with a hundredth uniform for what was mistaken for another place."""
-    variance = outcome.variance[:, axis] + registration**2
-    normal = -0.5 * (outcome.squared[:, axis] / variance + np.log(2.0 * np.pi * variance))
-    uniform = -math.log(scene.upper[axis] - scene.lower[axis])
-    return np.logaddexp(normal + math.log(0.99), uniform + math.log(0.01))
-
-
-def _most_cautious(scores: np.ndarray) -> int:
-    """The last of the candidates (L, S) within one standard error of the best mean over sweeps."""
-    best = int(scores.mean(axis=1).argmax())
-    loss = scores[best] - scores
-    error = (
-        loss.std(axis=1, ddof=1) / np.sqrt(scores.shape[1]) if scores.shape[1] > 1 else np.zeros(len(scores))
-    )
-    return int(np.flatnonzero(loss.mean(axis=1) <= error)[-1])
+def _log_density(squared: np.ndarray, variance: np.ndarray, extent: float) -> float:
+    """Mean logarithm of a normal density, with a hundredth uniform for mistaken places."""
+    normal = -0.5 * (squared / variance + np.log(2.0 * np.pi * variance))
+    return float(np.logaddexp(normal + math.log(0.99), math.log(0.01 / extent)).mean())
