@@ -82,7 +82,7 @@ class Configuration:
     resampling: str = "systematic"
     resample_below: float = 0.5
     random_particles: int = 0
-    update_distance: float = 0.001
+    update_distance: float = 0.0005
     convergence_radius: float = 0.0075
     convergence_yaw_radius: float = 0.15
     convergence_probability: float = 0.99

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration, calibrate
+from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, Calibration, calibrate
 from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
@@ -141,8 +141,8 @@ def _silent(_doing: str, _done: float) -> None:
 
 
 def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
-    """What held-out sweeps say, by the exact filter of the default configuration."""
-    configuration = Configuration()
+    """What held-out sweeps say, by the exact filter with one update per shortest information length."""
+    configuration = Configuration(update_distance=INFORMATION_LENGTHS[0])
 
     def exact(mixture: SweepMixture) -> Localizer:
         grid = GridFilter(scene, mixture.cell)

@@ -16,24 +16,26 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import t
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.tracks import Track, lever
+from tactile_localizer.core.scan.tracks import PITCH, Track, lever
 from tactile_localizer.scene import Scene
 
 INFORMATION_LENGTHS = (0.001, 0.0017, 0.003, 0.005)
 """m of travel between two independent measurements: the candidates."""
-_MOST_SWEEPS = 8
+_MOST_SWEEPS = 10
 """Sweeps that are held out, one after another: each takes a new map."""
-_PRIOR_STD = 0.0004
+_PRIOR_STD = PITCH
 _PRIOR_SWEEPS = 2.0
 """Registration of a scan of which nothing is known, m, and how many held-out sweeps it counts for. By
 judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
 _MISTAKE = 0.02
 """Error, m, beyond which a sweep was mistaken for another place: how far does not matter."""
+_ONE_SIGMA = 0.8413
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Registrations that are tried, in units of the prior's."""
 _LINES_PER_CELL = 1.0 / 3.0
@@ -98,7 +100,8 @@ def _longest(errors: np.ndarray) -> int:
     """The last candidate whose mean of the errors (S, L) is within one standard error of the least."""
     best = int(errors.mean(axis=0).argmin())
     loss = errors - errors[:, best : best + 1]
-    tolerance = loss.std(axis=0, ddof=1) / np.sqrt(len(errors))
+    # Of two sweeps the standard error is hardly known: Student's t is as wide as that deserves.
+    tolerance = t.ppf(_ONE_SIGMA, len(errors) - 1) * loss.std(axis=0, ddof=1) / np.sqrt(len(errors))
     return int(np.flatnonzero(loss.mean(axis=0) <= tolerance)[-1])
 
 

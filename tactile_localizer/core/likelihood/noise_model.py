@@ -36,6 +36,9 @@ signal; the noise of two sweeps is independent. By judgement."""
 _MOSTLY_FEATURELESS = 0.35
 """Share of places without a reproducible signal from which a material counts as featureless between
 features: 0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
+_NEW_SESSION_VARIANCE = 100.0
+"""Whitened variance of a new sweep's offset: another tare or temperature moves it by ten noise widths. On
+simulated features a prior as narrow as the scan's own offsets is no more accurate, and fails at three."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
@@ -120,26 +123,18 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     level = np.array(flat) @ np.linalg.inv(first).T
     moved = [Track(track.positions, track.strain - own) for track, own in zip(tracks, level, strict=True)]
     featureless = len(tracks) > 1 and _is_featureless(moved, first, scene, spacing)
-    offsets: np.ndarray
     if featureless:
-        tracks, centre, offsets = moved, level.mean(axis=0), level
-        if whitening is None:
-            whitening = _whitening(_between_sweeps(tracks, scene, spacing, False), resolution, scene.layout)
+        tracks, centre = moved, level.mean(axis=0)
+        differences = _between_sweeps(tracks, scene, spacing, centred=False)
     else:
         centre = np.mean([track.strain.mean(axis=0) for track in tracks], axis=0)
         tracks = [Track(track.positions, track.strain - centre) for track in tracks]
-        differences = _between_sweeps(tracks, scene, spacing, centred=False)
-        offsets = np.array([np.median(difference, axis=0) for difference in differences])
-        if whitening is None:
-            whitening = _whitening(
-                [d - o for d, o in zip(differences, offsets, strict=True)], resolution, scene.layout
-            )
-    offsets = offsets @ whitening.T
-    centred = offsets - (offsets.mean(axis=0) if featureless else 0.0)
-    variance = np.sum(centred**2, axis=0) / max(len(offsets) - 1, 1)
-    # The variance of a channel is estimated from few sweeps: its phalanx's mean steadies it. Without
-    # featureless places an offset cannot be told from a place, and one that is learned lets any material fit.
-    variance = 0.5 * featureless * (variance + scene.layout.expand(_means(scene.layout, variance)))
+        differences = _between_sweeps(tracks, scene, spacing, centred=True)
+    if whitening is None:
+        whitening = _whitening(differences, resolution, scene.layout)
+    # Without featureless places an offset cannot be told from a place, and one that is learned lets any
+    # material fit.
+    variance = np.full(scene.layout.size, _NEW_SESSION_VARIANCE * featureless)
     log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in scene.layout.slices])
     model = NoiseModel(scene.layout, centre, whitening, log_volume, variance)
     visits = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
