@@ -20,7 +20,12 @@ from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.factory import build_identifier
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.evaluation.identify import identification_figure, identification_table, identify
+from tactile_localizer.evaluation.identify import (
+    identification_figure,
+    identification_table,
+    identify,
+    travel_table,
+)
 from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
@@ -61,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         sweeps = identify(identifier, scene, recording, progress)
     for note in recording.notes:
         print(f"note: {note}")
-    print_tables([identification_table(sweeps)])
+    print_tables([travel_table(sweeps), identification_table(sweeps)])
     title = f"which is it? {Path(args.recordings[0]).name}"
     try:
         args.output.parent.mkdir(parents=True, exist_ok=True)

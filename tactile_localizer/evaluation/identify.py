@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.evaluation.display import MM, legend_below
+from tactile_localizer.evaluation.metrics import MARKS
 from tactile_localizer.evaluation.odometry import travelled
 from tactile_localizer.evaluation.tables import Table
 from tactile_localizer.io.recording import Recording, usable
@@ -118,6 +119,18 @@ def identification_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
         rows,
         verdict(sweeps),
     )
+
+
+def travel_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
+    """Mean probability of each candidate along the travel, over the sweeps that go so far."""
+    rows = []
+    for mark in MARKS:
+        reached = [sweep for sweep in sweeps if sweep.travel[-1] >= mark]
+        if reached:
+            along = [sweep.probabilities[np.searchsorted(sweep.travel, mark)] for sweep in reached]
+            means = np.mean(along, axis=0)
+            rows.append((f"{mark * MM:g}", str(len(reached)), *(f"{mean:.3f}" for mean in means)))
+    return Table("mean probability along the travel", ("travel mm", "sweeps", *sweeps[0].names), rows)
 
 
 def verdict(sweeps: Sequence[IdentifiedSweep]) -> str:

@@ -5,7 +5,7 @@ import pytest
 
 from tactile_localizer.cli import main
 from tactile_localizer.cli.simulate import write_csv
-from tactile_localizer.evaluation.identify import IdentifiedSweep, identification_table, verdict
+from tactile_localizer.evaluation.identify import IdentifiedSweep, identification_table, travel_table, verdict
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
@@ -33,6 +33,7 @@ def test_a_recording_of_a_snap_is_told_from_a_bump(folder, monkeypatch, capsys):
     assert main([*arguments, "-o", "found/picture.png"]) == 0
     output = capsys.readouterr().out
     assert "snap: 2 of 2 sweeps" in output
+    assert "mean probability along the travel" in output
     assert (folder / "found/picture.png").stat().st_size > 10_000
 
 
@@ -47,6 +48,7 @@ def test_an_answer_counts_from_where_it_stands_for_good():
     sweep = IdentifiedSweep(3, ("a", "b", "none of them"), np.array([0.0, 0.01, 0.02, 0.03]), probabilities)
     assert (sweep.answer, sweep.settled_m) == ("a", 0.02)
     assert verdict([sweep]) == "a: 1 of 1 sweeps"
+    assert travel_table([sweep]).rows[2] == ("10", "1", "0.200", "0.600", "0.200")
     assert identification_table([sweep]).rows[0] == (
         "3", "30.0", "0.800", "0.100", "0.100", "a", "20.0",
     )  # fmt: skip

@@ -7,7 +7,6 @@ from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -128,10 +127,3 @@ def test_presets_that_cost_the_same_have_labels_that_do_not_touch() -> None:
     assert len(boxes) == 3
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
     assert all(axes.bbox.contains(*corner) for box in boxes for corner in box.corners())
-
-
-def test_error_is_compared_over_the_sweep_where_contact_is_not_known(tmp_path: Path) -> None:
-    blind = replace(condition(), scene=replace(condition().scene, feature=None))
-    (found,) = trade([blind], [Candidate(QUICK[0].configuration)], tmp_path, Workers(1))
-    assert found.error.mean == pytest.approx(found.error.mean)
-    assert found.error.mean > 0.001
