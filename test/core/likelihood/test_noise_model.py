@@ -1,0 +1,143 @@
+"""The noise between visits, and what of a material recurs from visit to visit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_localizer.core.likelihood.noise_model import common_whitening, estimate_noise, held_out
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.scene import Axis, Phalanx, Region, Scene
+
+LENGTH = 0.2
+CLOTH = Scene("cloth", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,), 4), Phalanx("thumb", (0.0,), 4)))
+SHEET = Scene(
+    "sheet",
+    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)),
+    (Phalanx("index", (0.0, 0.0), 4), Phalanx("thumb", (0.0, 0.0), 4)),
+)
+MIXING = np.array([[1.0, 0.0, 0.0, 0.0], [0.8, 0.5, 0.0, 0.0], [0.0, 0.3, 2.0, 0.0], [0.0, 0.0, 0.0, 0.1]])
+"""Of white noise into the channels of a phalanx."""
+
+
+def noise(rng: np.random.Generator, count: int) -> np.ndarray:
+    return np.hstack([rng.standard_normal((count, 4)) @ MIXING.T for _ in range(2)])
+
+
+def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
+    """Repeats of a slide over waves that are felt everywhere."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(0.0, LENGTH, 0.0005)
+    waves = 6.0 * np.sin(x[:, None] * np.linspace(300.0, 900.0, 8) + np.arange(8.0))
+    strain = np.concatenate([waves + noise(rng, len(x)) for _ in range(repeats)])
+    sweep = np.repeat(np.arange(repeats), len(x))
+    layout = CLOTH.layout.counts
+    return Scan(np.tile(x, repeats)[:, None], volts * strain, sweep, ("x",), CLOTH.phalanx_names, layout)
+
+
+def sheet(seed: int = 0, offsets: float = 0.0) -> Scan:
+    """Parallel sweeps over one bump of 8 mm on material that feels like nothing."""
+    rng = np.random.default_rng(seed)
+    along, across = np.arange(0.0, 0.05, 0.0005), np.arange(0.00125, 0.05, 0.0025)
+    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
+    sweep = np.repeat(np.arange(len(across)), len(along))
+    away = (states - 0.025) / 0.004
+    strain = 30.0 * np.exp(-0.5 * np.sum(away**2, axis=1))[:, None] * np.linspace(-1.0, 1.0, 8)
+    strain = strain + noise(rng, len(states)) + offsets * rng.standard_normal((len(across), 8))[sweep]
+    return Scan(states, strain, sweep, ("x", "y"), SHEET.phalanx_names, SHEET.layout.counts)
+
+
+def test_whitened_residuals_between_visits_have_unit_covariance() -> None:
+    estimate = estimate_noise(cloth(4), CLOTH)
+    residuals = np.concatenate(
+        [
+            residual[:, 0] / np.sqrt(1.0 + expected.noise)
+            for residual, expected in held_out(estimate.tracks, estimate.visits, CLOTH, estimate.spacing, 1)
+        ]
+    )
+    np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
+
+
+def test_phalanges_are_whitened_apart() -> None:
+    whitening = estimate_noise(cloth(), CLOTH).model.whitening
+    assert (whitening[:4, 4:] == 0.0).all()
+    assert (whitening[4:, :4] == 0.0).all()
+
+
+def test_the_volume_is_that_of_the_whitening() -> None:
+    model = estimate_noise(cloth(), CLOTH).model
+    assert model.log_volume.sum() == pytest.approx(np.linalg.slogdet(model.whitening)[1])
+
+
+@settings(max_examples=8)
+@given(st.sampled_from([1e-9, 1e-3, 1e9]), st.integers(0, 3))
+def test_the_unit_of_the_strain_changes_nothing_in_whitened_coordinates(volts: float, seed: int) -> None:
+    one, other = (estimate_noise(cloth(2, seed, unit), CLOTH) for unit in (1.0, volts))
+    for mine, theirs in zip(one.tracks, other.tracks, strict=True):
+        np.testing.assert_allclose(theirs.strain, mine.strain, atol=1e-5)
+    np.testing.assert_allclose(other.model.log_volume, one.model.log_volume - 4 * np.log(volts), atol=1e-5)
+
+
+def test_touching_down_does_not_inflate_the_noise() -> None:
+    scan = cloth()
+    start = scan.states[:, 0] < 0.01
+    spoiled = scan.strain + np.where(start, 50.0, 0.0)[:, None] * (1.0 + scan.sweep[:, None])
+    rough = estimate_noise(dataclasses.replace(scan, strain=spoiled), CLOTH).model
+    plain = estimate_noise(scan, CLOTH).model
+    np.testing.assert_allclose(rough.log_volume, plain.log_volume, atol=1.0)
+
+
+def test_featureless_places_are_exactly_alike() -> None:
+    estimate = estimate_noise(sheet(), SHEET)
+    assert estimate.featureless
+    far = np.concatenate(
+        [
+            track.strain[np.linalg.norm(track.positions - 0.025, axis=1) > 0.018].any(axis=1)
+            for track in estimate.tracks
+        ]
+    )
+    assert far.mean() < 0.1
+    middle = estimate.tracks[10]
+    assert middle.strain[np.abs(middle.positions[:, 0] - 0.025) < 0.002].any(axis=1).all()
+
+
+def test_visits_keep_what_the_tracks_lose() -> None:
+    estimate = estimate_noise(sheet(), SHEET)
+    assert np.concatenate([visit.strain for visit in estimate.visits]).all()
+
+
+def test_material_that_is_felt_everywhere_is_not_shrunk() -> None:
+    estimate = estimate_noise(cloth(), CLOTH)
+    assert not estimate.featureless
+    for track, visit in zip(estimate.tracks, estimate.visits, strict=True):
+        np.testing.assert_array_equal(track.strain, visit.strain)
+    assert not estimate.model.offset_variance.any(), "an offset cannot be told from a place"
+
+
+def test_offsets_of_the_sweeps_are_removed_where_featureless_material_shows_them() -> None:
+    estimate = estimate_noise(sheet(offsets=5.0), SHEET)
+    assert estimate.featureless
+    assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
+    assert estimate.model.offset_variance.min() > 1.0
+    quiet = estimate_noise(sheet(), SHEET)
+    assert quiet.model.offset_variance.max() < 1.0
+
+
+def test_outside_a_region_that_the_scene_gives_nothing_is_felt() -> None:
+    scene = dataclasses.replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
+    for track in estimate_noise(sheet(), scene).tracks:
+        assert (track.strain[track.positions[:, 0] < 0.025] == 0.0).all()
+
+
+def test_the_common_noise_of_one_model_is_its_own() -> None:
+    model = estimate_noise(cloth(), CLOTH).model
+    np.testing.assert_allclose(common_whitening([model]), model.whitening, rtol=1e-6, atol=1e-9)
+
+
+def test_the_common_noise_is_the_mean_of_the_covariances() -> None:
+    one, other = (estimate_noise(cloth(volts=volts), CLOTH).model for volts in (1.0, 2.0))
+    common = np.linalg.inv(common_whitening([one, other]))
+    covariances = [np.linalg.inv(m.whitening) @ np.linalg.inv(m.whitening).T for m in (one, other)]
+    np.testing.assert_allclose(common @ common.T, np.mean(covariances, axis=0), rtol=1e-6, atol=1e-9)

@@ -1,0 +1,100 @@
+"""Tables of what every place feels like, and the variance about them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_localizer.core.likelihood.base import flatten_axes
+from tactile_localizer.core.likelihood.noise_model import estimate_noise
+from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import PITCH, expectation, line_spacing, tracks_of
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SIDE, SPACING = 0.03, 0.003
+PLANE = Scene("plane", (Axis("x", 0.0, SIDE), Axis("y", 0.0, SIDE)), (Phalanx("index", (0.0, 0.0), 3),))
+LINE = Scene("line", (Axis("x", 0.0, 0.3),), (Phalanx("index", (0.0,), 3),))
+
+
+def lines() -> Scan:
+    along, across = np.arange(0.0, SIDE, PITCH), np.arange(SPACING / 2, SIDE, SPACING)
+    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
+    strain = np.random.default_rng(0).standard_normal((len(states), 3))
+    sweep = np.repeat(np.arange(len(across)), len(along))
+    return Scan(states, strain, sweep, ("x", "y"), ("index",), (3,))
+
+
+def repeats(correlation: float, seed: int = 0) -> Scan:
+    """Three slides over waves, with noise that is correlated over so many metres."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(0.0, 0.3, PITCH)
+    keep = np.exp(-PITCH / correlation)
+    strain = []
+    for _ in range(3):
+        noise = rng.standard_normal((len(x), 3))
+        for t in range(1, len(x)):
+            noise[t] = keep * noise[t - 1] + np.sqrt(1.0 - keep**2) * noise[t]
+        strain.append(8.0 * np.sin(x[:, None] * [400.0, 600.0, 900.0]) + noise)
+    sweep = np.repeat(np.arange(3), len(x))
+    return Scan(np.tile(x, 3)[:, None], np.concatenate(strain), sweep, ("x",), ("index",), (3,))
+
+
+def test_the_tables_are_the_expectation_at_the_nodes() -> None:
+    tracks, cell, variance = tracks_of(lines(), PLANE), np.array([0.001, 0.002]), VarianceModel(2.0, 0.1, 0.5)
+    table = build_map(tracks, PLANE, SPACING, cell, variance, True)
+    axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
+    nodes = flatten_axes(axes)
+    expected = expectation(tracks, PLANE, nodes, SPACING, 3)
+    np.testing.assert_allclose(table.mean, expected.mean, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(table.variance, variance.variance(expected, PLANE.layout), rtol=1e-5)
+    np.testing.assert_allclose(np.exp(table.log_prior).sum(axis=1), 1.0, rtol=1e-5)
+    np.testing.assert_array_equal(table.nearest(nodes), np.arange(len(nodes)))
+    assert table.mean.dtype == table.variance.dtype == np.float32
+    assert table.featureless_variance == pytest.approx(table.variance.min())
+
+
+@given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
+def test_every_state_has_a_node_also_beyond_the_bounds(states: list[tuple[float, float]]) -> None:
+    table = build_map(
+        tracks_of(lines(), PLANE), PLANE, SPACING, np.array([0.005, 0.005]), VarianceModel(), False
+    )
+    index = table.nearest(np.array(states))
+    node = table.origin + table.step * np.stack(np.unravel_index(index, table.shape), axis=1)
+    inside = np.clip(states, PLANE.lower, PLANE.upper)
+    assert (np.abs(node - inside) <= 0.5 * table.step + 1e-9).all()
+
+
+def test_cells_are_shares_of_the_line_spacing_and_a_pitch_on_one_axis() -> None:
+    assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
+    np.testing.assert_allclose(cell_size(PLANE, SPACING, 0.3), 0.0009)
+    np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH)
+
+
+def test_variance_grows_with_signal_and_doubt() -> None:
+    expected = expectation(tracks_of(lines(), PLANE), PLANE, np.array([[0.01, 0.012]]), SPACING, 3)
+    plain = VarianceModel(1.0, 0.0, 0.0).variance(expected, PLANE.layout)
+    np.testing.assert_allclose(plain, 1.0 + expected.noise[..., None])
+    assert (VarianceModel(1.0, 0.5, 0.0).variance(expected, PLANE.layout) > plain).all()
+    assert (VarianceModel(1.0, 0.0, 0.5).variance(expected, PLANE.layout) >= plain).all()
+
+
+def test_on_repeats_of_white_noise_a_visit_has_the_noises_variance() -> None:
+    scan = repeats(correlation=1e-9)
+    fitted = fit_variance(estimate_noise(scan, LINE), LINE)
+    assert fitted.visit == pytest.approx(1.0, rel=0.25)
+    assert fitted.signal == 0.0, "the material has no zero to measure a signal from"
+
+
+def test_the_correlation_of_the_noise_is_a_length() -> None:
+    white, slow = (
+        fit_variance(estimate_noise(repeats(length), LINE), LINE).summed_correlation
+        for length in (1e-9, 0.003)
+    )
+    assert white == pytest.approx(PITCH, rel=0.2)
+    assert slow == pytest.approx(2.0 * 0.003, rel=0.4)
+
+
+def test_one_sweep_alone_has_the_default_variance() -> None:
+    scan = repeats(1e-9)
+    assert fit_variance(estimate_noise(scan.select(scan.sweep == 0), LINE), LINE) == VarianceModel()

@@ -1,0 +1,135 @@
+"""The sweep mixture's densities, from tables that are written down here."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import trapezoid
+from scipy.special import gammaln, logsumexp
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.strain_map import StrainMap
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
+from tactile_localizer.core.likelihood.sweep_mixture import INFLATION, SweepMixture
+
+NODES, COMPONENTS = 30, 3
+STATES = (np.arange(NODES) + 0.5)[:, None] * 0.001
+ONE, NONE = np.ones(1, bool), np.zeros(1)
+
+
+def mixture(counts: tuple[int, ...], featureless: float | None = 1.3, seed: int = 0) -> SweepMixture:
+    """Random tables on a line of 30 mm, in volts that are scaled by 4."""
+    rng = np.random.default_rng(seed)
+    layout, size = ChannelLayout(counts), sum(counts)
+    mean = 3.0 * rng.standard_normal((NODES, COMPONENTS, size))
+    variance = rng.uniform(1.0, 4.0, (NODES, COMPONENTS, len(counts)))
+    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
+    tables = (table.astype(np.float32) for table in (mean, variance, prior))
+    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), *tables, featureless)
+    volume = np.array(counts) * np.log(0.25)
+    noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, np.zeros(size))
+    return SweepMixture(noise, strain_map, np.array([0.001]), 0.002, 0.006)
+
+
+def log_constant(channels: int) -> float:
+    """Of the t-density, which the mixture leaves out of all alternatives alike."""
+    return float(gammaln((NU + channels) / 2) - gammaln(NU / 2) - channels / 2 * np.log(NU * np.pi))
+
+
+def direct(model: SweepMixture, node: int, strain: np.ndarray, inflation: float = 1.0) -> float:
+    """The density at a node in volts, by scipy and float64."""
+    terms = []
+    for component in range(COMPONENTS):
+        total = float(model.map.log_prior[node, component])
+        for phalanx, own in enumerate(model.noise.layout.slices):
+            shape = inflation * float(model.map.variance[node, component, phalanx])
+            mean = model.map.mean[node, component, own].astype(np.float64)
+            size = own.stop - own.start
+            total += stats.multivariate_t(mean, shape * np.eye(size), df=NU).logpdf(strain[own])
+            total += float(model.noise.log_volume[phalanx]) - log_constant(size)
+        terms.append(total)
+    return float(logsumexp(terms))
+
+
+@pytest.mark.parametrize("alternative", ["position", "other_material", "elsewhere", "featureless"])
+def test_every_alternative_is_a_density_over_the_strain(alternative: str) -> None:
+    model = mixture((1,))
+
+    def density(volts: float) -> float:
+        found = model.evaluate(STATES[7:8], model.whitened(np.array([volts])), ONE, NONE)
+        return float(np.exp(np.sum(getattr(found, alternative)) + log_constant(1)))
+
+    strain = np.linspace(-400.0, 400.0, 2_001)
+    total = trapezoid([density(volts) for volts in strain], strain)
+    assert total == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("counts", [(1,), (3, 5), (8, 8)])
+def test_float32_tables_give_the_density_of_a_direct_float64_evaluation(counts: tuple[int, ...]) -> None:
+    model, rng = mixture(counts), np.random.default_rng(1)
+    used, known = np.ones(len(counts), bool), np.zeros(len(counts))
+    for scale in (1.0, 10.0, 1e3):
+        strain = scale * rng.standard_normal(sum(counts))
+        found = model.evaluate(STATES, strain, used, known)
+        expected = [direct(model, node, strain) for node in range(NODES)]
+        inflated = [direct(model, node, strain, INFLATION) for node in range(NODES)]
+        np.testing.assert_allclose(found.position, expected, atol=2e-3)
+        np.testing.assert_allclose(found.other_material, inflated, atol=2e-3)
+
+
+def test_elsewhere_is_the_mean_over_all_places() -> None:
+    model = mixture((3, 5))
+    strain, used = np.random.default_rng(2).standard_normal(8), np.ones(2, bool)
+    found = model.evaluate(STATES, strain, used, np.zeros(2))
+    assert found.elsewhere == pytest.approx(logsumexp(found.other_material) - np.log(NODES), abs=1e-4)
+
+
+def test_an_absent_phalanx_drops_out() -> None:
+    model = mixture((3, 5))
+    strain, used = np.random.default_rng(3).standard_normal(8), np.array([False, True])
+    one = model.evaluate(STATES, strain, used, np.zeros(2))
+    strain[:3] = 1e6
+    other = model.evaluate(STATES, strain, used, np.zeros(2))
+    np.testing.assert_array_equal(one.position, other.position)
+    assert one.featureless == other.featureless
+    assert one.elsewhere == other.elsewhere
+
+
+def test_doubt_of_the_offset_widens_the_density() -> None:
+    model, far = mixture((3, 5)), np.full(8, 30.0)
+    sure, unsure = (model.evaluate(STATES, far, np.ones(2, bool), np.full(2, v)) for v in (0.0, 100.0))
+    assert (unsure.position > sure.position).all()
+    assert unsure.featureless > sure.featureless
+
+
+def test_material_that_is_felt_everywhere_is_never_featureless() -> None:
+    model = mixture((3,), featureless=None)
+    assert model.evaluate(STATES, np.zeros(3), ONE, NONE).featureless == -np.inf
+
+
+@pytest.mark.parametrize("strain", [1e6, -1e6, 1e12])
+def test_a_strain_unlike_all_others_has_a_finite_density(strain: float) -> None:
+    found = mixture((3, 5)).evaluate(STATES, np.full(8, strain), np.ones(2, bool), np.zeros(2))
+    assert np.isfinite(found.position).all()
+    assert np.isfinite(found.elsewhere)
+    assert np.ptp(found.position) < 2 * 0.5 * NU * np.log(4.0), "the variance alone tells places apart"
+
+
+def test_what_is_expected_is_the_mean_under_the_belief() -> None:
+    model = mixture((3, 5))
+    node, component = 4, 1
+    strain = model.map.mean[node, component].astype(np.float64)
+    expected = model.expected(STATES[[node]], np.ones(1), strain)
+    shares = model.evaluate(STATES[[node]], strain, np.ones(2, bool), np.zeros(2))
+    assert np.isfinite(shares.position).all()
+    assert np.abs(expected.residual).max() < 3.0
+    assert (expected.spread >= 0.0).all()
+    low, high = model.map.variance[node].min(axis=0), model.map.variance[node].max(axis=0)
+    assert ((expected.noise >= low - 1e-6) & (expected.noise <= high + 1e-6)).all()
+
+
+def test_whitening_and_volts_are_inverse() -> None:
+    model = mixture((3, 5))
+    strain = np.random.default_rng(5).standard_normal((2, 8))
+    difference = model.whitened(strain[0]) - model.whitened(strain[1])
+    np.testing.assert_allclose(model.in_volts(difference), strain[0] - strain[1])
