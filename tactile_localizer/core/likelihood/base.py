@@ -19,13 +19,7 @@ class MeasurementModel(Protocol):
 
     A phalanx that is not ``present`` drops out of the product over phalanges; the others go on. A class that
     derives from this one needs only :meth:`log_likelihood`.
-
-    Attributes
-    ----------
-    blur : (C,) widths to which the model blurs the strains that were scanned, V; ``None``: it does not
     """
-
-    blur: np.ndarray | None = None
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None

@@ -23,8 +23,10 @@ class Featureless(MeasurementModel):
 
     The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is,
     and its training pairs are placed by where it was. Both branches are densities over the phalanx's strain
-    on the same scale: the sum of Gaussians in its conditional form, both with the broad background as their
-    floor.
+    on the same scale and with the same blur: the sum of Gaussians in its conditional form, whose kernels have
+    the variance S_z, and one Gaussian whose covariance is that of the featureless strains plus S_z. Without
+    the latter, featureless strains would be likelier off the feature than on it, and push the belief out of
+    the region. Both have the broad background as their floor.
 
     Parameters
     ----------
@@ -53,7 +55,7 @@ class Featureless(MeasurementModel):
             )
         positions, strain = training_pairs(scan, scene)
         position_std = positive("position_std", position_std, scene.dimension)
-        self.blur = strain_std = positive("strain_std", strain_std, strain.shape[1])
+        strain_std = positive("strain_std", strain_std, strain.shape[1])
         self._position_std = position_std
         self._evaluation = evaluation
         self._phalanges = []
@@ -70,7 +72,7 @@ class Featureless(MeasurementModel):
                 dtype=dtype_of(precision),
                 layout=ChannelLayout((phalanx.channels,)),
             )
-            off = _off_feature(places, strain[:, columns], scene, phalanx.name)
+            off = _off_feature(places, strain[:, columns], strain_std[columns], scene, phalanx.name)
             self._phalanges.append(_PhalanxModel(scene, phalanx, kernels, off))
 
     def log_likelihood(
@@ -152,8 +154,10 @@ class _PhalanxModel:
         )
 
 
-def _off_feature(positions: np.ndarray, strain: np.ndarray, scene: Scene, name: str) -> Normal:
-    """The Gaussian over all strains that a phalanx felt off the feature (Eq. 7)."""
+def _off_feature(
+    positions: np.ndarray, strain: np.ndarray, strain_std: np.ndarray, scene: Scene, name: str
+) -> Normal:
+    """The Gaussian over all strains that a phalanx felt off the feature (Eq. 7), blurred as those on it."""
     assert scene.feature is not None
     off = ~scene.feature.contains(positions)
     if off.all() or np.count_nonzero(off) <= strain.shape[1]:
@@ -162,4 +166,5 @@ def _off_feature(positions: np.ndarray, strain: np.ndarray, scene: Scene, name: 
             f"scene {scene.name}: expected pairs of phalanx {name} on both sides of the feature region, "
             f"all are {side}"
         )
-    return Normal.fitted(strain[off])
+    fitted = Normal.fitted(strain[off])
+    return Normal(fitted.mean, fitted.covariance + np.diag(strain_std**2))

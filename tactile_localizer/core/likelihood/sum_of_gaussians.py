@@ -117,12 +117,11 @@ class SumOfGaussians(MeasurementModel):
     ) -> None:
         positions, strain = training_pairs(scan, scene)
         self._layout = scene.layout
-        self.blur = positive("strain_std", strain_std, self._layout.size)
         self._kernels = PhalanxKernels(
             positions,
             strain,
             positive("position_std", position_std, scene.dimension),
-            self.blur,
+            positive("strain_std", strain_std, self._layout.size),
             scene.wraps,
             conditional,
             evaluation,

@@ -54,7 +54,7 @@ def off_feature(scan, finger):
     """Mean and covariance of a finger's strains where it was off the feature, written out."""
     place = scan.states + np.array(SCENE.phalanges[finger].offset)
     own = scan.strain[(place[:, 0] < 0.02) | (place[:, 0] > 0.04), 8 * finger : 8 * finger + 8]
-    return own.mean(axis=0), np.cov(own.T, bias=True) * (1 + 1e-3 * np.eye(8))
+    return own.mean(axis=0), np.cov(own.T, bias=True) * (1 + 1e-3 * np.eye(8)) + STRAIN_STD**2 * np.eye(8)
 
 
 @pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
@@ -118,6 +118,19 @@ def test_both_branches_are_densities_over_the_strain(x):
         densities.background(strain, STRAIN_STD),
     )
     assert total == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_featureless_strain_is_as_likely_on_the_feature_as_off_it_where_both_are_featureless():
+    """A region is larger than the bump: its margin must not push the belief out."""
+    scene = Scene("margin", SCENE.axes, SCENE.phalanges, Region((0.02, -math.inf), (0.06, math.inf)))
+    scan, rng = made(pairs=4000), np.random.default_rng(2)
+    whole = model(scan, scene=scene)
+    inside, outside = np.array([[0.048 - 0.006, 0.025]]), np.array([[0.012 - 0.006, 0.025]])
+    ratios = [
+        float((whole.log_likelihood(inside, z, INDEX) - whole.log_likelihood(outside, z, INDEX))[0])
+        for z in 0.03 * rng.standard_normal((300, 16))
+    ]
+    assert np.mean(ratios) == pytest.approx(0.0, abs=0.3)
 
 
 def test_whether_a_phalanx_is_on_the_feature_is_decided_by_where_it_is_not_by_the_palm():
