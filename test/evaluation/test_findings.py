@@ -56,7 +56,7 @@ def test_each_finding_is_held_where_the_numbers_say_so() -> None:
         "Low covariance alone or high likelihood alone falsely signal convergence before contact.",
         "Modelling featureless regions apart leaves the error about the same.",
         "Modelling featureless regions apart keeps the belief broader before contact.",
-        "Convergence can be told without false alarms where no feature is (this package's criterion).",
+        "Convergence is recognized without false alarms where no feature is (this package's criterion).",
         "Past the feature the error grows no faster than the motion noise (default).",
         "Past the feature constant injection forgets faster than the motion noise (the paper's form).",
     ]

@@ -41,7 +41,7 @@ def test_convergence_is_told_with_false_alarms() -> None:
 
 def test_the_plain_criteria_stand_below_the_own_one() -> None:
     table = criteria_table(results())
-    assert [r[1] for r in table.rows[:3]] == ["trace and evidence", "low trace", "high likelihood"]
+    assert [r[1] for r in table.rows[:3]] == ["probability", "low trace", "high likelihood"]
     assert table.rows[1][2] == "32 mm²"
 
 
