@@ -112,11 +112,11 @@ def main() -> None:
         )
         share.set_ylim(-4, 104)
         share.tick_params(axis="y", colors="0.4", labelright=name == "lines")
-        plot.set_ylim(0, 8)
+        plot.set_ylim(0, 5)
         plot.tick_params(axis="y", labelleft=name == "bounds")
         plot.set_xlabel(LABELS[name])
         plot.set_title(name)
-        if name in ("motion_std", "convergence_radius"):
+        if name == "motion_std":
             plot.set_xscale("log")
     figure.legend(lines, [str(line.get_label()) for line in lines], loc="outside lower center", ncols=3)
     figure.savefig(PICTURE, dpi=110)

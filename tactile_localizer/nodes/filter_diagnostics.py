@@ -1,4 +1,4 @@
-"""What the filter tells about itself once a second: its belief, its work, its inputs."""
+"""Diagnostics of the filter: state and cost of the belief, and of the inputs."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tactile_localizer.nodes.tracker import Tracker
 
 @dataclass
 class Inputs:
-    """How the inputs are.
+    """State of the inputs.
 
     Parameters
     ----------
     unread : messages that could not be used at all, by topic
-    lost : strain vectors that never came
-    silent : topics on which nothing has come for a while
+    lost : strain vectors that were sent and never arrived
+    silent : topics without a message for ``stale_timeout_s``
     stale : why the position is stale; empty when it is not
     """
 
@@ -35,7 +35,7 @@ class Inputs:
 
 
 class FilterDiagnostics:
-    """Makes the diagnostics of a filter node; warns of what was lost since the last call.
+    """Makes the diagnostics of a filter node; what was lost since the last call is a warning.
 
     Parameters
     ----------
@@ -47,18 +47,18 @@ class FilterDiagnostics:
         self._lost: dict[str, int] = {}
 
     def statuses(self, tracker: Tracker, scan_file: str, inputs: Inputs) -> list[Any]:
-        """The belief, then the inputs.
+        """Status of the belief, then of the inputs.
 
         Parameters
         ----------
-        tracker : what is told about
+        tracker : whose estimates and counts are reported
         scan_file : the map in use
-        inputs : what the tracker does not know of them
+        inputs : what the tracker does not know about them
         """
         return [self._of_belief(tracker, scan_file, inputs.stale), self._of_inputs(tracker, inputs)]
 
     def progress(self, text: str, share: float) -> Any:
-        """How far the map is built."""
+        """Progress of building the map."""
         message = f"{text}: {share:.0%}"
         return self._status("map", DiagnosticStatus.OK, message, {"share": f"{share:.2f}"})
 
@@ -109,7 +109,7 @@ class FilterDiagnostics:
         lost = {
             "strain vectors that never came": inputs.lost,
             "strain vectors without a pose": counts["gaps"],
-            "strain vectors without a phalanx that is well": counts["unusable"],
+            "strain vectors without a phalanx that is OK": counts["unusable"],
             "strain vectors that are not finite": counts["refused"],
             **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
             **{f"messages of {topic} that cannot be used": count for topic, count in inputs.unread.items()},
@@ -118,7 +118,7 @@ class FilterDiagnostics:
             "times that stamps leapt ahead": tracker.leaps,
         }
         new = {what: count - self._lost.get(what, 0) for what, count in lost.items()}
-        told = ", ".join(f"{count} {what}" for what, count in new.items() if count > 0)
+        losses = ", ".join(f"{count} {what}" for what, count in new.items() if count > 0)
         self._lost = lost
         values = {
             **counts,
@@ -132,14 +132,14 @@ class FilterDiagnostics:
             "trouble": tracker.trouble,
         }
         missing = inputs.stale or (f"no {' and no '.join(inputs.silent)}" if inputs.silent else "")
-        message = "; ".join(filter(None, [missing, told])) or "well"
-        level = DiagnosticStatus.WARN if missing or told else DiagnosticStatus.OK
+        message = "; ".join(filter(None, [missing, losses])) or "well"
+        level = DiagnosticStatus.WARN if missing or losses else DiagnosticStatus.OK
         return self._status("inputs", DiagnosticStatus.ERROR if inputs.stale else level, message, values)
 
     def _status(self, what: str, level: bytes, message: str, values: Mapping[str, Any]) -> Any:
-        told = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
         return DiagnosticStatus(
-            level=level, name=f"{self._name}: {what}", message=message, hardware_id="", values=told
+            level=level, name=f"{self._name}: {what}", message=message, hardware_id="", values=pairs
         )
 
 

@@ -2,10 +2,10 @@
 
 Publishes ``~/posterior`` for each strain vector, ``~/pose``, ``~/converged`` and ``~/covariance_trace``
 beside it, ``~/particles`` and ``~/markers`` at a lower rate, ``~/map`` once (kept for late subscribers) and
-``/diagnostics`` at 1 Hz. ``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` spreads
-it over the whole scene, ``~/load_scan`` changes the map. Of several scans ``~/feature`` says which one it is.
+``/diagnostics`` at 1 Hz. ``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` makes it
+uniform, ``~/load_scan`` changes the map. With several scans ``~/feature`` has the probability of each.
 
-A position is never made up: when strain or poses stop, the last one is sent again, marked as stale.
+A position is never made up: when strain or poses stop, the last one is repeated, marked as stale.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _PROGRESS_PERIOD_S = 0.5
 
 
 class FilterNode(ManagedNode):
-    """Runs a :class:`~tactile_localizer.nodes.tracker.Tracker` on what is heard."""
+    """Feeds a :class:`~tactile_localizer.nodes.tracker.Tracker` with messages and publishes its estimates."""
 
     def __init__(self) -> None:
         super().__init__("filter", PARAMETERS)
@@ -118,7 +118,7 @@ class FilterNode(ManagedNode):
         self._offered = []
 
     def _load(self, paths: Sequence[Path]) -> LoadedMap:
-        """The localizer of one scan file or several; takes seconds where parameters have to be chosen."""
+        """The localizer of one scan file or several; takes seconds where a scan has to be calibrated."""
         loaded = load_map(paths, self.parameters, self._tell_progress)
         for path, scan, scene in zip(paths, loaded.scans, loaded.scenes, strict=True):
             sweeps = len(scan.sweep_numbers)
@@ -127,7 +127,7 @@ class FilterNode(ManagedNode):
         return loaded
 
     def _use(self, loaded: LoadedMap) -> None:
-        """Localize on another map from now on; where that fails, what was there stays."""
+        """Localize on another map from now on; where that fails, the present one stays."""
         of, reader = self.parameters, StrainReader(loaded.scenes[0])
         self._tracker = Tracker(loaded.localizer, of["max_gap_s"], of["patience_s"], loaded.ranges)
         self._loaded, self._frame, self._reader = loaded, loaded.frame, reader
@@ -175,7 +175,7 @@ class FilterNode(ManagedNode):
 
     @property
     def _now_ns(self) -> int:
-        """Stamp of what is felt now, ns: what was felt before may come after a request, on a busy machine."""
+        """Stamp of a strain that is measured now, ns; on a busy machine older ones arrive after a request."""
         return self._clock_of_stamps.now_ns(self.get_clock().now().nanoseconds)
 
     def _publish(self, estimates: list[Estimate]) -> None:
@@ -245,7 +245,7 @@ class FilterNode(ManagedNode):
         response.result, response.message = response.SUCCESS, f"{found}: {len(loaded.scan)} pairs"
 
     def _change_to(self, loaded: LoadedMap) -> None:
-        """Begin anew on another map; whatever fails, the old one is back."""
+        """Start anew on another map; after any failure the old one is back."""
         before = self._loaded
         try:
             self._use(loaded)
@@ -257,7 +257,7 @@ class FilterNode(ManagedNode):
             raise
 
     def _watch(self) -> None:
-        """Tell when a position has become old, and when it is new again."""
+        """Report when the position becomes stale, and when it is fresh again."""
         now_ns = self.get_clock().now().nanoseconds
         timeout_s = self.parameters["stale_timeout_s"]
         for topic, heard_ns in self._heard_ns.items():
@@ -298,7 +298,7 @@ class FilterNode(ManagedNode):
         self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=1.0)
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:
-        """Take over what may change while the belief is kept."""
+        """Adopt live parameters; the belief stays."""
         if self._offered and any(parameter.name in LIVE for parameter in changed):
             localizer, choices = self._tracker.localizer, configuration(self.parameters)
             localizer.adjust(convergence_criteria(localizer.scene, choices), choices.update_distance)

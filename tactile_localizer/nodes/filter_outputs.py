@@ -1,4 +1,4 @@
-"""What the filter node publishes of its belief."""
+"""Publishers of the filter node's estimates."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class FilterOutputs:
-    """The publishers of a filter node, silent unless it is active. What nobody subscribes to is not made.
+    """The publishers of a filter node, silent unless it is active. It makes no message without a subscriber.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class FilterOutputs:
         self._node = node
         self._parameters = parameters
         self._frame = parameters["material_frame"]
-        # Its own randomness: who listens must not change what is believed.
+        # A generator of its own: subscribers must not change the estimates.
         self._rng = np.random.default_rng(0)
         self._shown_ns: int | None = None
         self._made: list[Any] = []
@@ -59,32 +59,32 @@ class FilterOutputs:
         self._made = []
 
     def publish(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str = "") -> None:
-        """An estimate; with a reason, that it is ``stale``."""
+        """Publish an estimate; ``stale`` is why it is old, empty where it is not."""
         axes = localizer.scene.axis_names
         self._posterior.publish(posterior_messages.posterior(estimate, axes, self._frame, stale))
         if isinstance(localizer, FeatureLocalizer) and localizer.identification is not None and not stale:
-            told = posterior_messages.feature(estimate.stamp_ns, localizer.identification, self._frame)
-            self._feature.publish(told)
-        if _heard(self._converged):
+            feature = posterior_messages.feature(estimate.stamp_ns, localizer.identification, self._frame)
+            self._feature.publish(feature)
+        if _has_subscribers(self._converged):
             self._converged.publish(Bool(data=estimate.converged and not stale))
-        if _heard(self._trace):
+        if _has_subscribers(self._trace):
             self._trace.publish(Float64(data=estimate.trace))
-        if _heard(self._pose) and not stale:
+        if _has_subscribers(self._pose) and not stale:
             self._pose.publish(posterior_messages.pose(estimate, axes, self._frame))
         if stale or self._is_due(estimate.stamp_ns):
             self._show(estimate, localizer, stale)
 
     def _is_due(self, stamp_ns: int) -> bool:
-        """Whether the pictures' rate, by stamps, allows another."""
+        """Whether ``particles_rate_hz`` allows another cloud, by stamps."""
         period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
         return self._shown_ns is None or not 0 <= stamp_ns - self._shown_ns < period_ns
 
     def _show(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str) -> None:
         self._shown_ns = estimate.stamp_ns
         scene = localizer.scene
-        if _heard(self._markers):
+        if _has_subscribers(self._markers):
             self._markers.publish(hand_markers.markers(estimate, scene, self._frame, stale))
-        if _heard(self._particles) and not stale:
+        if _has_subscribers(self._particles) and not stale:
             states, weights = posterior_messages.fewer(
                 *localizer.hypotheses(), self._parameters["shown_particles"], self._rng
             )
@@ -95,5 +95,5 @@ class FilterOutputs:
             )
 
 
-def _heard(publisher: Any) -> bool:
+def _has_subscribers(publisher: Any) -> bool:
     return publisher.get_subscription_count() > 0

@@ -1,4 +1,4 @@
-"""The hand and what is believed of it, as markers for RViz and Foxglove."""
+"""The estimated hand as markers for RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from tactile_localizer.scene import Scene
 
 _PAD_M = 0.012
 _TEXT_M = 0.003
-_BELIEVED = ColorRGBA(r=0.1, g=0.7, b=0.2, a=0.6)
-_DOUBTED = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
+_CONVERGED = ColorRGBA(r=0.1, g=0.7, b=0.2, a=0.6)
+_OPEN = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
 _STALE = ColorRGBA(r=0.5, g=0.5, b=0.5, a=0.5)
 _ELLIPSE = 2.4477
 """Standard deviations that hold 95 % of a Gaussian in two dimensions."""
 
 
 def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerArray:
-    """The phalanges where they are believed to be, the 95 % ellipse of the palm, and the reason above.
+    """The phalanges at the estimate, the 95 % ellipse of the palm, and the reason above.
 
     Parameters
     ----------
     stale : why the estimate is old; empty when it is not
     """
     x, y = _planar(scene.axis_names, estimate.mean)
-    colour = _STALE if stale else _BELIEVED if estimate.converged else _DOUBTED
+    colour = _STALE if stale else _CONVERGED if estimate.converged else _OPEN
     pads = Marker(type=Marker.SPHERE_LIST, ns="phalanges", color=colour)
     pads.scale.x = pads.scale.y = pads.scale.z = _PAD_M
     for phalanx in scene.phalanges:
@@ -53,7 +53,7 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
 
 
 def _ellipse(estimate: Estimate, scene: Scene, centre: tuple[float, float], colour: ColorRGBA) -> Marker:
-    """Where the palm is with 95 %, on the axes x and y that are modelled."""
+    """The ellipse that holds the palm with 95 %, on the axes x and y that are modelled."""
     columns = [i for i, name in enumerate(scene.axis_names) if name != "yaw"]
     places = ["xy".index(scene.axis_names[i]) for i in columns]
     covariance = np.zeros((2, 2))

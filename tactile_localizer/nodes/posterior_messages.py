@@ -76,7 +76,7 @@ def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovar
 
 
 def feature(stamp_ns: int, identification: Identification, frame: str) -> FeatureProbabilities:
-    """Which feature it is, and with which probability."""
+    """Probability of each of several scans."""
     message = FeatureProbabilities(header=_header(stamp_ns, frame))
     message.names = list(identification.probabilities)
     message.probabilities = array("d", identification.probabilities.values())
@@ -114,7 +114,7 @@ def cloud(
 def fewer(
     states: np.ndarray, weights: np.ndarray, most: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """At most ``most`` of the states (P, d), resampled, each once and with the weight of all its copies."""
+    """At most ``most`` states (P, d), resampled; each once, with the weight of all its copies."""
     if len(states) <= most:
         return states, weights
     kept, copies = np.unique(systematic(weights, most, rng), return_counts=True)
