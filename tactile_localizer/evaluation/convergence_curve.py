@@ -186,7 +186,7 @@ def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
                 curve.plot(x, y, "o", ms=11, mfc="none", mec=line.get_color())
     curve.set_xlabel("false: strains on a seam that are converged, %")
     curve.set_ylabel("sweeps over the feature that converged, %")
-    curve.set_ylim(0.0, 103.0)
+    curve.set_ylim(-3.0, 110.0)
     open_share = [1.0 - point.probability for point in points]
     for label, name in (
         ("before contact", "before"),
