@@ -120,9 +120,7 @@ def test_offsets_of_the_sweeps_are_removed_where_featureless_material_shows_them
     estimate = estimate_noise(sheet(offsets=5.0), SHEET)
     assert estimate.featureless
     assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
-    assert estimate.model.offset_variance.min() > 1.0
-    quiet = estimate_noise(sheet(), SHEET)
-    assert quiet.model.offset_variance.max() < 1.0
+    assert (estimate.model.offset_variance > 1.0).all(), "a new sweep may differ more than the scan's"
 
 
 def test_outside_a_region_that_the_scene_gives_nothing_is_felt() -> None:

@@ -1,0 +1,50 @@
+"""Tempering and registration, from sweeps that are localized on the map of the others."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, _longest
+from tactile_localizer.core.factory import learn
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+LENGTH = 0.1
+SCENE = Scene("cloth", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,)),))
+
+
+def cloth(shift: float, repeats: int = 6, seed: int = 0) -> Scan:
+    """Slides over waves of 10 to 40 mm, whose positions are off by ``shift`` m to either side."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(0.0, LENGTH, 0.0005)
+    waves, phase = np.linspace(150.0, 600.0, 8), np.arange(8.0)
+    off = shift * (1.0 - 2.0 * (np.arange(repeats) % 2))
+    strain = [
+        10.0 * np.sin((x[:, None] + each) * waves + phase) + rng.standard_normal((len(x), 8)) for each in off
+    ]
+    sweep = np.repeat(np.arange(repeats), len(x))
+    return Scan(np.tile(x, repeats)[:, None], np.concatenate(strain), sweep, ("x",), ("index",))
+
+
+def test_sweeps_that_are_shifted_give_the_registration() -> None:
+    registration = {shift: float(learn(cloth(shift), SCENE).registration_std[0]) for shift in (0.0, 0.001)}
+    assert registration[0.0] < 0.0005
+    assert registration[0.001] == pytest.approx(0.001, rel=0.4)
+
+
+def test_the_information_length_is_one_of_the_candidates() -> None:
+    assert learn(cloth(0.0, 2), SCENE).information_length in INFORMATION_LENGTHS
+
+
+def test_of_one_sweep_nothing_is_known_and_the_most_cautious_is_taken() -> None:
+    calibration = learn(cloth(0.0, 1), SCENE)
+    assert calibration.information_length == INFORMATION_LENGTHS[-1]
+    assert calibration.registration_std[0] > 0.0
+
+
+def test_among_equals_the_longest_is_taken_and_never_a_clearly_worse_one() -> None:
+    rng = np.random.default_rng(0)
+    base = rng.uniform(0.001, 0.003, (8, 1))
+    jitter = 1e-4 * rng.standard_normal((8, 4))
+    assert _longest(base + jitter + np.array([0.0, 1e-6, 2e-6, 0.002])) == 2
+    assert _longest(np.tile(base, 4)) == 3
+    assert _longest(base + np.array([0.0, 0.001, 0.001, 0.001])) == 0
