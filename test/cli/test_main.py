@@ -129,5 +129,5 @@ def test_the_help_ends_with_the_values_that_matter(capsys):
     with pytest.raises(SystemExit):
         cli.main(["--help"])
     text = capsys.readouterr().out
-    for value in ("bounds", "motion_std", "convergence_std", "offset", "docs/essentials.md"):
+    for value in ("bounds", "motion_std", "convergence_radius", "offset", "docs/essentials.md"):
         assert value in text.split("Five values matter")[1]
