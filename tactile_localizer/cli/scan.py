@@ -194,7 +194,7 @@ def _merge(args: argparse.Namespace) -> int:
     with new_scan(args.output, scene, strain_unit=unit) as store:
         for path in args.scans:
             with ScanStore.open(path) as other:
-                store.absorb(other)
+                store.merge(other)
         sweeps, pairs = len(store.sweeps()), store.pairs
     print(f"{args.output}: {sweeps} sweeps, {pairs} pairs")
     return 0

@@ -37,9 +37,9 @@ def test_a_csv_of_standard_columns_becomes_a_scan_file(folder, capsys):
     assert output == [
         "scan.db: 3 sweeps, 125 pairs",
         "  train.csv: left out 1 of 200 rows: 1 not numbers (first: line 9, index_2 'broken')",
-        "  left out 74 of 199 samples with a palm position outside the scene's bounds"
+        "  skipped 74 of 199 samples with a palm position outside the scene's bounds"
         " (x is 0 to 0.0796, bounds 0 to 0.05)",
-        "  left out 1 of 4 sweeps whole: 3",
+        "  skipped 1 of 4 sweeps completely: 3",
     ]
     with ScanStore.open("scan.db") as store:
         assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2]
@@ -68,7 +68,7 @@ def test_the_folder_of_the_scan_file_is_made(folder, capsys):
     assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "scans/new/a.db"]) == 0
     assert (folder / "scans/new/a.db").exists()
     assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "a.csv/b.db"]) == 2
-    assert "a.csv/b.db: expected a folder that can be written" in capsys.readouterr().err
+    assert "a.csv/b.db: expected a writable folder" in capsys.readouterr().err
 
 
 def test_a_bag_becomes_a_scan_file(folder, capsys):
@@ -76,7 +76,7 @@ def test_a_bag_becomes_a_scan_file(folder, capsys):
     assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "scan.db: 2 sweeps, 394 pairs",
-        "  left out 6 of 400 samples without a palm pose near enough in time",
+        "  skipped 6 of 400 samples without a palm pose close enough in time",
     ]
 
 

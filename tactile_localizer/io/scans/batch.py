@@ -1,4 +1,4 @@
-"""One row of the table ``batch``: the pairs of one transaction as arrays, and the checks on reading them."""
+"""Rows of the table ``batch``: the pairs of one transaction as arrays, validated on reading."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Batch:
 
     Parameters
     ----------
-    id : position in the file; batches are in the order in which they were recorded
+    id : position in the file, in order of recording
     sweep : number of the sweep
     stamp_ns : (n,) int64 stamps, ns
     states : (n, d) palm positions, m (yaw: rad)
@@ -40,48 +40,48 @@ class Batch:
 
     @property
     def row(self) -> tuple[Any, ...]:
-        """The row of the table, in the order of :data:`COLUMNS`."""
+        """Columns of the table's row, in the order of :data:`COLUMNS`."""
         blobs = (
             np.ascontiguousarray(self.stamp_ns, dtype="<i8").tobytes(),
             np.ascontiguousarray(self.states, dtype="<f8").tobytes(),
             np.ascontiguousarray(self.strain, dtype="<f8").tobytes(),
         )
-        ends = int(self.stamp_ns.min()), int(self.stamp_ns.max())
-        columns = (self.id, self.sweep, len(self), *ends, *blobs)
+        first_ns, last_ns = int(self.stamp_ns.min()), int(self.stamp_ns.max())
+        columns = (self.id, self.sweep, len(self), first_ns, last_ns, *blobs)
         return *columns, seal_of(*columns)
 
     @classmethod
     def from_row(cls, row: Sequence[Any], dimension: int, channels: int) -> Batch:
-        """The batch of a row, checked.
+        """Validate a row and make a batch of it.
 
         Parameters
         ----------
-        row : in the order of :data:`COLUMNS`, or of :data:`UNSEALED_COLUMNS`, whose content is checked less
+        row : in the order of :data:`COLUMNS`, or of :data:`UNSEALED_COLUMNS`, which has no checksum
         dimension : number of axes, d
         channels : number of strain channels, C
 
         Raises
         ------
         ValueError
-            The row is damaged; says in what.
+            The row is damaged; the message says how.
         """
         id_, sweep, pairs, *_ = row
-        whole_numbers, blobs = row[:5], row[5:8]
-        if any(type(value) is not int for value in whole_numbers) or pairs < 1:
-            raise ValueError("expected whole numbers and at least one pair")
+        integers, blobs = row[:5], row[5:8]
+        if any(type(value) is not int for value in integers) or pairs < 1:
+            raise ValueError("expected integers and at least one pair")
         sizes = 8 * pairs, 8 * pairs * dimension, 8 * pairs * channels
         if any(not isinstance(blob, bytes) for blob in blobs) or tuple(map(len, blobs)) != sizes:
             raise ValueError(f"expected arrays of {pairs} pairs")
         if len(row) > 8 and row[8] != seal_of(*row[:8]):
-            raise ValueError("the checksum does not fit")
+            raise ValueError("the checksum does not match")
         states = np.frombuffer(blobs[1], "<f8").reshape(pairs, dimension)
         strain = np.frombuffer(blobs[2], "<f8").reshape(pairs, channels)
-        require_possible(states, strain)
+        require_plausible(states, strain)
         return cls(id_, sweep, np.frombuffer(blobs[0], "<i8"), states, strain)
 
 
-def require_possible(states: np.ndarray, strain: np.ndarray) -> None:
-    """Check that positions and strains are of possible size.
+def require_plausible(states: np.ndarray, strain: np.ndarray) -> None:
+    """Require that positions and strains are finite and of plausible magnitude.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def require_possible(states: np.ndarray, strain: np.ndarray) -> None:
         ("position", states, LARGEST_POSITION),
         ("strain", strain, LARGEST_STRAIN),
     ):
-        # The extremes are NaN where a value is: two passes without an array of the same size.
+        # Minimum and maximum are NaN if any value is, so no temporary array of the same size is needed.
         low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
         if not (-largest <= low and high <= largest):
             worst = low if not -largest <= low else high

@@ -1,8 +1,8 @@
-"""Checksums of the rows of a scan file: damage is found wherever it strikes, and undamaged rows are known.
+"""Checksums ("seals") of the rows of a scan file, which detect damage and identify undamaged rows.
 
-Every row that the map depends on carries a seal: 16 bytes of BLAKE2b over its other columns. The seal of
-the contents, in the header, covers the seals of all sweeps; an entry of a sweep holds the number of its
-batches. So a row that is changed, lost, doubled or moved is noticed.
+Every row that the map depends on has a seal: 16 bytes of BLAKE2b over its other columns. The contents
+seal in the header covers the seals of all sweeps, and the entry of a sweep holds the number of its
+batches. A row that was changed, lost, duplicated or moved is therefore detected.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Column = int | str | bytes
 
 
 def seal_of(*columns: Column) -> bytes:
-    """Seal of a row, given its columns in order."""
+    """Seal of a row, from its columns in order."""
     digest = hashlib.blake2b(digest_size=SEAL_BYTES)
     for column in columns:
         if isinstance(column, bytes):
@@ -30,13 +30,13 @@ def seal_of(*columns: Column) -> bytes:
 
 
 def header_seal(header: Mapping[str, str]) -> str:
-    """Seal of the header's entries, given as texts by key; the seals among them are left out."""
+    """Seal of the header's entries (text by key), excluding the seals among them."""
     entries = sorted((key, value) for key, value in header.items() if key not in ("seal", "contents"))
     return seal_of(*(text for entry in entries for text in entry)).hex()
 
 
 def contents_seal(sweep_seals: Iterable[bytes]) -> str:
-    """Seal of all sweeps, given theirs in the order of their numbers."""
+    """Seal of all sweeps, from their seals in the order of their numbers."""
     return seal_of("contents", *sweep_seals).hex()
 
 

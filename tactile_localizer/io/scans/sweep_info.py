@@ -1,4 +1,4 @@
-"""Entry of one sweep in a scan file."""
+"""Entry of a sweep in a scan file."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 
 @dataclass(frozen=True)
 class SweepInfo:
-    """One sweep of a scan file, as its entry describes it.
+    """Entry of one sweep, a row of the table ``sweep``.
 
     Parameters
     ----------
     number : the sweep's number
-    pairs : state-measurement pairs
+    pairs : number of state-measurement pairs
     first_ns, last_ns : stamps of the first and the last pair, ns; 0 without pairs
-    gaps : strain samples that had no pose near enough in time
+    gaps : strain samples without a pose close enough in time
     skipped : strain samples that were missing, saturated or out of bounds
-    ended : false when the recording was cut off
-    dropped : true when a person has left the sweep out
-    batches : rows of pairs that belong to the sweep
-    revision : how often the entry was written; of several copies of a damaged file the last one counts
+    ended : false if the recording was interrupted
+    dropped : true if the user has excluded the sweep
+    batches : number of rows in the table ``batch`` that belong to the sweep
+    revision : number of times the entry was written; repair keeps the copy with the highest one
     """
 
     number: int
@@ -40,7 +40,7 @@ class SweepInfo:
 
     @property
     def row(self) -> tuple[int, ...]:
-        """The entry as it is in the table."""
+        """Values of the table's row, in the order of :attr:`COLUMNS`."""
         return (
             self.number,
             int(self.ended),
@@ -56,15 +56,15 @@ class SweepInfo:
 
     @classmethod
     def from_row(cls, row: Sequence[Any]) -> SweepInfo:
-        """The entry of a row of the table.
+        """Validate a row of the table and make an entry of it.
 
         Raises
         ------
         ValueError
-            The row does not hold ten whole numbers, a flag is neither 0 nor 1, or a count is negative.
+            The row does not hold ten integers, a flag is neither 0 nor 1, or a count is negative.
         """
         if len(row) != 10 or any(type(value) is not int for value in row):
-            raise ValueError(f"expected ten whole numbers, found {row!r:.80}")
+            raise ValueError(f"expected ten integers, found {row!r:.80}")
         number, ended, gaps, skipped, dropped, batches, pairs, first_ns, last_ns, revision = row
         if {ended, dropped} - {0, 1}:
             raise ValueError(f"expected flags of 0 or 1, found {ended} and {dropped}")

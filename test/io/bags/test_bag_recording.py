@@ -225,8 +225,8 @@ def test_gaps_late_samples_and_poses_in_other_frames_are_counted(tmp_path):
     recording = read_bag(bag, SCENE)
     assert recording.sweeps[0].gaps == 3 + 3
     assert recording.notes == (
-        "left out 1 of 142 strain vectors whose lengths do not fit",
-        "left out 1 of 141 strain vectors whose stamps go back",
+        "skipped 1 of 142 strain vectors whose lengths do not fit",
+        "skipped 1 of 141 strain vectors whose stamps go back",
         "left out 1 of 37 poses of /palm_pose: palm pose frame 'map': expected 'material' or 'base_link'",
         "left out 1 of 36 poses of /palm_pose whose stamps go back",
     )

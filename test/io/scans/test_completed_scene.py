@@ -1,4 +1,4 @@
-"""What a scene leaves open is chosen once, and kept in the scan file."""
+"""The completed scene is computed once and cached in the scan file."""
 
 from __future__ import annotations
 
@@ -40,26 +40,26 @@ def loaded(path: Path) -> tuple[Scan, Scene]:
         return store.load(), store.scene
 
 
-def test_it_is_chosen_once(path: Path, chosen: list[str]) -> None:
+def test_completed_scene_is_computed_once(path: Path, chosen: list[str]) -> None:
     first, second = (completed_scene(path, *loaded(path)) for _ in range(2))
     assert first == second == scene_of()
     assert chosen == ["bump"]
 
 
-def test_another_scene_is_another_choice(path: Path, chosen: list[str]) -> None:
+def test_another_scene_is_completed_separately(path: Path, chosen: list[str]) -> None:
     scan, scene = loaded(path)
     completed_scene(path, scan, scene)
     completed_scene(path, scan, dataclasses.replace(scene, feature=None))
     assert len(chosen) == 2
 
 
-def test_in_a_file_that_cannot_be_written_it_is_chosen_anew(path: Path, chosen: list[str]) -> None:
+def test_without_a_cache_the_scene_is_completed_again(path: Path, chosen: list[str]) -> None:
     missing = path.with_name("none.db")
     assert completed_scene(missing, *loaded(path)) == completed_scene(missing, *loaded(path))
     assert len(chosen) == 2
 
 
-def test_tune_without_a_scene_to_write_chooses_for_the_next_start(path: Path, chosen: list[str]) -> None:
+def test_tune_caches_the_completed_scene(path: Path, chosen: list[str]) -> None:
     assert main(["tune", "--scan", str(path)]) == 0
     completed_scene(path, *loaded(path))
     assert len(chosen) == 1
