@@ -1,10 +1,11 @@
-"""``tactile-localizer soak``: the live system under randomly injected faults, for as long as asked for."""
+"""Soak test: runs the live system under randomly injected faults (``make soak MINUTES=30 SEED=7``)."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
 import os
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Sequence
@@ -18,22 +19,30 @@ from rich.table import Table
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.errors import LiveError, ParameterError
+from tactile_localizer.errors import LiveError, ParameterError, TactileLocalizerError
 from tactile_localizer.evaluation.plain_json import write_json
 
 if TYPE_CHECKING:
-    from tactile_localizer.live.soak_result import Injection, SoakResult
-
-NAME = "soak"
-HELP = "inject faults at random into the live system and watch what must never happen"
+    from harness.soak_result import Injection, SoakResult
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line."""
-    parser.add_argument("--minutes", type=float, default=30.0, help="for so long (default 30)")
+def main() -> int:
+    """Parse the command line and run the soak test; errors of the user are one line."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "lib"))  # harness uses the tests' support package
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # for the nodes: more threads only wait
+        os.environ.setdefault(name, "1")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=30.0, help="duration (default 30)")
     add_seed_argument(parser)
     parser.add_argument("--only", nargs="+", metavar="FAULT", help="inject these; `--only list` lists all")
     parser.add_argument("-o", "--out", type=Path, default=Path("out/soak"), metavar="DIR")
+    try:
+        return run(parser.parse_args())
+    except TactileLocalizerError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
 
 
 def run(args: argparse.Namespace) -> int:
@@ -42,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
         raise LiveError("rclpy: expected ROS 2, found none; `make soak` makes an environment that has it")
     if not args.minutes > 0:
         raise ParameterError(f"--minutes: expected more than 0, got {args.minutes:g}")
-    from tactile_localizer.live.faults import FAULTS
-    from tactile_localizer.live.soak import SoakSettings, run_soak
+    from harness.faults import FAULTS
+    from harness.soak import SoakSettings, run_soak
 
     known = {fault.name: fault for fault in FAULTS}
     if args.only == ["list"]:
@@ -165,3 +174,7 @@ def _sentences(result: SoakResult) -> list[str]:
         + [f"FAILED: {failure}" for failure in result.failures or ()]
         + ([] if result.failures else ["nothing failed"])
     )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.msg import Posterior
 from tactile_localizer.nodes.stamps import to_ns
 

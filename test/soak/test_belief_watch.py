@@ -28,8 +28,8 @@ def heard():
 
 @pytest.fixture
 def watch(heard):
-    from tactile_localizer.live.belief_watch import BeliefWatch
-    from tactile_localizer.live.relay import Relay
+    from harness.belief_watch import BeliefWatch
+    from harness.relay import Relay
 
     return BeliefWatch(heard, Relay(heard))
 

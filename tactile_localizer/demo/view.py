@@ -16,11 +16,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from tactile_localizer.demo.heard import Heard
+from tactile_localizer.demo.material_map import material_map
+from tactile_localizer.demo.run import View
 from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep
 from tactile_localizer.evaluation.metrics import INCH
-from tactile_localizer.live.demo import View
-from tactile_localizer.live.heard import Heard
-from tactile_localizer.live.material_map import material_map
 from tactile_localizer.scene import Scene
 
 _REFRESH_S = 0.12

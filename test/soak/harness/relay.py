@@ -8,7 +8,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.nodes.stamps import from_ns, to_ns
 

@@ -9,8 +9,8 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from tactile_localizer.live.relay import Relay
-from tactile_localizer.live.watcher import Watcher
+from harness.relay import Relay
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.msg import Posterior
 from tactile_localizer.nodes.stamps import to_ns
 

@@ -14,13 +14,13 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Empty, Trigger
 
+from tactile_localizer.demo.domain import Domain, own_domain
+from tactile_localizer.demo.heard import TOPICS, Heard
+from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
 from tactile_localizer.evaluation.live_sweep import LiveSweep, contact_of
 from tactile_localizer.io.bags.writer import BagWriter
-from tactile_localizer.live.domain import Domain, own_domain
-from tactile_localizer.live.heard import TOPICS, Heard
-from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped
-from tactile_localizer.live.watcher import Watcher
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.sim.sweep import SPEED_MPS

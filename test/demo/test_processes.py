@@ -6,8 +6,8 @@ import sys
 import pytest
 from support.waiting import wait_until
 
+from tactile_localizer.demo.processes import NodeProcesses, node_executable
 from tactile_localizer.errors import LiveError
-from tactile_localizer.live.processes import NodeProcesses, node_executable
 
 STUBBORN = """
 import signal, time
@@ -50,7 +50,7 @@ def is_alive(pid):
 
 
 def test_all_processes_end_with_the_context_however_it_ends(executables, tmp_path, monkeypatch):
-    monkeypatch.setattr("tactile_localizer.live.processes._PATIENCE_S", 0.3)
+    monkeypatch.setattr("tactile_localizer.demo.processes._PATIENCE_S", 0.3)
     pids = []
 
     def interrupted():

@@ -12,11 +12,11 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_srvs.srv import Empty, Trigger
 
+from harness.belief_watch import BeliefWatch
+from harness.relay import Relay
+from tactile_localizer.demo.heard import TOPICS
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
-from tactile_localizer.live.belief_watch import BeliefWatch
-from tactile_localizer.live.heard import TOPICS
-from tactile_localizer.live.relay import Relay
-from tactile_localizer.live.watcher import Watcher
 from tactile_localizer.msg import ScanStatus
 
 _ANSWER_S = 4.0

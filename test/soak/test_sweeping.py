@@ -35,7 +35,7 @@ class Mapping:
 
 
 def test_a_recording_that_begins_late_is_ended_before_the_next_sweep():
-    from tactile_localizer.live import sweeping
+    from harness import sweeping
 
     mapping, belief = Mapping(), SimpleNamespace(end_sweep=lambda: None, begin_sweep=lambda now_ns: None)
     with sweeping.Sweeping(mapping, SimpleNamespace(clock_ns=0), belief) as hand:

@@ -4,15 +4,16 @@ import json
 import os
 import re
 import signal
+import sys
 from pathlib import Path
 
 import pytest
+from harness.memory import Memory, resident_bytes
 from support.processes import children
-
-from tactile_localizer.live.memory import Memory, resident_bytes
 
 pytestmark = pytest.mark.ros
 
+SOAK = [sys.executable, Path(__file__).with_name("run.py")]
 QUICK = ["bus off", "poses stop", "frames lost", "strain not finite", "wrong seed", "driver down and up"]
 
 
@@ -22,7 +23,7 @@ def command_line(pid):
 
 @pytest.mark.slow
 def test_a_short_soak_finds_every_fault_told_and_all_well_again(process, tmp_path):
-    soak = process(["tactile-localizer", "soak", "--minutes", "0.4", "-o", tmp_path, "--only", *QUICK])
+    soak = process([*SOAK, "--minutes", "0.4", "-o", tmp_path, "--only", *QUICK])
     status = soak.wait(timeout_s=300.0)
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["failures"] == [], soak.output
@@ -38,7 +39,7 @@ def test_a_short_soak_finds_every_fault_told_and_all_well_again(process, tmp_pat
 
 
 def test_a_process_that_ends_fails_the_soak_and_is_named(process, tmp_path):
-    soak = process(["tactile-localizer", "soak", "-o", tmp_path, "--only", "belief spread"])
+    soak = process([*SOAK, "-o", tmp_path, "--only", "belief spread"])
     soak.wait_for_line("injecting faults", timeout_s=120.0)
     (mapping,) = [pid for pid in children(soak.pid) if b"mapping_node" in command_line(pid)]
     os.kill(mapping, signal.SIGKILL)
@@ -55,19 +56,19 @@ def test_a_process_that_ends_fails_the_soak_and_is_named(process, tmp_path):
     ],
 )
 def test_a_mistake_on_the_command_line_is_one_line(process, arguments, reason):
-    soak = process(["tactile-localizer", "soak", *arguments])
+    soak = process([*SOAK, *arguments])
     assert soak.wait() == 2
     assert reason in soak.output
     assert len(soak.lines) == 1
 
 
 def test_the_page_of_faults_names_each_fault_that_is_injected_and_tests_that_are_there():
-    from tactile_localizer.live.faults import FAULTS
+    from harness.faults import FAULTS
 
     tests = Path(__file__).parents[1]
     page = (tests.parent / "docs" / "faults.md").read_text(encoding="utf-8")
     assert [fault.name for fault in FAULTS if f"`{fault.name}`" not in page] == []
-    named = set(re.findall(r"`(\w+/test_\w+\.py)`", page))
+    named = set(re.findall(r"`([\w/]+/test_\w+\.py)`", page))
     assert len(named) > 10
     assert [name for name in named if not (tests / name).exists()] == []
 

@@ -7,7 +7,7 @@ pytestmark = pytest.mark.ros
 
 
 def test_estimates_are_compared_with_the_truth_at_their_own_stamps():
-    from tactile_localizer.live.heard import Believed, Heard
+    from tactile_localizer.demo.heard import Believed, Heard
 
     heard = Heard()
     heard.truths = [(0, 0.0, 0.0), (100, 0.01, 0.02)]
@@ -22,7 +22,7 @@ def test_estimates_are_compared_with_the_truth_at_their_own_stamps():
 def test_the_mapping_is_waited_for_until_it_hears_strain_and_poses():
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-    from tactile_localizer.live.heard import Heard
+    from tactile_localizer.demo.heard import Heard
     from tactile_localizer.msg import ScanStatus
 
     def tells(poses):

@@ -12,9 +12,9 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
 from std_srvs.srv import Empty, Trigger
 
-from tactile_localizer.live import spoiling
-from tactile_localizer.live.relay import leave_alone
-from tactile_localizer.live.system import System
+from harness import spoiling
+from harness.relay import leave_alone
+from harness.system import System
 from tactile_localizer.msg import StrainVectors
 
 CAN_BUS, INDEX, MIDDLE = "driver: CAN bus", "driver: index", "driver: middle"

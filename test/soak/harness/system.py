@@ -12,12 +12,12 @@ from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
+from harness.belief_watch import BeliefWatch
+from harness.relay import Relay
+from harness.told import Told
+from tactile_localizer.demo.processes import NodeProcess
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
-from tactile_localizer.live.belief_watch import BeliefWatch
-from tactile_localizer.live.processes import NodeProcess
-from tactile_localizer.live.relay import Relay
-from tactile_localizer.live.told import Told
-from tactile_localizer.live.watcher import Watcher
 from tactile_localizer.srv import LoadScan
 
 _LOADING_S = 60.0

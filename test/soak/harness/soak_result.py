@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from tactile_localizer.live.memory import Memory
+from harness.memory import Memory
 
 MEMORY_LIMIT_BYTES = 5_000_000
 """Most that a process may grow by after the warm-up."""

@@ -14,22 +14,23 @@ from typing import Any, Protocol
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from support.sweeps import write_scan
 
+from harness.belief_watch import BeliefWatch
+from harness.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
+from harness.memory import Memory, resident_bytes
+from harness.patience import Patience
+from harness.relay import SENT, Relay
+from harness.soak_result import Injection, SoakResult
+from harness.sweeping import RECORDED_EVERY, Sweeping
+from harness.system import System
+from harness.told import Told
+from tactile_localizer.demo.domain import Domain, own_domain
+from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
+from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.can.bus import BusSettings, open_bus
-from tactile_localizer.live.belief_watch import BeliefWatch
-from tactile_localizer.live.domain import Domain, own_domain
-from tactile_localizer.live.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
-from tactile_localizer.live.memory import Memory, resident_bytes
-from tactile_localizer.live.patience import Patience
-from tactile_localizer.live.processes import NodeProcess, NodeProcesses, shipped
-from tactile_localizer.live.relay import SENT, Relay
-from tactile_localizer.live.simulated_scan import write_simulated_scan
-from tactile_localizer.live.soak_result import Injection, SoakResult
-from tactile_localizer.live.sweeping import RECORDED_EVERY, Sweeping
-from tactile_localizer.live.system import System
-from tactile_localizer.live.told import Told
-from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 
 WELL_WITHIN_S = 20.0
@@ -288,7 +289,8 @@ def _start(processes: NodeProcesses, settings: SoakSettings, domain: Domain) -> 
 def _write_scans(folder: Path, seed: int) -> None:
     """The right scan, another one, and a file that is none."""
     for feature in (_SCANNED, _OTHER):
-        write_simulated_scan(folder / f"{feature}.db", feature, seed)
+        scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+        write_scan(folder / f"{feature}.db", feature, scene, seed)
     (folder / _BROKEN).write_bytes(b"not a scan " * 1000)
 
 

@@ -6,10 +6,9 @@ import sys
 import time
 
 import pytest
+from harness import patience
+from harness.patience import Patience, starved_s
 from support.waiting import wait_until
-
-from tactile_localizer.live import patience
-from tactile_localizer.live.patience import Patience, starved_s
 
 
 def compute(seconds):

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.ros
 
 def heard_midway():
     """A sweep under way: the truth at (20, 24) mm, the estimate 1 mm beside it."""
-    from tactile_localizer.live.heard import Believed, Heard
+    from tactile_localizer.demo.heard import Believed, Heard
 
     heard = Heard()
     heard.truths = [(k, 0.001 * k, 0.024) for k in range(21)]
@@ -32,7 +32,7 @@ def terminal():
 
 
 def test_the_live_view_shows_truth_estimate_error_trace_belief_and_rates():
-    from tactile_localizer.live.demo_view import LiveView, demo_view
+    from tactile_localizer.demo.view import LiveView, demo_view
 
     console = terminal()
     with demo_view(console, scene_of(), "bump") as view:
@@ -58,8 +58,8 @@ def test_the_live_view_shows_truth_estimate_error_trace_belief_and_rates():
 
 
 def test_the_live_view_bears_that_nothing_is_heard_yet():
-    from tactile_localizer.live.demo_view import demo_view
-    from tactile_localizer.live.heard import Heard
+    from tactile_localizer.demo.heard import Heard
+    from tactile_localizer.demo.view import demo_view
 
     console = terminal()
     with demo_view(console, scene_of(), "bump") as view:
@@ -69,7 +69,7 @@ def test_the_live_view_bears_that_nothing_is_heard_yet():
 
 
 def test_without_a_terminal_there_is_a_line_for_each_thing(capsys):
-    from tactile_localizer.live.demo_view import PlainView, demo_view
+    from tactile_localizer.demo.view import PlainView, demo_view
 
     with demo_view(Console(), scene_of(), "bump") as view:
         assert isinstance(view, PlainView)

@@ -1,6 +1,6 @@
 """Runs on one machine do not hear each other."""
 
-from tactile_localizer.live.domain import own_domain
+from tactile_localizer.demo.domain import own_domain
 
 
 def test_two_runs_have_different_domains_and_buses():

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from rich.text import Text
 
-from tactile_localizer.live.heard import Heard
+from tactile_localizer.demo.heard import Heard
 from tactile_localizer.scene import Scene
 
 _COLUMNS, _ROWS = 52, 22
