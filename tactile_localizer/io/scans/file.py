@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.scans.seals import contents_seal, header_seal
+from tactile_localizer.io.scans.rows import contents_seal, header_seal
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.scene import Scene
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
-from tactile_localizer.io.scans.batch import COLUMNS
 from tactile_localizer.io.scans.reader import ScanReader
-from tactile_localizer.io.scans.seals import contents_seal, header_seal, seal_of, sweep_seal
+from tactile_localizer.io.scans.rows import BATCH_COLUMNS, contents_seal, header_seal, seal_of, sweep_seal
 from tactile_localizer.io.whole_file import whole_file
 
 BACKUP_SUFFIX = ".schema1"
@@ -60,7 +59,9 @@ def _seal_all(reader: ScanReader, connection: sqlite3.Connection) -> None:
             connection.execute(statement)
         ids = [number for (number,) in connection.execute("SELECT id FROM batch")]
         for number in ids:
-            (*row, _) = connection.execute(f"SELECT {COLUMNS} FROM batch WHERE id = ?", (number,)).fetchone()
+            (*row, _) = connection.execute(
+                f"SELECT {BATCH_COLUMNS} FROM batch WHERE id = ?", (number,)
+            ).fetchone()
             connection.execute("UPDATE batch SET seal = ? WHERE id = ?", (seal_of(*row), number))
         seals = [sweep_seal(sweep) for sweep in sweeps]
         placeholders = ", ".join("?" * (len(sweeps[0].row) + 1)) if sweeps else ""

@@ -15,11 +15,15 @@ import numpy as np
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
-from tactile_localizer.io.scans import batch as batch_rows
 from tactile_localizer.io.scans import file as scan_file
-from tactile_localizer.io.scans.batch import Batch
-from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
-from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scans.rows import (
+    BATCH_COLUMNS,
+    UNSEALED_BATCH_COLUMNS,
+    Batch,
+    SweepInfo,
+    contents_seal,
+    sweep_seal,
+)
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import Scene
 
@@ -234,7 +238,7 @@ class ScanReader:
 
     @property
     def _columns(self) -> str:
-        return batch_rows.COLUMNS if self.has_checksums else batch_rows.UNSEALED_COLUMNS
+        return BATCH_COLUMNS if self.has_checksums else UNSEALED_BATCH_COLUMNS
 
     def _batch(self, row: tuple[Any, ...]) -> Batch:
         return Batch.from_row(row, self.scene.dimension, self._channels)

@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io.scans.batch import Batch
 from tactile_localizer.io.scans.lock import ScanLock
 from tactile_localizer.io.scans.pages import Pages, Place
-from tactile_localizer.io.scans.seals import header_seal, sweep_seal
+from tactile_localizer.io.scans.rows import Batch, SweepInfo, header_seal, sweep_seal
 from tactile_localizer.io.scans.store import ScanStore, new_scan
-from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import Scene
 

@@ -25,12 +25,17 @@ import numpy as np
 from tactile_localizer import __version__
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
-from tactile_localizer.io.scans.batch import COLUMNS, Batch, require_plausible
 from tactile_localizer.io.scans.lock import ScanLock
 from tactile_localizer.io.scans.migration import migrate
 from tactile_localizer.io.scans.reader import ScanReader
-from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
-from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scans.rows import (
+    BATCH_COLUMNS,
+    Batch,
+    SweepInfo,
+    contents_seal,
+    require_plausible,
+    sweep_seal,
+)
 from tactile_localizer.scene import Scene
 
 COMMIT_PERIOD_S = 0.25
@@ -340,7 +345,7 @@ class ScanStore(ScanReader):
     def _write_batches(self, batches: list[Batch], what: str) -> None:
         """Write consecutive batches of one sweep."""
         entry = self._entries[batches[0].sweep]
-        insert = f"INSERT INTO batch ({COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+        insert = f"INSERT INTO batch ({BATCH_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
         rows = [batch.row for batch in batches]
         stored = [(entry.first_ns, entry.last_ns)] if entry.batches else []
         spans = [*stored, *((first_ns, last_ns) for _, _, _, first_ns, last_ns, *_ in rows)]
