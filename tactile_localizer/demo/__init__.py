@@ -1,1 +1,1 @@
-"""The whole system at once: nodes as processes that are started, watched, recorded and always ended."""
+"""Demonstration of the whole system: runs the nodes as processes, records them and shows the result."""

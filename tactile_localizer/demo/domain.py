@@ -1,4 +1,4 @@
-"""A ROS domain and a CAN port that no other run on this machine uses."""
+"""Exclusive ROS domain and CAN port for one run on this machine."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from dataclasses import dataclass
 from tactile_localizer.errors import LiveError
 
 _DOMAINS = range(1, 100)
-"""Domain ids whose ports lie below the ephemeral ones."""
+"""Domain ids whose ports are below the ephemeral ports."""
 
-_CAN_PORTS = 43200
-"""UDP port of the simulated CAN bus of domain 0. udp_multicast keeps buses apart by port only."""
+_FIRST_CAN_PORT = 43200
+"""UDP port of the simulated CAN bus of domain 0; udp_multicast separates buses by port only."""
 
 
 @dataclass(frozen=True)
 class Domain:
-    """What keeps one run apart from all others.
+    """ROS domain and CAN port of one run.
 
     Parameters
     ----------
-    number : the ROS domain id
+    number : ROS domain id
     can_port : UDP port of the simulated CAN bus
     """
 
@@ -32,28 +32,28 @@ class Domain:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Variables for processes of the run: they are heard on this machine only."""
+        """Environment variables for the processes of the run; discovery is limited to this machine."""
         return {"ROS_DOMAIN_ID": str(self.number), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 @contextmanager
 def own_domain() -> Iterator[Domain]:
-    """A domain that is this run's own until the end of the context.
+    """Context that reserves a domain and its CAN port.
 
-    Who listens on the TCP namesake of the CAN port has both the domain and the port.
+    A process owns both while it is bound to the TCP port with the number of the CAN port.
 
     Raises
     ------
     LiveError
-        All are in use.
+        All domains are in use.
     """
     for i in _DOMAINS:
         number = _DOMAINS[(os.getpid() + i) % len(_DOMAINS)]
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as claim:
             try:
-                claim.bind(("127.0.0.1", _CAN_PORTS + number))
+                claim.bind(("127.0.0.1", _FIRST_CAN_PORT + number))
             except OSError:
                 continue
-            yield Domain(number, _CAN_PORTS + number)
+            yield Domain(number, _FIRST_CAN_PORT + number)
             return
-    raise LiveError("ROS_DOMAIN_ID: expected a free one of 1 to 99, found all in use")
+    raise LiveError("ROS_DOMAIN_ID: expected a free domain from 1 to 99, all are in use")

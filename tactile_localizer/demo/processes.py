@@ -1,4 +1,4 @@
-"""Installed nodes as processes of their own, each with its parameters and its log in a file."""
+"""Running installed nodes as processes, with parameters and logs in files."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ import yaml
 from tactile_localizer.errors import LiveError
 from tactile_localizer.resources import resource_path
 
-_PATIENCE_S = 5.0
-_LAST_BYTES = 4096
+_STOP_TIMEOUT_S = 5.0
+"""Time for a node to stop after each signal, s."""
+
+_TAIL_BYTES = 4096
+"""Bytes at the end of a log in which the last line is searched."""
 
 
 class NodeProcess:
@@ -26,12 +29,12 @@ class NodeProcess:
 
     Parameters
     ----------
-    name : of the node, and of its files
+    name : name of the node and of its files
     executable : path of the installed executable
-    parameters : by name
-    folder : where its parameters and its log are written
-    environment : variables on top of this process's own
-    remaps : from name to name
+    parameters : parameters by name
+    folder : folder of its parameter file and its log
+    environment : environment variables in addition to those of this process
+    remaps : remapped names
     """
 
     def __init__(
@@ -45,9 +48,9 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self.log = folder / f"{name}.log"
-        given = folder / f"{name}.yaml"
-        given.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}), encoding="utf-8")
-        command = [str(executable), "--ros-args", "--params-file", str(given)]
+        file = folder / f"{name}.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}), encoding="utf-8")
+        command = [str(executable), "--ros-args", "--params-file", str(file)]
         for source, target in remaps.items():
             command += ["-r", f"{source}:={target}"]
         with self.log.open("wb") as log:
@@ -62,54 +65,54 @@ class NodeProcess:
                     "ROS_LOG_DIR": str(folder / "ros"),
                     **environment,
                 },
-                start_new_session=True,  # an interrupt from the terminal is its owner's, who ends it in order
+                start_new_session=True,  # an interrupt in the terminal reaches only this process
             )
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id."""
         return self._popen.pid
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
+        """Whether the process is running."""
         return self._popen.poll() is None
 
     @property
     def last_line(self) -> str:
-        """What it printed last, without the logger's stamps."""
+        """Last line of the log, without the logger's prefix."""
         with self.log.open("rb") as log:
-            log.seek(max(0, self.log.stat().st_size - _LAST_BYTES))
+            log.seek(max(0, self.log.stat().st_size - _TAIL_BYTES))
             lines = log.read().decode(errors="replace").strip().splitlines()
         return lines[-1].rpartition("]: ")[2] if lines else ""
 
     def signal(self, number: signal.Signals) -> None:
-        """Send it a signal, if it still runs."""
+        """Send a signal if the process is running."""
         if self.running:
             self._popen.send_signal(number)
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether it ends in time."""
+        """Wait for the process; returns whether it ended in time."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._popen.wait(timeout_s)
         return not self.running
 
     def stop(self) -> int:
-        """End it: asked to first, then made to. Returns its exit status."""
+        """Stop the process by SIGINT, then SIGTERM, then SIGKILL; returns its exit status."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             self.signal(number)
-            if self.wait(_PATIENCE_S):
+            if self.wait(_STOP_TIMEOUT_S):
                 break
         return self._popen.returncode
 
 
 class NodeProcesses:
-    """The nodes of one run; leaving the context ends them, whatever happened.
+    """Nodes of one run; a context manager that stops them at its end.
 
     Parameters
     ----------
-    folder : where parameters and logs are written
-    environment : variables on top of this process's own
+    folder : folder of parameter files and logs
+    environment : environment variables in addition to those of this process
     """
 
     def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
@@ -123,10 +126,10 @@ class NodeProcesses:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # All are asked at once, so that ending takes as long as the slowest.
+        # All are signalled first, so that stopping takes only as long as the slowest.
         for node in self._running:
             node.signal(signal.SIGINT)
-        deadline = time.monotonic() + _PATIENCE_S
+        deadline = time.monotonic() + _STOP_TIMEOUT_S
         for node in self._running:
             node.wait(max(0.0, deadline - time.monotonic()))
         for node in reversed(self._running):
@@ -146,12 +149,12 @@ class NodeProcesses:
         return node
 
     def stop(self, node: NodeProcess) -> None:
-        """End one of them.
+        """Stop one node.
 
         Raises
         ------
         LiveError
-            It did not end well.
+            Its exit status is not 0.
         """
         status = node.stop()
         self._running.remove(node)
@@ -159,12 +162,12 @@ class NodeProcesses:
             raise LiveError(f"{node.name}: expected exit status 0, got {status}: {node.last_line}")
 
     def check(self) -> None:
-        """Make sure that all run.
+        """Require that all nodes are running.
 
         Raises
         ------
         LiveError
-            One has ended.
+            A node has ended.
         """
         for node in self._running:
             if not node.running:
@@ -190,6 +193,6 @@ def node_executable(name: str) -> Path:
 
 
 def shipped(name: str) -> dict[str, Any]:
-    """A node's parameters as the package ships them."""
+    """Parameters of a node from the package's configuration."""
     text = resource_path(f"config/{name}.yaml").read_text(encoding="utf-8")
     return dict(yaml.safe_load(text)["/**"]["ros__parameters"])

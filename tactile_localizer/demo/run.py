@@ -1,4 +1,4 @@
-"""The demonstration: scan a simulated feature, then localise on new sweeps, all nodes live and watched."""
+"""The demonstration: scans a simulated feature, then localizes new sweeps on the scan, with all nodes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Empty, Trigger
 
 from tactile_localizer.demo.domain import Domain, own_domain
-from tactile_localizer.demo.heard import TOPICS, Heard
+from tactile_localizer.demo.observations import TOPICS, Observations
 from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
@@ -25,24 +25,28 @@ from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.sim.sweep import SPEED_MPS
 
-_FEWEST_SWEEPS = 3
+_MIN_SWEEPS = 3
+"""Sweeps that are localized even if the time limit is exceeded."""
+
 _STARTUP_S = 60.0
 _LOADING_S = 120.0
+"""Longest wait for a node to respond, and for the filter to load the scan, s."""
+
 _POLL_S = 0.02
 
 
 @dataclass(frozen=True)
 class DemoSettings:
-    """What is demonstrated.
+    """Settings of the demonstration.
 
     Parameters
     ----------
-    feature : what lies in the material
-    folder : where everything is written; what a demonstration wrote there before is replaced
-    seed : of everything random
-    speed : simulated seconds in a second
-    sweeps : to localise on
-    time_limit_s : no further sweep begins that would end later than this after the start
+    feature : feature in the simulated material
+    folder : output folder; the output of an earlier demonstration is replaced
+    seed : seed of all random processes
+    speed : simulated time per real time
+    sweeps : number of sweeps to localize
+    time_limit_s : no sweep begins that would end later than this after the start, s
     """
 
     feature: str
@@ -54,31 +58,31 @@ class DemoSettings:
 
 
 class View(Protocol):
-    """Shows how the demonstration goes."""
+    """Shows the progress of the demonstration."""
 
     def phase(self, text: str) -> None:
-        """Something else begins."""
+        """Called at the begin of a phase."""
 
     def progress(self, done: int, total: int) -> None:
-        """So many sweeps of the phase are done."""
+        """Called with the number of finished sweeps of the phase."""
 
-    def show(self, heard: Heard, received: Mapping[str, int], note: str) -> None:
-        """What is heard at the moment; called often."""
+    def show(self, observations: Observations, received: Mapping[str, int], note: str) -> None:
+        """Called often, with the newest observations."""
 
     def sweep(self, sweep: LiveSweep) -> None:
-        """A sweep has been localised."""
+        """Called with every localized sweep."""
 
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What came of it.
+    """Result of the demonstration.
 
     Parameters
     ----------
-    sweeps : that were localised
-    filter : the filter's last diagnostics of its belief, by name
+    sweeps : localized sweeps
+    filter : last diagnostics of the filter's belief, by name
     frames_dropped : frames that load cells sent and that are in no strain vector
-    received : messages of each topic
+    received : number of messages, by topic
     """
 
     sweeps: list[LiveSweep]
@@ -88,31 +92,34 @@ class DemoResult:
 
 
 def run_demo(settings: DemoSettings, view: View) -> DemoResult:
-    """Start the nodes, scan, localise, end the nodes.
+    """Start the nodes, scan, localize, stop the nodes.
 
     Raises
     ------
     LiveError
-        A node ended or did not answer.
+        A node ended or did not respond.
     """
     logs = _fresh(settings.folder)
-    heard = Heard()
+    observations = Observations()
     with own_domain() as domain:
         os.environ.update(domain.environment)
-        types = {f"/{topic.lstrip('/')}": heard_of.type_name for topic, heard_of in TOPICS.items()}
+        types = {f"/{topic.lstrip('/')}": one.type_name for topic, one in TOPICS.items()}
         with (
             BagWriter(settings.folder / "bag", types) as bag,
             Watcher(domain.number, bag.write) as watcher,
             NodeProcesses(logs, domain.environment) as nodes,
         ):
             for topic, one in TOPICS.items():
-                watcher.listen(one.kind, topic, one.quality, heard.work_of(topic))
-            demo = _Demo(settings, view, heard, watcher, nodes, domain)
+                watcher.listen(one.kind, topic, one.quality, observations.callback_for(topic))
+            demo = _Demo(settings, view, observations, watcher, nodes, domain)
             demo.start()
             demo.scan()
             sweeps = demo.localize()
             return DemoResult(
-                sweeps, heard.diagnostics["filter: belief"], heard.frames_dropped, dict(watcher.received)
+                sweeps,
+                observations.diagnostics["filter: belief"],
+                observations.frames_dropped,
+                dict(watcher.received),
             )
 
 
@@ -121,12 +128,12 @@ class _Demo:
         self,
         settings: DemoSettings,
         view: View,
-        heard: Heard,
+        observations: Observations,
         watcher: Watcher,
         nodes: NodeProcesses,
         domain: Domain,
     ) -> None:
-        self._settings, self._view, self._heard = settings, view, heard
+        self._settings, self._view, self._observations = settings, view, observations
         self._watcher, self._nodes = watcher, nodes
         self._begun_s = time.monotonic()
         self._bus = {
@@ -142,7 +149,7 @@ class _Demo:
         self._scan_file = settings.folder / "scan.db"
 
     def start(self) -> None:
-        """Start the hand, its driver and the mapping, and wait until they are heard."""
+        """Start simulator, driver and mapping, and wait for their messages."""
         self._view.phase("starting simulator, driver and mapping")
         self._nodes.start("simulator", "simulator_node", self._simulator | self._bus)
         tare = {"tare_file": str(self._settings.folder / "log" / "tare.yaml")}
@@ -159,8 +166,10 @@ class _Demo:
             "strain, palm poses and the mapping's status",
             _STARTUP_S,
         )
-        # That they are heard here does not say that the mapping hears them: nodes find each other one by one.
-        self._until(lambda: self._heard.is_mapped, "the mapping to hear strain and palm poses", _STARTUP_S)
+        # Messages received here may not reach the mapping yet: nodes discover each other independently.
+        self._until(
+            lambda: self._observations.is_mapped, "the mapping to receive strain and palm poses", _STARTUP_S
+        )
 
     def scan(self) -> None:
         """Record the training sweeps."""
@@ -175,14 +184,14 @@ class _Demo:
         self._nodes.stop(self._mapping)
 
     def localize(self) -> list[LiveSweep]:
-        """Localise on sweeps that begin at places which the filter is not told."""
+        """Localize sweeps with start positions that are unknown to the filter."""
         self._view.phase("loading the scan")
         parameters = shipped("filter") | {"scan_file": str(self._scan_file)}
         node = self._nodes.start("filter", "filter_node", parameters)
-        self._until(lambda: self._heard.posteriors, "the filter", _LOADING_S, node)
+        self._until(lambda: self._observations.posteriors, "the filter", _LOADING_S, node)
         mode = SetParameters.Request(parameters=[Parameter("mode", value="localize").to_parameter_msg()])
         self._watcher.call(SetParameters, "simulator/set_parameters", mode)
-        self._view.phase("localising")
+        self._view.phase("localizing")
         sweeps: list[LiveSweep] = []
         for number in range(self._settings.sweeps):
             if self._out_of_time(len(sweeps)):
@@ -195,16 +204,18 @@ class _Demo:
 
     def _localize_once(self, number: int) -> LiveSweep:
         self._ask("simulator/prepare")
-        # A filter that lags would take the way to here into the sweep.
+        # A lagging filter would count the motion to the start as part of the sweep.
         ready_ns = time.time_ns()
         self._until(
-            lambda: self._heard.posteriors[-1].stamp_ns > ready_ns, "the filter to keep up", _STARTUP_S
+            lambda: self._observations.posteriors[-1].stamp_ns > ready_ns, "the filter to keep up", _STARTUP_S
         )
         self._watcher.call(Empty, "filter/reinitialize_global_localization")
-        self._heard.begin_sweep()
+        self._observations.begin_sweep()
         self._sweep()
-        end_ns = self._heard.truths[-1][0]
-        self._until(lambda: self._heard.posteriors[-1].stamp_ns >= end_ns, "the last posterior", _STARTUP_S)
+        end_ns = self._observations.truths[-1][0]
+        self._until(
+            lambda: self._observations.posteriors[-1].stamp_ns >= end_ns, "the last posterior", _STARTUP_S
+        )
         contact = contact_of(
             self._settings.feature,
             self._settings.seed,
@@ -212,27 +223,27 @@ class _Demo:
             self._simulator.get("sweep_speed_mps", SPEED_MPS),
             self._simulator["load_cell_rate_hz"],
         )
-        return self._heard.localised(number, end_ns, contact)
+        return self._observations.localized_sweep(number, end_ns, contact)
 
     def _out_of_time(self, done: int) -> bool:
-        """Whether another sweep, as long as those so far, would end too late."""
+        """Whether another sweep of average duration would exceed the time limit."""
         now_s = time.monotonic()
         if done == 0:
             self._localizing_s = now_s
-        if done < _FEWEST_SWEEPS:
+        if done < _MIN_SWEEPS:
             return False
         each_s = (now_s - self._localizing_s) / done
         return now_s + each_s - self._begun_s > self._settings.time_limit_s
 
     def _sweep(self) -> None:
-        self._heard.active.clear()
+        self._observations.active.clear()
         self._ask("simulator/sweep")
-        self._until(lambda: self._heard.sweep_is_over, "the end of the sweep", _STARTUP_S)
+        self._until(lambda: self._observations.sweep_is_over, "the end of the sweep", _STARTUP_S)
 
     def _wait_for_diagnostics(self) -> None:
-        """Of all nodes, made after the last sweep."""
-        self._heard.diagnostics.clear()
-        self._until(lambda: self._heard.is_diagnosed, "diagnostics", _STARTUP_S)
+        """Wait for diagnostics of all nodes that were published after the last sweep."""
+        self._observations.diagnostics.clear()
+        self._until(lambda: self._observations.is_diagnosed, "diagnostics", _STARTUP_S)
 
     def _ask(self, service: str) -> None:
         answer = self._watcher.call(Trigger, service)
@@ -249,12 +260,12 @@ class _Demo:
             if time.monotonic() > deadline:
                 raise LiveError(f"waited {timeout_s:g} s for {what}")
             note = "" if node is None else node.last_line
-            self._view.show(self._heard, self._watcher.received, note)
+            self._view.show(self._observations, self._watcher.received, note)
             time.sleep(_POLL_S)
 
 
 def _fresh(folder: Path) -> Path:
-    """Make the folder, without what an earlier demonstration left in it; returns that of the logs."""
+    """Create the output folder without earlier output; returns the folder of the logs."""
     logs = folder / "log"
     try:
         for path in (logs, folder / "bag"):
@@ -263,5 +274,5 @@ def _fresh(folder: Path) -> Path:
             path.unlink(missing_ok=True)
         logs.mkdir(parents=True)
     except OSError as error:
-        raise LiveError(f"{folder}: expected a folder that can be written, {error.strerror}") from None
+        raise LiveError(f"{folder}: expected a writable folder, {error.strerror}") from None
     return logs

@@ -1,4 +1,4 @@
-"""How the demonstration is shown: live on a terminal, line by line elsewhere."""
+"""Views of the demonstration: live on a terminal, or line by line."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from tactile_localizer.demo.heard import Heard
 from tactile_localizer.demo.material_map import material_map
+from tactile_localizer.demo.observations import Observations
 from tactile_localizer.demo.run import View
 from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep
 from tactile_localizer.evaluation.metrics import INCH
@@ -26,18 +26,18 @@ from tactile_localizer.scene import Scene
 _REFRESH_S = 0.12
 _SHOWN_SWEEPS = 5
 _BARS = " ▁▂▃▄▅▆▇█"
-_HISTORY = 40
+_SHOWN_ERRORS = 40
 
 
 @contextmanager
 def demo_view(console: Console, scene: Scene, title: str) -> Iterator[View]:
-    """A view that fits the console.
+    """Create the view for a console.
 
     Parameters
     ----------
-    console : where it is shown
-    scene : of the demonstration
-    title : says what is demonstrated
+    console : a live view on a terminal, lines elsewhere
+    scene : scene of the demonstration
+    title : title of the view
     """
     if not console.is_terminal:
         console.print(title)
@@ -48,7 +48,7 @@ def demo_view(console: Console, scene: Scene, title: str) -> Iterator[View]:
 
 
 class PlainView:
-    """A line for each thing that was done."""
+    """View that prints one line per event."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -64,7 +64,7 @@ class PlainView:
         if done and done % 7 == 0:
             self._say(f"{done} of {total} sweeps")
 
-    def show(self, heard: Heard, received: Mapping[str, int], note: str) -> None:
+    def show(self, observations: Observations, received: Mapping[str, int], note: str) -> None:
         """See :class:`View`."""
         if note and note != self._note:
             self._note = note
@@ -80,7 +80,7 @@ class PlainView:
 
 
 class LiveView:
-    """The material seen from above, the numbers beside it, and the sweeps that are done below."""
+    """Live view: a map of the material, numbers beside it, and finished sweeps below."""
 
     def __init__(self, live: Live, scene: Scene, title: str) -> None:
         self._live, self._scene, self._title = live, scene, title
@@ -88,7 +88,7 @@ class LiveView:
         self._sweeps: list[LiveSweep] = []
         self._shown_s = -math.inf
         self._rates: deque[tuple[float, dict[str, int]]] = deque(maxlen=9)
-        self._errors: deque[float] = deque(maxlen=_HISTORY)
+        self._errors: deque[float] = deque(maxlen=_SHOWN_ERRORS)
 
     def phase(self, text: str) -> None:
         """See :class:`View`."""
@@ -104,7 +104,7 @@ class LiveView:
         """See :class:`View`."""
         self._sweeps.append(sweep)
 
-    def show(self, heard: Heard, received: Mapping[str, int], note: str) -> None:
+    def show(self, observations: Observations, received: Mapping[str, int], note: str) -> None:
         """See :class:`View`."""
         now_s = time.monotonic()
         if now_s - self._shown_s < _REFRESH_S:
@@ -112,15 +112,15 @@ class LiveView:
         self._shown_s = now_s
         self._note = note
         self._rates.append((now_s, dict(received)))
-        self._live.update(self._picture(heard), refresh=True)
+        self._live.update(self._picture(observations), refresh=True)
 
-    def _picture(self, heard: Heard) -> RenderableType:
+    def _picture(self, observations: Observations) -> RenderableType:
         head = Table.grid(expand=True, padding=(0, 2))
         head.add_row(Text(self._title, style="bold"), self._phase_text(), self._bar())
         body = Table.grid(padding=(0, 2))
         body.add_row(
-            Panel(material_map(self._scene, heard), title="material", border_style="dim"),
-            self._numbers(heard),
+            Panel(material_map(self._scene, observations), title="material", border_style="dim"),
+            self._numbers(observations),
         )
         lines = [Text(sweep_line(sweep), style="dim") for sweep in self._sweeps[-_SHOWN_SWEEPS:]]
         return Group(head, body, *lines)
@@ -132,40 +132,43 @@ class LiveView:
     def _bar(self) -> RenderableType:
         return ProgressBar(total=self._total or None, completed=self._done, width=24, pulse=not self._total)
 
-    def _numbers(self, heard: Heard) -> RenderableType:
+    def _numbers(self, observations: Observations) -> RenderableType:
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=9)
         table.add_column(min_width=44)
-        for name, value in self._rows(heard):
+        for name, value in self._rows(observations):
             table.add_row(name, value)
         return table
 
-    def _rows(self, heard: Heard) -> Iterator[tuple[str, RenderableType]]:
-        truth = np.array(heard.truths[-1][1:]) if heard.truths else None
+    def _rows(self, observations: Observations) -> Iterator[tuple[str, RenderableType]]:
+        truth = np.array(observations.truths[-1][1:]) if observations.truths else None
         if truth is not None:
             yield "truth", _place(truth)
-        if heard.posteriors:
-            believed = heard.posteriors[-1]
-            yield "estimate", _place(believed.mean)
+        if observations.posteriors:
+            posterior = observations.posteriors[-1]
+            yield "estimate", _place(posterior.mean)
             if truth is not None:
-                error = float(np.linalg.norm(believed.mean - truth))
+                error = float(np.linalg.norm(posterior.mean - truth))
                 self._errors.append(error)
                 style = "green" if error <= LIMIT_M else "yellow"
                 yield "error", Text(f"{error * 1e3:6.2f} mm  {error / INCH:6.3f} inch", style=style)
                 yield "", Text(_sparkline(self._errors), style=style)
-            deviations = np.sqrt(np.diag(believed.covariance)) * 1e3
-            trace = np.trace(believed.covariance) * 1e6
+            deviations = np.sqrt(np.diag(posterior.covariance)) * 1e3
+            trace = np.trace(posterior.covariance) * 1e6
             yield "trace", f"{trace:8.2f} mm²  ({deviations[0]:.2f} and {deviations[1]:.2f} mm)"
-            yield "evidence", f"{believed.evidence:6.1f} nats"
-            style = "bold green" if believed.converged else "yellow"
-            yield "believed", Text(believed.reason, style=style)
-        if heard.status is not None:
-            yield "scan", f"{heard.status.samples} pairs, {heard.status.coverage:.0%} of the material"
+            yield "evidence", f"{posterior.evidence:6.1f} nats"
+            style = "bold green" if posterior.converged else "yellow"
+            yield "state", Text(posterior.reason, style=style)
+        if observations.status is not None:
+            yield (
+                "scan",
+                f"{observations.status.samples} pairs, {observations.status.coverage:.0%} of the material",
+            )
         yield "rates", self._rate_text()
-        told = heard.diagnostics.get("filter: belief", {})
-        if "update_median_us" in told:
-            yield "update", f"median {told['update_median_us']} us, 99 % {told['update_p99_us']} us"
-        yield "dropped", f"{heard.frames_dropped} frames"
+        values = observations.diagnostics.get("filter: belief", {})
+        if "update_median_us" in values:
+            yield "update", f"median {values['update_median_us']} µs, 99 % {values['update_p99_us']} µs"
+        yield "dropped", f"{observations.frames_dropped} frames"
 
     def _rate_text(self) -> str:
         (first_s, first), (last_s, last) = self._rates[0], self._rates[-1]
@@ -175,14 +178,14 @@ class LiveView:
 
 
 def sweep_line(sweep: LiveSweep) -> str:
-    """A localised sweep in one line."""
-    told = sweep.told()
-    error_mm = told["error_after_contact_mm"]
+    """Summary of a sweep in one line."""
+    summary = sweep.told()
+    error_mm = summary["error_after_contact_mm"]
     error = "no contact" if error_mm is None else f"error after contact {error_mm:5.2f} mm"
-    travel_mm = told["travel_to_convergence_mm"]
-    belief = "never believed" if travel_mm is None else f"believed after {travel_mm:4.1f} mm"
+    travel_mm = summary["travel_to_convergence_mm"]
+    convergence = "not converged" if travel_mm is None else f"converged after {travel_mm:4.1f} mm"
     start = sweep.truth[0] * 1e3
-    return f"sweep {sweep.number + 1:2d} from ({start[0]:4.1f}, {start[1]:4.1f}) mm: {error}, {belief}"
+    return f"sweep {sweep.number + 1:2d} from ({start[0]:4.1f}, {start[1]:4.1f}) mm: {error}, {convergence}"
 
 
 def _place(position: np.ndarray) -> str:
@@ -190,6 +193,6 @@ def _place(position: np.ndarray) -> str:
 
 
 def _sparkline(values: deque[float]) -> str:
-    """Errors as bars; the highest is four times the limit and more."""
+    """Errors as bars; the highest bar means at least four times the limit."""
     steps = [min(len(_BARS) - 1, math.ceil(value / LIMIT_M * 2)) for value in values]
     return "".join(_BARS[step] for step in steps)

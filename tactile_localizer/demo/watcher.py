@@ -1,4 +1,4 @@
-"""A node that watches the others: it hears and records what they publish, and calls their services."""
+"""A node that records the topics of other nodes and calls their services."""
 
 from __future__ import annotations
 
@@ -18,21 +18,20 @@ from rclpy.serialization import deserialize_message
 from tactile_localizer.errors import LiveError
 
 Sink = Callable[[str, int, bytes], None]
-"""Takes a topic, the time of receipt (ns) and a serialised message."""
+"""Called with a topic, the time of receipt (ns) and a serialised message."""
 
 
 class Watcher:
-    """Spins in a thread of its own from the start of the context to its end.
+    """Node that spins in a separate thread for the duration of the context.
 
     Parameters
     ----------
     domain : ROS domain id
-    sink : given every message of every topic that is listened to; called from the spinning thread. ``None``:
-        nothing is recorded
+    sink : called in the spinning thread with every message of every subscribed topic; ``None``: no recording
 
     Attributes
     ----------
-    received : messages of each topic so far
+    received : number of messages received, by topic
     """
 
     def __init__(self, domain: int, sink: Sink | None = None) -> None:
@@ -60,14 +59,14 @@ class Watcher:
         self._thread.join()
 
     def check(self) -> None:
-        """Raise what went wrong in the spinning thread, if anything did."""
+        """Raise the exception that ended the spinning thread, if any."""
         if self._failure is not None:
             raise self._failure
 
     def listen(
         self, kind: Any, topic: str, quality: QoSProfile | int, work: Callable[[Any], None] | None = None
     ) -> None:
-        """Record a topic; ``work`` is called with each of its messages, from the spinning thread."""
+        """Subscribe to a topic and record it; ``work`` is called in the spinning thread with each message."""
         name = self._node.resolve_topic_name(topic)
         self.received[topic] = 0
 
@@ -81,16 +80,16 @@ class Watcher:
         self._node.create_subscription(kind, topic, take, quality, raw=True)
 
     def publisher(self, kind: Any, topic: str, quality: QoSProfile | int) -> Any:
-        """A publisher of the watcher's own."""
+        """Create a publisher."""
         return self._node.create_publisher(kind, topic, quality)
 
     def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 20.0) -> Any:
-        """A service's answer.
+        """Call a service and return its response.
 
         Raises
         ------
         LiveError
-            The service is not there, or does not answer in time.
+            The service is not available, or does not respond in time.
         """
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
@@ -109,5 +108,5 @@ class Watcher:
             self._executor.spin()
         except ExternalShutdownException:
             pass
-        except Exception as error:  # shown by whoever checks, not lost with the thread
+        except Exception as error:  # raised by check()
             self._failure = error

@@ -3,7 +3,7 @@
 from tactile_localizer.demo.domain import own_domain
 
 
-def test_two_runs_have_different_domains_and_buses():
+def test_runs_have_different_domains_and_ports():
     with own_domain() as one, own_domain() as other:
         assert one.number != other.number
         assert one.can_port != other.can_port
@@ -13,7 +13,7 @@ def test_two_runs_have_different_domains_and_buses():
         }
 
 
-def test_a_domain_is_free_again_after_its_run():
+def test_a_domain_is_released_after_its_run():
     with own_domain() as first:
         pass
     with own_domain() as second:

@@ -1,4 +1,4 @@
-"""Nodes as processes: told about when they end, and always ended."""
+"""Nodes as processes: failures are reported, and all processes are stopped."""
 
 import os
 import sys
@@ -49,8 +49,8 @@ def is_alive(pid):
     return True
 
 
-def test_all_processes_end_with_the_context_however_it_ends(executables, tmp_path, monkeypatch):
-    monkeypatch.setattr("tactile_localizer.demo.processes._PATIENCE_S", 0.3)
+def test_the_context_stops_all_processes(executables, tmp_path, monkeypatch):
+    monkeypatch.setattr("tactile_localizer.demo.processes._STOP_TIMEOUT_S", 0.3)
     pids = []
 
     def interrupted():
@@ -68,7 +68,7 @@ def test_all_processes_end_with_the_context_however_it_ends(executables, tmp_pat
     assert "rate_hz: 1.0" in (tmp_path / "willing.yaml").read_text()
 
 
-def test_a_node_that_ended_is_told_with_its_last_line(executables, tmp_path):
+def test_an_ended_node_is_reported_with_its_last_line(executables, tmp_path):
     with NodeProcesses(tmp_path, {}) as nodes:
         node = nodes.start("driver", "failing", {})
         assert node.wait(10.0)
@@ -78,7 +78,7 @@ def test_a_node_that_ended_is_told_with_its_last_line(executables, tmp_path):
             nodes.check()
 
 
-def test_a_node_can_be_ended_before_the_others(executables, tmp_path):
+def test_single_nodes_can_be_stopped(executables, tmp_path):
     with NodeProcesses(tmp_path, {}) as nodes:
         node = nodes.start("mapping", "willing", {})
         wait_until(lambda: node.last_line == "ready", "its line")
@@ -87,6 +87,6 @@ def test_a_node_can_be_ended_before_the_others(executables, tmp_path):
         nodes.check()
 
 
-def test_a_node_that_is_not_installed_is_one_line():
+def test_a_missing_executable_is_reported():
     with pytest.raises(LiveError, match="nothing_node: expected it below AMENT_PREFIX_PATH, found none"):
         node_executable("nothing_node")

@@ -14,7 +14,7 @@ from std_srvs.srv import Empty, Trigger
 
 from harness.belief_watch import BeliefWatch
 from harness.relay import Relay
-from tactile_localizer.demo.heard import TOPICS
+from tactile_localizer.demo.observations import TOPICS
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
 from tactile_localizer.msg import ScanStatus

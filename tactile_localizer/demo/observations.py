@@ -1,4 +1,4 @@
-"""What the watcher hears of a running system, kept as far as the demonstration needs it."""
+"""Messages of the running system, reduced to what the demonstration shows and evaluates."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from tactile_localizer.sim.hand import PHALANGES
 
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 _RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-_KEPT = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic that is listened to: the kind of its messages and the quality of service."""
+    """A subscribed topic: message type and quality of service."""
 
     kind: Any
     quality: QoSProfile
 
     @property
     def type_name(self) -> str:
-        """As bags name it."""
+        """Name of the message type, as in bags."""
         return f"{self.kind.__module__.split('.')[0]}/msg/{self.kind.__name__}"
 
 
@@ -40,8 +40,8 @@ TOPICS = {
     "strain": Topic(StrainVectors, _BEST_EFFORT),
     "palm_pose": Topic(PoseStamped, _RELIABLE),
     "simulator/ground_truth": Topic(PoseStamped, _RELIABLE),
-    "simulator/sweep_active": Topic(Bool, _KEPT),
-    "mapping/status": Topic(ScanStatus, _KEPT),
+    "simulator/sweep_active": Topic(Bool, _LATCHED),
+    "mapping/status": Topic(ScanStatus, _LATCHED),
     "filter/posterior": Topic(Posterior, _RELIABLE),
     "filter/particles": Topic(PointCloud2, _RELIABLE),
     "/diagnostics": Topic(DiagnosticArray, _RELIABLE),
@@ -49,8 +49,8 @@ TOPICS = {
 
 
 @dataclass(frozen=True)
-class Believed:
-    """One posterior: stamp of its strain, mean (2,), covariance (2, 2), and whether it may be believed."""
+class PosteriorSample:
+    """One posterior: stamp of its strain, mean (2,), covariance (2, 2), and convergence with its reason."""
 
     stamp_ns: int
     mean: np.ndarray
@@ -60,29 +60,29 @@ class Believed:
     evidence: float
 
 
-class Heard:
-    """What was heard; filled by the watcher's thread, read by any other.
+class Observations:
+    """Received messages; written by the watcher's thread, read by others.
 
     Attributes
     ----------
-    posteriors : since the sweep began
-    truths : stamp (ns), x and y (m) since the sweep began
-    active : whether the palm was sweeping, each time that it was told
-    status : of the scan, newest
-    particles : (P, 3) x and y (m) and weight, newest
-    diagnostics : values by name, newest of each status
+    posteriors : posteriors since the begin of the sweep
+    truths : stamps (ns) and true positions x, y (m) since the begin of the sweep
+    active : received values of ``simulator/sweep_active``
+    status : newest status of the scan
+    particles : (P, 3) newest particles: x and y (m) and weight
+    diagnostics : newest values of each diagnostic status, by its name
     """
 
     def __init__(self) -> None:
-        self.posteriors: list[Believed] = []
+        self.posteriors: list[PosteriorSample] = []
         self.truths: list[tuple[int, float, float]] = []
         self.active: list[bool] = []
         self.status: Any = None
         self.particles = np.zeros((0, 3))
         self.diagnostics: dict[str, dict[str, str]] = {}
 
-    def work_of(self, topic: str) -> Callable[[Any], None] | None:
-        """What is done with a topic's messages."""
+    def callback_for(self, topic: str) -> Callable[[Any], None] | None:
+        """Callback for the messages of a topic; ``None`` if they are only recorded."""
         return {
             "simulator/ground_truth": self._on_truth,
             "simulator/sweep_active": lambda message: self.active.append(message.data),
@@ -93,36 +93,34 @@ class Heard:
         }.get(topic)
 
     def begin_sweep(self) -> None:
-        """Forget the sweep before."""
+        """Discard the previous sweep."""
         self.posteriors = []
         self.truths = self.truths[-1:]
 
     @property
     def sweep_is_over(self) -> bool:
-        """Whether the palm has swept and is at rest again."""
+        """Whether a sweep has begun and ended."""
         return True in self.active and not self.active[-1]
 
     @property
     def is_mapped(self) -> bool:
-        """Whether the mapping hears strain, whose stamp its status has, and palm poses."""
+        """Whether the mapping node receives strain and palm poses, according to its status."""
         poses = int(self.diagnostics.get("mapping: scan", {}).get("poses", 0))
         return self.status is not None and to_ns(self.status.header.stamp) > 0 and poses > 0
 
     @property
     def is_diagnosed(self) -> bool:
-        """Whether the filter and each load cell have told about themselves."""
-        told = self.diagnostics
-        return "filter: belief" in told and sum("drops" in values for values in told.values()) >= len(
-            PHALANGES
-        )
+        """Whether diagnostics of the filter and of every load cell were received."""
+        load_cells = sum("drops" in values for values in self.diagnostics.values())
+        return "filter: belief" in self.diagnostics and load_cells >= len(PHALANGES)
 
     @property
     def frames_dropped(self) -> int:
-        """Frames that load cells sent and that are in no strain vector."""
+        """Number of frames that load cells sent and that are in no strain vector."""
         return sum(int(values["drops"]) for values in self.diagnostics.values() if "drops" in values)
 
-    def localised(self, number: int, end_ns: int, contact: Contact | None) -> LiveSweep:
-        """The sweep that is over: its estimates up to ``end_ns``, and the truth at their stamps."""
+    def localized_sweep(self, number: int, end_ns: int, contact: Contact | None) -> LiveSweep:
+        """The finished sweep: estimates up to ``end_ns``, and the interpolated truth at their stamps."""
         truths = np.array(self.truths, dtype=np.float64)
         known_ns = np.array([stamp_ns for stamp_ns, _, _ in self.truths], dtype=np.int64)
         estimates = [one for one in self.posteriors if known_ns[0] <= one.stamp_ns <= end_ns]
@@ -149,7 +147,7 @@ class Heard:
     def _on_posterior(self, message: Posterior) -> None:
         if not message.stale:
             self.posteriors.append(
-                Believed(
+                PosteriorSample(
                     to_ns(message.header.stamp),
                     np.array(message.mean),
                     np.reshape(message.covariance, (2, 2)),
