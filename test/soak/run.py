@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 def main() -> int:
     """Parse the command line and run the soak test; errors of the user are one line."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "lib"))  # harness uses the tests' support package
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # for the nodes: more threads only wait
         os.environ.setdefault(name, "1")
     parser = argparse.ArgumentParser(description=__doc__)

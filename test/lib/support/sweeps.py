@@ -26,9 +26,9 @@ def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
     return dataclasses.replace(scene, measurement=measurement or MEASUREMENT)
 
 
-def write_scan(path: Path, feature: str = "bump", scene: Scene | None = None, seed: int = 1) -> SimulatedScan:
+def write_scan(path: Path, feature: str = "bump", scene: Scene | None = None) -> SimulatedScan:
     """Write a training scan of the simulated hand as a scan file."""
-    scan = simulate_scan(feature, seed)
+    scan = simulate_scan(feature, seed=1)
     with ScanStore.create(path, scene or scene_of(feature)) as store:
         for part in scan.slices():
             store.begin_sweep()

@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from support.sweeps import write_scan
 
 from harness.belief_watch import BeliefWatch
 from harness.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
@@ -30,8 +29,10 @@ from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.can.bus import BusSettings, open_bus
+from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
 
 WELL_WITHIN_S = 20.0
 """How long all may take to be well again after a fault."""
@@ -289,8 +290,13 @@ def _start(processes: NodeProcesses, settings: SoakSettings, domain: Domain) -> 
 def _write_scans(folder: Path, seed: int) -> None:
     """The right scan, another one, and a file that is none."""
     for feature in (_SCANNED, _OTHER):
+        scan = simulate_scan(feature, seed)
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
-        write_scan(folder / f"{feature}.db", feature, scene, seed)
+        with ScanStore.create(folder / f"{feature}.db", scene) as store:
+            for part in scan.slices():
+                store.begin_sweep()
+                store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
+                store.end_sweep()
     (folder / _BROKEN).write_bytes(b"not a scan " * 1000)
 
 
