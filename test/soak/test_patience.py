@@ -1,4 +1,4 @@
-"""What the machine takes from a process is told from what the process takes itself."""
+"""Time limits exclude the time in which a process waits for a processor."""
 
 import os
 import subprocess
@@ -31,7 +31,7 @@ def shared_core():
         os.sched_setaffinity(0, before)
 
 
-def test_time_without_a_processor_is_counted_and_sleep_is_not(shared_core):
+def test_waiting_for_a_processor_is_counted_and_sleep_is_not(shared_core):
     begun_s = starved_s(os.getpid())
     wait_until(lambda: compute(0.05) or starved_s(os.getpid()) > begun_s + 0.2, "a fifth of a second")
     other = subprocess.Popen(["sleep", "60"])
@@ -45,7 +45,7 @@ def test_time_without_a_processor_is_counted_and_sleep_is_not(shared_core):
         other.wait()
 
 
-def test_a_process_that_has_ended_waits_for_nothing():
+def test_an_ended_process_does_not_wait():
     ended = subprocess.Popen(["true"])
     ended.wait()
     assert starved_s(ended.pid) == 0.0
@@ -56,7 +56,7 @@ def test_a_process_that_has_ended_waits_for_nothing():
     [(3.9, 0.0, False), (4.1, 0.0, True), (5.9, 2.0, False), (6.1, 2.0, True), (12.1, 60.0, True)],
     ids=["in time", "too late", "held up", "held up and too late", "held up too long"],
 )
-def test_a_limit_grows_by_what_the_machine_took_up_to_three_times(monkeypatch, now_s, taken_s, is_over):
+def test_limits_extend_by_the_wait_up_to_three_times(monkeypatch, now_s, taken_s, is_over):
     monkeypatch.setattr(patience.time, "monotonic", lambda: 100.0)
     monkeypatch.setattr(patience, "starved_s", lambda pid: 50.0)
     wait = Patience(4.0, [1, 2])

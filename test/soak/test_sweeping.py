@@ -1,4 +1,4 @@
-"""The hand that sweeps on, whatever becomes of the nodes."""
+"""Continuous sweeps of the simulated hand."""
 
 from types import SimpleNamespace
 
@@ -34,7 +34,7 @@ class Mapping:
         return SimpleNamespace(success=True)
 
 
-def test_a_recording_that_begins_late_is_ended_before_the_next_sweep():
+def test_a_late_recording_ends_before_the_next_sweep():
     from harness import sweeping
 
     mapping, belief = Mapping(), SimpleNamespace(end_sweep=lambda: None, begin_sweep=lambda now_ns: None)

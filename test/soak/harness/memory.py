@@ -1,4 +1,4 @@
-"""How much memory processes take, and whether it grows."""
+"""Resident memory of processes, and its growth."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-_PAGE = os.sysconf("SC_PAGE_SIZE")
-_SHARE = 0.2
-"""Of the samples, at either end, whose medians are compared: a message more or less is no growth."""
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+_END_FRACTION = 0.2
+"""Fraction of the samples at each end whose medians are compared, so that single messages do not count."""
 
 
 def resident_bytes(pid: int) -> int:
-    """What a process holds in memory, bytes; 0 when it has ended."""
+    """Resident memory of a process, bytes; 0 if it has ended."""
     try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_BYTES
     except OSError:
         return 0
 
@@ -28,8 +29,8 @@ class Memory:
 
     Attributes
     ----------
-    warm_up : number of samples at the start that do not count
-    samples : bytes, in the order of time
+    warm_up : number of samples at the start that are ignored
+    samples : resident memory over time, bytes
     """
 
     warm_up: int = 0
@@ -37,22 +38,22 @@ class Memory:
 
     @property
     def first_bytes(self) -> float:
-        """After the warm-up."""
+        """Memory after the warm-up, bytes."""
         return self._median(self.samples[self.warm_up :][: self._count])
 
     @property
     def last_bytes(self) -> float:
-        """At the end."""
+        """Memory at the end, bytes."""
         return self._median(self.samples[-self._count :])
 
     @property
     def growth_bytes(self) -> float:
-        """From the warm-up to the end."""
+        """Growth from the warm-up to the end, bytes."""
         return self.last_bytes - self.first_bytes
 
     @property
     def _count(self) -> int:
-        return max(1, round(_SHARE * (len(self.samples) - self.warm_up)))
+        return max(1, round(_END_FRACTION * (len(self.samples) - self.warm_up)))
 
     @staticmethod
     def _median(samples: Sequence[int]) -> float:

@@ -1,4 +1,4 @@
-"""How long is waited for processes: what the machine takes from them is no fault of theirs."""
+"""Time limits for processes that exclude the time in which they wait for a processor."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-_MOST = 2.0
-"""Most that a wait may grow by, in shares of its length."""
+_MAX_EXTENSION = 2.0
+"""Largest extension of a time limit, relative to the limit."""
 
 
 def starved_s(pid: int) -> float:
-    """How long a process has waited for a processor since it began, s: the thread that did so longest."""
+    """Time for which a process has waited for a processor since its start, s: maximum over its threads."""
     waited_ns = [0]
     for file in Path(f"/proc/{pid}/task").glob("*/schedstat"):
         with contextlib.suppress(OSError):  # the thread has ended
@@ -21,12 +21,12 @@ def starved_s(pid: int) -> float:
 
 
 class Patience:
-    """A time limit that does not count the time for which a process waited for a processor.
+    """A time limit extended by the time for which a process waits for a processor.
 
     Parameters
     ----------
-    limit_s : how long is waited where they all have one; three times as long at most
-    pids : the processes; the one that has waited longest counts
+    limit_s : limit without waiting, s; extended to at most three times as much
+    pids : ids of the processes; the longest wait of one of them counts
     """
 
     def __init__(self, limit_s: float, pids: Iterable[int]) -> None:
@@ -36,13 +36,13 @@ class Patience:
 
     @property
     def is_late(self) -> bool:
-        """Whether the limit has passed, were all time counted."""
+        """Whether the limit without extension has passed."""
         return self._late_s > 0
 
     @property
     def is_over(self) -> bool:
-        """Whether it has been waited long enough."""
-        return self.is_late and self._late_s > min(self._taken_s(), _MOST * self._limit_s)
+        """Whether the extended limit has passed."""
+        return self.is_late and self._late_s > min(self._taken_s(), _MAX_EXTENSION * self._limit_s)
 
     @property
     def _late_s(self) -> float:

@@ -1,4 +1,4 @@
-"""Stands between the sensors and who localises by them, and spoils what it passes on."""
+"""Relay between the sensors and the other nodes, which can corrupt the messages that it forwards."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from tactile_localizer.nodes.stamps import from_ns, to_ns
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 SENT = {"strain": "sensed/strain", "palm_pose": "sensed/palm_pose"}
-"""By topic, where the sensors are to publish what the relay passes on."""
+"""Topics on which the sensors publish, by the topic to which the relay forwards them."""
 
 
 class Relay:
-    """Passes strain and palm poses on.
+    """Forwards strain and palm poses.
 
     Parameters
     ----------
-    watcher : in whose thread it does so
+    watcher : forwards in the thread of this watcher
 
     Attributes
     ----------
-    stopped : topics that are not passed on
-    clock_ns : what all stamps are shifted by, ns: a clock that was set
-    spoil_strain, spoil_pose : change a message before it is passed on
+    stopped : topics that are not forwarded
+    clock_ns : shift of all stamps, ns, which simulates a step of the clock
+    spoil_strain, spoil_pose : modify a message before it is forwarded
     """
 
     def __init__(self, watcher: Watcher) -> None:
@@ -43,7 +43,7 @@ class Relay:
         watcher.listen(PoseStamped, SENT["palm_pose"], 100, self._on_pose)
 
     def shift(self, message: Any) -> int:
-        """Set a message's stamp to the shifted clock's; returns it, ns."""
+        """Shift the stamp of a message; returns the new stamp, ns."""
         stamp_ns = to_ns(message.header.stamp) + self.clock_ns
         message.header.stamp = from_ns(stamp_ns)
         return stamp_ns
@@ -62,4 +62,4 @@ class Relay:
 
 
 def leave_alone(message: Any) -> None:
-    """What is well is passed on as it is."""
+    """Forward a message unchanged."""

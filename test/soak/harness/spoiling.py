@@ -1,4 +1,4 @@
-"""What can be wrong with a strain vector or a palm pose; each function changes a message."""
+"""Corruptions of strain vectors and palm poses; each function modifies a message."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactile_localizer.nodes.stamps import from_ns, to_ns
 
 
 def stuck() -> Callable[[StrainVectors], None]:
-    """The first phalanx feels what it felt first, for ever."""
+    """The strain of the first phalanx is stuck at its first value."""
     first: list[float] = []
 
     def spoil(message: StrainVectors) -> None:
@@ -26,24 +26,24 @@ def stuck() -> Callable[[StrainVectors], None]:
 
 
 def swapped(message: StrainVectors) -> None:
-    """The first phalanx's gauges are wired in reverse order."""
+    """The gauges of the first phalanx are wired in reverse order."""
     message.strain[: _first(message)] = _array(message, message.strain[: _first(message)][::-1])
 
 
 def scaled(message: StrainVectors) -> None:
-    """The first phalanx's amplifier has another gain."""
+    """The amplifier of the first phalanx has a different gain."""
     message.strain[: _first(message)] = _array(
         message, [2.5 * volts for volts in message.strain[: _first(message)]]
     )
 
 
 def not_finite(message: StrainVectors) -> None:
-    """A strain is NaN, and the status says that all is well."""
+    """A strain value is NaN although the status is OK."""
     message.strain[3] = np.nan
 
 
 def _first(message: StrainVectors) -> int:
-    """Channels of the first phalanx."""
+    """Number of channels of the first phalanx."""
     return ChannelLayout.of(message.channels, len(message.phalanges)).counts[0]
 
 
@@ -52,22 +52,22 @@ def _array(message: StrainVectors, values: Sequence[float]) -> Any:
 
 
 def unordered(message: PoseStamped) -> None:
-    """Every other pose, by stamps, was under way for half a second."""
+    """Every other pose, by stamps, is half a second late."""
     if message.header.stamp.nanosec // 20_000_000 % 2:
         total_ns = to_ns(message.header.stamp) - 500_000_000
         message.header.stamp = from_ns(total_ns)
 
 
 def nowhere(message: PoseStamped) -> None:
-    """The arm does not know where it is."""
+    """The position of the palm is NaN."""
     message.pose.position.x = np.nan
 
 
 def foreign_frame(message: PoseStamped) -> None:
-    """The pose is in a frame that nobody has told of."""
+    """The pose is in an unknown frame."""
     message.header.frame_id = "elsewhere"
 
 
 def foreign_phalanges(message: StrainVectors) -> None:
-    """The strain is of fingers that the map does not know."""
+    """The strain is of phalanges that are not in the map."""
     message.phalanges = ["thumb", "little"]

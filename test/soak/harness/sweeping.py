@@ -1,4 +1,4 @@
-"""The hand that sweeps for as long as a soak lasts, whatever happens to the nodes meanwhile."""
+"""Continuous sweeps of the simulated hand during a soak test, whatever happens to the nodes."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from tactile_localizer.msg import ScanStatus
 _ANSWER_S = 4.0
 _LONGEST_SWEEP_S = 15.0
 RECORDED_EVERY = 30
-"""One sweep in so many is recorded: a scan that grows takes memory, and that is no leak."""
+"""One of so many sweeps is recorded; a growing scan takes memory, which must not look like a leak."""
 
 
 class Sweeping:
-    """Lets the simulated hand sweep, over and over, in a thread of its own.
+    """Lets the simulated hand sweep repeatedly, in a separate thread.
 
-    Each sweep begins at a place that the filter is not told. A node that does not answer, because it was
-    stopped on purpose, costs the sweep; the next one is tried.
+    The start of each sweep is unknown to the filter. If a node does not respond, because it was stopped on
+    purpose, the sweep is abandoned and the next one begins.
 
     Attributes
     ----------
-    done : sweeps that came to their end
+    done : number of completed sweeps
     """
 
     def __init__(self, watcher: Watcher, relay: Relay, belief: BeliefWatch) -> None:
@@ -71,11 +71,11 @@ class Sweeping:
             except LiveError:
                 self._stop.wait(0.2)
             self._belief.end_sweep()
-            if recorded or self._is_recording:  # what a stopped node was asked, it may do seconds later
+            if recorded or self._is_recording:  # a stopped node may process a request seconds later
                 self._end_recording()
 
     def _sweep(self, recorded: bool) -> None:
-        # Only in the mode to scan does the arm know where the material is, as the mapping must.
+        # Only in the mode "scan" is the origin of the odometry known, which mapping requires.
         self._set_mode("scan" if recorded else "localize")
         self._ask("simulator/prepare")
         if recorded:
@@ -92,7 +92,7 @@ class Sweeping:
                 return
 
     def _end_recording(self) -> None:
-        """Also of a sweep that came to no end: what comes next is not to be recorded."""
+        """End the recording, also of an abandoned sweep, so that the next sweep is not recorded."""
         while not self._stop.is_set():
             with contextlib.suppress(LiveError):
                 self._watcher.call(Trigger, "mapping/end_sweep", timeout_s=_ANSWER_S)

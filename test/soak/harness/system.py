@@ -1,4 +1,4 @@
-"""The running system, as far as things can be done to it."""
+"""Handles of the running system on which faults act."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ _LOADING_S = 60.0
 
 @dataclass(frozen=True)
 class System:
-    """What a fault can be done to.
+    """Handles of the running system.
 
     Parameters
     ----------
-    nodes : processes, by name
-    told : what they tell
+    nodes : processes by name
+    told : reports of the nodes
     watcher : calls their services
-    relay : between the sensors and the filter
-    bus : another end of the load cells' bus
+    relay : relay between the sensors and the filter
+    bus : a second connection to the load cells' bus
     seeds : publisher of initial poses
-    belief : is told when it may be misled
-    scans : names of the scan files in the filter's directory: the right one, another, and one that is broken
+    belief : comparison of posteriors with the truth
+    scans : names of the scan files in the filter's directory: the right one, another one, a damaged one
     """
 
     nodes: Mapping[str, NodeProcess]
@@ -49,7 +49,7 @@ class System:
     scans: tuple[str, str, str]
 
     def set(self, node: str, name: str, value: Any) -> str:
-        """Set a parameter; returns why that was refused, or nothing."""
+        """Set a parameter; returns the reason of a refusal, or an empty string."""
         if value == []:
             value = Parameter(name, Parameter.Type.STRING_ARRAY, [])
         else:
@@ -59,14 +59,14 @@ class System:
         return "" if result.successful else str(result.reason)
 
     def change(self, node: str, *transitions: int) -> None:
-        """Take a node through lifecycle transitions."""
+        """Trigger lifecycle transitions of a node."""
         for transition in transitions:
             request = ChangeState.Request(transition=Transition(id=transition))
             if not self.watcher.call(ChangeState, f"{node}/change_state", request, _LOADING_S).success:
                 raise LiveError(f"{node}: expected transition {transition}, it was refused")
 
     def load(self, name: str) -> str:
-        """Let the filter load a scan; returns why that was refused, or nothing."""
+        """Let the filter load a scan; returns the reason of a refusal, or an empty string."""
         request = LoadScan.Request(path=name)
         answer = self.watcher.call(LoadScan, "filter/load_scan", request, timeout_s=_LOADING_S)
         return "" if answer.success else str(answer.message)

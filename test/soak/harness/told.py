@@ -1,4 +1,4 @@
-"""What running nodes tell of themselves: diagnostics, log lines, posteriors. A fault must show there."""
+"""Reports of running nodes: diagnostics, log lines, posteriors. Every fault must appear there."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.VOLATILE)
 
 @dataclass(frozen=True)
 class Status:
-    """One status out of the diagnostics: when it came (s, monotonic), of what, how bad, and its values."""
+    """One diagnostic status: time of receipt (s, monotonic), name, level, message and values."""
 
     at_s: float
     name: str
@@ -31,22 +31,22 @@ class Status:
 
     @property
     def is_well(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether the level is OK."""
         return self.level == DiagnosticStatus.OK
 
 
 class Told:
-    """Gathers what is told, in the watcher's thread; read by any other.
+    """Collects reports in the watcher's thread; may be read from any other.
 
     Parameters
     ----------
-    watcher : hears it
+    watcher : subscribes to the topics
 
     Attributes
     ----------
-    newest : the newest status of each name
-    fresh : the newest posterior that is not stale; ``None`` before the first
-    fresh_s : when it came, s, monotonic
+    newest : newest status by name
+    fresh : newest posterior that is not stale; ``None`` before the first
+    fresh_s : time of its receipt, s, monotonic
     """
 
     def __init__(self, watcher: Watcher) -> None:
@@ -60,41 +60,41 @@ class Told:
         watcher.listen(Posterior, "filter/posterior", _RELIABLE, self._on_posterior)
 
     def forget(self) -> None:
-        """From here on, :meth:`diagnosed`, :meth:`logged` and :meth:`gained` look."""
+        """Restart :meth:`diagnosed`, :meth:`logged` and :meth:`gained` from now."""
         self._since_s = time.monotonic()
         self._before = dict(self.newest)
         self._statuses: list[Status] = []
         self._lines: list[str] = []
 
     def diagnosed(self, name: str, *texts: str) -> bool:
-        """Whether a status was bad and said one of ``texts``."""
+        """Whether a status was not OK and its message contained one of ``texts``."""
         return any(
             status.name == name and not status.is_well and any(text in status.message for text in texts)
             for status in list(self._statuses)
         )
 
     def logged(self, text: str) -> bool:
-        """Whether a log line says so."""
+        """Whether a log line contained ``text``."""
         return any(text in line for line in list(self._lines))
 
     def gained(self, name: str, key: str) -> int:
-        """By how much a count of a status has grown."""
+        """Increase of a counter in a status."""
         before, now = self._before.get(name), self.newest.get(name)
         if now is None or not now.values.get(key):
             return 0
         return int(now.values[key]) - int(before.values.get(key) or 0 if before else 0)
 
     def silent_s(self, name: str) -> float:
-        """How long nothing has been told of ``name``, s."""
+        """Time since the last status of ``name``, s."""
         newest = self.newest.get(name)
         return time.monotonic() - max(self._since_s, newest.at_s if newest else 0.0)
 
     def unwell(self, names: Sequence[str], since_s: float) -> str:
-        """What is not well, or has not told of itself since ``since_s``; empty when all is."""
+        """First of ``names`` that is not OK, or has no status since ``since_s``; empty if there is none."""
         for name in names:
             status = self.newest.get(name)
             if status is None or status.at_s <= since_s:
-                return f"{name} says nothing"
+                return f"{name} is silent"
             if not status.is_well:
                 return f"{name}: {status.message}"
         return "" if self.fresh_s > since_s else "no fresh posterior"
@@ -112,7 +112,7 @@ class Told:
             self.fresh, self.fresh_s = message, time.monotonic()
 
     def lag_s(self, clock_ns: int) -> float:
-        """How far the newest fresh posterior's stamp is behind the time, by a clock shifted so far, s."""
+        """Delay of the newest fresh posterior's stamp behind a clock shifted by ``clock_ns``, s."""
         if self.fresh is None:
             return float("inf")
         return (time.time_ns() + clock_ns - to_ns(self.fresh.header.stamp)) * 1e-9
