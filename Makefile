@@ -42,7 +42,7 @@ lint: venv ## Check style and types
 
 # CI's machine is shared: a test of processes in real time that starves is tried again, and reported as such.
 pytest := $(run) python -m pytest $(if $(CI),--reruns 2) --durations=10
-in_real_time := test/integration test/launch test/live test/nodes
+in_real_time := test/demo test/integration test/launch test/nodes test/soak
 
 .PHONY: test
 test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
@@ -78,8 +78,8 @@ demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap
 	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
 
 .PHONY: soak
-soak: build ## Inject faults at random into the live system (MINUTES=30), report in out/soak
-	@$(run) tactile-localizer soak --minutes $(MINUTES) --out out/soak
+soak: build ## Inject faults at random into the running nodes (MINUTES=30 SEED=7), report in out/soak
+	@$(run) python test/soak/run.py --minutes $(MINUTES) --seed $(SEED) --out out/soak
 
 .PHONY: bench
 bench: build ## Measure what needs no data, above all speed, into out/bench.json

@@ -23,7 +23,7 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.bags.recording import read_bag
-from tactile_localizer.io.scans.recorder import Felt, SweepRecorder
+from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -83,7 +83,7 @@ def recorder(n: int, folder: Path) -> dict[str, Any]:
     """All that the mapping node does with a message once it is decoded: pair by stamps, screen, append."""
     stamp_ns, states, strain = random_pairs(n)
     status = np.zeros(2, dtype=np.uint8)
-    pairing: Pairing[Felt] = Pairing(SCENE.axes)
+    pairing: Pairing[StrainSample] = Pairing(SCENE.axes)
     begin_s = time.perf_counter()
     with ScanStore.create(folder / "recorded.db", SCENE) as store:
         sweeps = SweepRecorder(store, None, Coverage(SCENE))

@@ -16,7 +16,7 @@ from hypothesis import settings
 from support.processes import Process, node_command
 from support.reruns import pytest_terminal_summary as pytest_terminal_summary  # why CI tried a test again
 
-from tactile_localizer.live.domain import own_domain
+from tactile_localizer.demo.domain import own_domain
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")

@@ -26,8 +26,8 @@ MAY_IMPORT_LAYERS = {
     "sim": {"core", "io", "sim"},
     "evaluation": {"core", "io", "sim", "evaluation"},
     "nodes": {"core", "io", "sim", "evaluation", "nodes", "msg", "srv"},
-    "live": {"core", "io", "sim", "evaluation", "nodes", "live", "msg", "srv"},
-    "cli": {"core", "io", "sim", "evaluation", "live", "cli"},
+    "demo": {"core", "io", "sim", "evaluation", "nodes", "demo", "msg", "srv"},
+    "cli": {"core", "io", "sim", "evaluation", "demo", "cli"},
 }
 """Layers of the package that each may import; ``errors``, ``scene`` and ``resources`` are below them all."""
 
@@ -133,7 +133,7 @@ def test_the_command_line_starts_without_ros() -> None:
         f"{path.name} imports {name}"
         for path in modules("cli")
         for name in imported(path, lazily=False)
-        if is_ros(name) or layer_of(name) in {"live", "nodes"}
+        if is_ros(name) or layer_of(name) in {"demo", "nodes"}
     }
     assert wrong == set()
 

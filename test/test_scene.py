@@ -107,7 +107,7 @@ def test_what_cannot_be_meant_is_refused_with_its_place(name: str) -> None:
     ("content", "reason"),
     [
         (None, "expected a scene file or one of bump.yaml, .*, found none"),
-        (b"\xff\xfe\x00", "could not read it: not text"),
+        (b"\xff\xfe\x00", "could not read it: not UTF-8"),
         (b"axes: [", "expected YAML"),
         (b"- x", "scene: expected a mapping"),
         (b"stamp_s,x,y\n1,2,3\n" * 1000, "scene: expected a mapping, got .{1,40}$"),
@@ -128,7 +128,7 @@ def test_a_scene_survives_its_file(tmp_path: Path) -> None:
 
 
 def test_a_scene_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"none/scene.yaml: expected to write a scene, No such file"):
+    with pytest.raises(SceneError, match=r"none/scene.yaml: could not write the scene, No such file"):
         save_scene(scene_from_dict(GOOD), tmp_path / "none" / "scene.yaml")
 
 

@@ -30,13 +30,15 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Empty, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tactile_localizer.live.domain import own_domain
-from tactile_localizer.live.processes import NodeProcesses, shipped
-from tactile_localizer.live.simulated_scan import write_simulated_scan
-from tactile_localizer.live.watcher import Watcher
+from tactile_localizer.demo.domain import own_domain
+from tactile_localizer.demo.processes import NodeProcesses, shipped
+from tactile_localizer.demo.watcher import Watcher
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import Posterior
 from tactile_localizer.nodes.stamps import to_ns
 from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
 
 IMAGES = Path(__file__).parents[1] / "images"
 DARK = "#222222"
@@ -68,13 +70,23 @@ def wait(condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> No
         time.sleep(0.02)
 
 
+def write_scan(path: Path) -> None:
+    """Write a simulated training scan of the bump, with the shipped scene."""
+    scan = simulate_scan("bump", 1)
+    with ScanStore.create(path, load_scene(resource_path("config/scenes/bump.yaml"))) as store:
+        for part in scan.slices():
+            store.begin_sweep()
+            store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
+            store.end_sweep()
+
+
 def listen() -> Messages:
     """What is heard of a filter while the hand sweeps on to the bump."""
     messages: Messages = defaultdict(list)
     with tempfile.TemporaryDirectory() as name, own_domain() as domain:
         folder = Path(name)
         os.environ.update(domain.environment)
-        write_simulated_scan(folder / "scan.db", "bump", 1)
+        write_scan(folder / "scan.db")
         bus = {
             "interface": "udp_multicast",
             "channel": "239.74.163.2",

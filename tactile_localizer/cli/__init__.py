@@ -28,7 +28,6 @@ COMMANDS: tuple[str, ...] = (
     "tune",
     "can",
     "demo",
-    "soak",
 )
 """Modules of the subcommands, in the order of the help text."""
 

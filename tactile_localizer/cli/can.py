@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False, width=width)
     if args.action == "dump":
         return _dump(console, protocol, _batches(args, parameters, protocol, args.seconds))
-    check = CanCheck(protocol, parameters["cycle_timeout_s"], all_there=bool(parameters["phalanges"]))
+    check = CanCheck(protocol, parameters["cycle_timeout_s"], all_required=bool(parameters["phalanges"]))
     seconds = 5.0 if args.seconds is None and args.log is None else args.seconds
     for messages in _batches(args, parameters, protocol, seconds):
         check.feed(messages)

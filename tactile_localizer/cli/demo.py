@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration; whether the error after contact was within 0.1 inch is in its summary."""
     _check(args)
-    from tactile_localizer.live.demo import DemoSettings, run_demo
-    from tactile_localizer.live.demo_view import demo_view
+    from tactile_localizer.demo.run import DemoSettings, run_demo
+    from tactile_localizer.demo.view import demo_view
 
     begun_s = time.monotonic()
     end_as_by_interrupt()

@@ -21,8 +21,8 @@ from tactile_localizer.evaluation.display import INCH_MM, MM
 from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.scans.export import export_scan
 from tactile_localizer.io.scans.repair import repair
+from tactile_localizer.io.scans.rows import SweepInfo
 from tactile_localizer.io.scans.store import ScanStore, new_scan
-from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.io.scene_file import load_scene, save_scene, scene_to_dict
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Phalanx, Scene
@@ -194,7 +194,7 @@ def _merge(args: argparse.Namespace) -> int:
     with new_scan(args.output, scene, strain_unit=unit) as store:
         for path in args.scans:
             with ScanStore.open(path) as other:
-                store.absorb(other)
+                store.merge(other)
         sweeps, pairs = len(store.sweeps()), store.pairs
     print(f"{args.output}: {sweeps} sweeps, {pairs} pairs")
     return 0

@@ -15,7 +15,7 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import sweep_distance
 from tactile_localizer.evaluation.display import MM, shown
-from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scans.rows import SweepInfo
 from tactile_localizer.scene import Scene
 
 _FEWEST = 50

@@ -1,1 +1,1 @@
-"""Files, recordings and the CAN bus; never imports rclpy."""
+"""Files, recordings and the CAN bus, without ROS."""

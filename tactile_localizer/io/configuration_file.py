@@ -1,6 +1,6 @@
-"""Configurations in YAML: the choices of model, filter and work that a file or a preset makes.
+"""Reading configurations of the localizer from YAML files and presets.
 
-A file names what differs from the defaults::
+A file contains the values that differ from the defaults::
 
     model: sum_of_gaussians
     filter: particle
@@ -24,17 +24,17 @@ PRESETS = ("fast", "balanced", "accurate")
 
 
 def load_configuration(source: str | Path | None = None, **overrides: Any) -> Configuration:
-    """A configuration from a preset or a file, with some values given over it.
+    """Load a configuration from a preset or a file, with overrides.
 
     Parameters
     ----------
     source : name of a preset or path of a YAML file; ``None``: the defaults
-    overrides : by name, values that go first; those that are ``None`` are not given
+    overrides : values by name that replace those of ``source``; ``None`` is ignored
 
     Raises
     ------
     ParameterError
-        No such file or preset, an unknown name, or a value that cannot be used.
+        No such file or preset, an unknown name, or an invalid value.
     """
     values = {} if source is None else _read(source)
     values |= {name: value for name, value in overrides.items() if value is not None}

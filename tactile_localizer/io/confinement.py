@@ -1,4 +1,4 @@
-"""Paths that come from outside, kept inside a directory that the operator named."""
+"""Confinement of paths from service requests to a directory chosen by the operator."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from tactile_localizer.errors import ScanError
 
 
 def confined(path: str, directory: str) -> Path:
-    """``path``, relative to ``directory`` or inside it, with all links followed.
+    """Resolve ``path`` relative to ``directory``, following all links.
 
     Raises
     ------
     ScanError
-        No directory was named, or the path leads out of it.
+        No directory is set, or the resolved path is outside it.
     """
     if not directory:
-        raise ScanError("scan_directory: expected a directory that scan files may be read from, found none")
+        raise ScanError("scan_directory: expected a directory of scan files, found none")
     root = Path(directory).expanduser().resolve()
     try:
-        place = (root / path).resolve()
+        resolved = (root / path).resolve()
     except (OSError, RuntimeError, ValueError):  # a loop of links, a NUL
         raise ScanError(f"{path!r}: expected a path in {root}") from None
-    if root not in place.parents:
-        raise ScanError(f"{path!r}: expected a path in {root}, found {place}")
-    return place
+    if root not in resolved.parents:
+        raise ScanError(f"{path!r}: expected a path in {root}, found {resolved}")
+    return resolved

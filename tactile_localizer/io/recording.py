@@ -1,7 +1,6 @@
-"""What was felt and where the palm was, by sweep: the form that every recording is read into.
+"""Recordings: strain and palm positions by sweep, the common form of CSV files, bags and scan files.
 
-A CSV file, a bag and a scan file all become a :class:`Recording`, so that importing, replaying and
-evaluating need not know where the samples came from.
+Import, replay and evaluation work on a :class:`Recording` and do not depend on its source.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ NO_CONTACT = (-1, -1)
 
 @dataclass(frozen=True)
 class RecordedSweep:
-    """The samples of one sweep, in the order of their stamps.
+    """Samples of one sweep, in the order of their stamps.
 
     Parameters
     ----------
@@ -31,9 +30,9 @@ class RecordedSweep:
     stamp_ns : (n,) int64 stamps, ns
     position : (n, d) measured palm positions, m (yaw: rad)
     strain : (n, C) strain voltages, V; NaN where missing
-    status : (n, F) uint8 status bits, one a phalanx
-    truth : (n, d) true palm positions where they are known apart from ``position``
-    gaps : strain samples left out because no pose was near enough in time
+    status : (n, F) uint8 status bits, one per phalanx
+    truth : (n, d) true palm positions, if known independently of ``position``
+    gaps : strain samples skipped because no pose was close enough in time
     felt : (n,) bool, whether the hand feels a feature above the noise, where that is known
     """
 
@@ -58,7 +57,7 @@ class RecordedSweep:
         return len(self.stamp_ns)
 
     def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
-        """Some samples, (n,) bool or a slice, as a sweep of their own."""
+        """A subset of the samples, (n,) bool or a slice, as a separate sweep."""
         return RecordedSweep(
             number,
             self.stamp_ns[rows],
@@ -77,13 +76,13 @@ class Recording:
 
     Parameters
     ----------
-    source : where the recording was read from, for messages
+    source : path of the source, for messages
     axes : names of the d axes of the positions
     phalanges : names of the F phalanges, in the order of the strain columns
     sweeps : the sweeps, in the order of the source
-    notes : one line for each thing in the source that could not be used
-    channels : channels of each phalanx, C in all; empty: the default for each
-    lost : samples of the source that could not be read; the notes say why
+    notes : one line for each part of the source that was skipped
+    channels : channels of each phalanx, C in total; empty: the default for each
+    lost : number of samples of the source that could not be read; the notes say why
     """
 
     source: str
@@ -113,7 +112,7 @@ class Recording:
 
     @cached_property
     def layout(self) -> ChannelLayout:
-        """The elements of the strain vector by phalanx."""
+        """Channels of the strain vector by phalanx."""
         return ChannelLayout.of(self.channels, len(self.phalanges))
 
     def __len__(self) -> int:
@@ -121,11 +120,11 @@ class Recording:
 
 
 def join(recordings: Sequence[Recording]) -> Recording:
-    """One recording of the sweeps of several; a number that is taken gets the next that is free.
+    """Concatenate the sweeps of recordings; a sweep whose number is in use gets the next free number.
 
     Parameters
     ----------
-    recordings : at least one, all of the same axes, phalanges and channels
+    recordings : at least one, all with the same axes, phalanges and channels
     """
     sweeps: list[RecordedSweep] = []
     for sweep in (sweep for recording in recordings for sweep in recording.sweeps):
@@ -144,7 +143,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
 
 
 def select(recording: Recording, scene: Scene) -> Recording:
-    """The recording with only the axes and phalanges that ``scene`` names, in its order.
+    """Reduce a recording to the axes and phalanges of ``scene``, in the order of the scene.
 
     Raises
     ------
@@ -173,12 +172,12 @@ def select(recording: Recording, scene: Scene) -> Recording:
 
 
 def missing_status(strain: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Status bits of strain rows that carry none: MISSING where a phalanx has values that are not finite.
+    """Status bits for strain without recorded status: MISSING for phalanges with values that are not finite.
 
     Parameters
     ----------
     strain : (n, C) strain voltages, V
-    layout : its channels by phalanx
+    layout : channels by phalanx
 
     Returns
     -------
@@ -188,7 +187,7 @@ def missing_status(strain: np.ndarray, layout: ChannelLayout) -> np.ndarray:
 
 
 def usable(status: np.ndarray) -> np.ndarray:
-    """Which phalanges a filter may use, from their status bits: those that are well in every respect.
+    """Phalanges that a filter may use: those whose status is OK.
 
     Parameters
     ----------
@@ -203,7 +202,7 @@ def usable(status: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Screening:
-    """Which samples can become state-measurement pairs, and how many cannot, by reason."""
+    """Samples that can become state-measurement pairs, and counts of the others by reason."""
 
     keep: np.ndarray
     missing: int
@@ -212,16 +211,16 @@ class Screening:
 
     @property
     def skipped(self) -> int:
-        """Samples left out for any reason."""
+        """Total number of skipped samples."""
         return self.missing + self.saturated + self.outside
 
 
 def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.ndarray) -> Screening:
-    """Tell which samples a scan can use: felt by every phalanx, inside gauge range and scene bounds.
+    """Select the samples that a scan can use: complete, not saturated and inside the scene's bounds.
 
     Parameters
     ----------
-    scene : its bounds count
+    scene : axes with their bounds
     position : (n, d) palm positions, m (yaw: rad)
     strain : (n, C) strain voltages, V
     status : (n, F) status bits
@@ -229,32 +228,32 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
     Returns
     -------
     Screening
-        ``keep`` is (n,) bool. A sample counts under its first reason: missing, saturated, outside.
+        ``keep`` is (n,) bool. A skipped sample counts once, in the order missing, saturated, outside.
     """
-    # Values of impossible size count as missing; those that are not finite compare false.
-    felt = (np.abs(strain) <= LARGEST_STRAIN).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
+    # Implausibly large values count as missing. Comparisons with NaN are false.
+    complete = (np.abs(strain) <= LARGEST_STRAIN).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
     in_range = ~np.any(status & SATURATED, axis=1)
-    # A position that is not finite compares false and so counts as outside.
+    # A position that is not finite counts as outside.
     inside = np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
     return Screening(
-        keep=felt & in_range & inside,
-        missing=int(np.sum(~felt)),
-        saturated=int(np.sum(felt & ~in_range)),
-        outside=int(np.sum(felt & in_range & ~inside)),
+        keep=complete & in_range & inside,
+        missing=int(np.sum(~complete)),
+        saturated=int(np.sum(complete & ~in_range)),
+        outside=int(np.sum(complete & in_range & ~inside)),
     )
 
 
-_BAG_ENDINGS = (".mcap", ".db3", ".zstd", ".zst")
-_SQLITE = b"SQLite format 3\0"
+_BAG_EXTENSIONS = (".mcap", ".db3", ".zstd", ".zst")
+_SQLITE_MAGIC = b"SQLite format 3\0"
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is that of a bag: a folder, or a file with such an ending."""
-    return path.is_dir() or path.suffix in _BAG_ENDINGS
+    """Whether a path is a bag: a folder, or a file with the extension of a bag."""
+    return path.is_dir() or path.suffix in _BAG_EXTENSIONS
 
 
 def is_scan_file(path: Path) -> bool:
-    """Whether a file is a scan file, by its first bytes.
+    """Whether a file is a scan file, according to its first bytes.
 
     Raises
     ------
@@ -263,6 +262,6 @@ def is_scan_file(path: Path) -> bool:
     """
     try:
         with path.open("rb") as file:
-            return file.read(len(_SQLITE)) == _SQLITE
+            return file.read(len(_SQLITE_MAGIC)) == _SQLITE_MAGIC
     except OSError as error:
         raise ScanError(f"{path}: expected a recording, {error.strerror}") from None

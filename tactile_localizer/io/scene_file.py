@@ -1,4 +1,4 @@
-"""Scenes as YAML, read safely and checked with messages that name the place in the file."""
+"""Reading and writing scenes in YAML, with error messages that name the entry."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tactile_localizer.scene import (
     Scene,
 )
 
-_LONGEST_NAME = 100
+_MAX_NAME_CHARACTERS = 100
 
 _KEYS = ("name", "axes", "phalanges", "feature", "measurement")
 
@@ -38,7 +38,7 @@ def load_scene(path: str | Path) -> Scene:
     Raises
     ------
     SceneError
-        The file is missing, is not YAML, or describes a scene that cannot be used.
+        The file is missing, is not YAML, or describes an invalid scene.
     """
     path = Path(path)
     try:
@@ -69,11 +69,11 @@ def save_scene(scene: Scene, path: str | Path) -> None:
         with whole_file(path) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise SceneError(f"{path}: expected to write a scene, {error.strerror}") from None
+        raise SceneError(f"{path}: could not write the scene, {error.strerror}") from None
 
 
 def scene_from_dict(content: Any) -> Scene:
-    """A scene from the mappings, lists and numbers of its YAML form.
+    """Make a scene from its YAML form of mappings, lists and numbers.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def scene_from_dict(content: Any) -> Scene:
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
-    """The YAML form of a scene, of plain mappings, lists and numbers."""
+    """YAML form of a scene, made of plain mappings, lists and numbers."""
     names = scene.axis_names
     content: dict[str, Any] = {
         "name": scene.name,
@@ -128,7 +128,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 def _phalanx_to_dict(phalanx: Phalanx, axes: tuple[str, ...]) -> dict[str, Any]:
     content: dict[str, Any] = {"offset": dict(zip(axes, map(float, phalanx.offset), strict=True))}
-    # The default is left out, so that earlier versions read the scenes that they can use.
+    # The default is omitted, so that earlier versions of the package can read the scene.
     return content if phalanx.channels == DEFAULT_CHANNELS else {**content, "channels": phalanx.channels}
 
 
@@ -139,10 +139,10 @@ def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
 
 
 def _name(value: Any, what: str) -> str:
-    # A number in YAML may be meant as a name.
-    if isinstance(value, bool | list | Mapping) or not 1 <= len(str(value)) <= _LONGEST_NAME:
+    # A number in YAML is accepted as a name.
+    if isinstance(value, bool | list | Mapping) or not 1 <= len(str(value)) <= _MAX_NAME_CHARACTERS:
         raise SceneError(
-            f"{what}: expected text of 1 to {_LONGEST_NAME} characters, got {reprlib.repr(value)}"
+            f"{what}: expected text of 1 to {_MAX_NAME_CHARACTERS} characters, got {reprlib.repr(value)}"
         )
     return str(value)
 
@@ -174,7 +174,7 @@ def _interval(value: Any, what: str, *, finite: bool = True) -> tuple[float, flo
 
 
 def _measurement(values: Mapping[Any, Any]) -> dict[str, Any]:
-    """Parameters of the measurement model with their numbers converted; what they mean is the model's."""
+    """Parameters of the measurement model with numbers converted; the model validates their meaning."""
     converted: dict[str, Any] = {}
     for name, value in values.items():
         what = f"measurement {name}"
@@ -215,8 +215,8 @@ def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
         channels = whole_number(entry.get("channels", DEFAULT_CHANNELS), what, lower=1, upper=MOST_CHANNELS)
     except ParameterError as error:
         raise SceneError(str(error)) from None
-    places = tuple(_position(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
-    return Phalanx(name, places, channels)
+    offsets = tuple(_position(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
+    return Phalanx(name, offsets, channels)
 
 
 def _region(value: Any, axes: tuple[str, ...]) -> Region:

@@ -1,12 +1,12 @@
-"""What is the matter with a phalanx in one sample: the status bits of ``StrainVectors.msg``."""
+"""Status bits of a phalanx in one sample, as in ``StrainVectors.msg``."""
 
 from __future__ import annotations
 
 OK = 0
-"""All voltages arrived and are good."""
+"""All voltages were received and are valid."""
 MISSING = 1
-"""At least one frame did not arrive; the voltages are NaN."""
+"""At least one frame was not received; the voltages are NaN."""
 SATURATED = 2
-"""At least one gauge pair stands at the end of its range."""
+"""At least one gauge pair is at an end of its range."""
 FAULT = 4
 """The load cell reports a fault, or a voltage is not finite."""

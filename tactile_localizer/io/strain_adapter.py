@@ -1,6 +1,6 @@
-"""Strain vectors from messages of any type: which fields are the channels of which phalanx, in YAML.
+"""Conversion of messages of any type to strain vectors, with a mapping of fields to channels in YAML.
 
-One phalanx per entry; the first one sets the pace::
+One entry per phalanx; each message of the first phalanx gives one strain vector::
 
     phalanges:
       index:
@@ -10,10 +10,10 @@ One phalanx per entry; the first one sets the pace::
         topic: /taxels
         type: std_msgs/msg/Float32MultiArray
         fields: [data[0:16]]       # or one path per channel: [wrench.force.x, wrench.force.y]
-        scale: 0.001               # to the unit that the scan is to have
-        limits: [-5.0, 5.0]        # beyond them, and at them, a channel is saturated
-        valid: is_ok               # a field that is false, or 0, while the sensor is not to be used
-        stamp: header.stamp        # without it and without a header, the time of receipt
+        scale: 0.001               # factor to the unit of the scan
+        limits: [-5.0, 5.0]        # a channel at or beyond them is saturated
+        valid: is_ok               # a field that is false, or 0, while the sensor is invalid
+        stamp: header.stamp        # default: the header's stamp, or the time of receipt
     max_age_s: 0.05                # older values of the other phalanges are missing
 
 Known types need no ``fields``. Values that are not finite are missing.
@@ -45,18 +45,20 @@ KNOWN_FIELDS = {
     "geometry_msgs/msg/Wrench": _FORCES,
     "geometry_msgs/msg/WrenchStamped": tuple(f"wrench.{field}" for field in _FORCES),
 }
-"""Fields of the channels, by type, where an entry names none."""
+"""Default fields of the channels, by message type."""
 
 _SEGMENT = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)(?::(\d+))?\])?")
 _TYPE = re.compile(r"[A-Za-z]\w*/msg/[A-Za-z]\w*")
-_KEPT = 64
-"""Newest values of a phalanx that are kept for the stamps of the first one."""
+
+_HISTORY_SAMPLES = 64
+"""Newest values kept per phalanx, to be matched with the stamps of the first one: 64 ms at 1 kHz."""
+
 _NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class FieldPath:
-    """A path into a message, as ``wrench.force.x``, ``data`` or ``data[0:16]``."""
+    """Path to a field of a message, such as ``wrench.force.x``, ``data`` or ``data[0:16]``."""
 
     text: str
 
@@ -66,18 +68,18 @@ class FieldPath:
 
     @property
     def size(self) -> int | None:
-        """How many values the path gives; ``None``: as many as an array has, or one number."""
+        """Number of values at the path; ``None`` for a number or an array of unknown length."""
         match = _SEGMENT.fullmatch(self.text.split(".")[-1])
         assert match is not None
         return int(match.group(3)) - int(match.group(2)) if match.group(3) else None
 
     def of(self, message: Any) -> Any:
-        """What the path leads to.
+        """Value at the path in a message.
 
         Raises
         ------
         MeasurementError
-            The message does not have it.
+            The message does not have the field.
         """
         value = message
         try:
@@ -96,18 +98,18 @@ class FieldPath:
 
 @dataclass(frozen=True)
 class StrainSource:
-    """Where the channels of one phalanx come from.
+    """Source of the channels of one phalanx.
 
     Parameters
     ----------
-    phalanx : its name
-    topic, kind : of the messages; the kind as ``geometry_msgs/msg/WrenchStamped``
-    fields : the channels, in their order
-    channels : how many there are
-    scale : the factor to the unit of the scan
-    limits : ends of the range, in that unit, where a channel is saturated
-    valid : a field that is false while the sensor is not to be used
-    stamp : a field with the stamp; ``None``: the header's, or the time of receipt
+    phalanx : name of the phalanx
+    topic, kind : topic and type of the messages, such as ``geometry_msgs/msg/WrenchStamped``
+    fields : fields of the channels, in their order
+    channels : number of channels
+    scale : factor to the unit of the scan
+    limits : ends of the range, in that unit, at which a channel is saturated
+    valid : field that is false while the sensor is invalid
+    stamp : field with the stamp; ``None``: the header's stamp, or the time of receipt
     """
 
     phalanx: str
@@ -126,7 +128,7 @@ class StrainSource:
         Raises
         ------
         MeasurementError
-            The message lacks a field, or has another number of channels.
+            The message lacks a field, or has a different number of channels.
         """
         parts = [np.ravel(np.asarray(path.of(message), dtype=np.float64)) for path in self.fields]
         values = self.scale * np.concatenate(parts)
@@ -141,7 +143,7 @@ class StrainSource:
         return values, SATURATED if saturated.any() else OK
 
     def stamp_ns(self, message: Any, received_ns: int) -> int:
-        """The stamp of a message, ns; one of zero, or none, is the time of receipt."""
+        """Stamp of a message, ns; the time of receipt if the stamp is zero or missing."""
         stamp = self.stamp.of(message) if self.stamp is not None else _header_stamp(message)
         if stamp is None:
             return received_ns
@@ -149,7 +151,7 @@ class StrainSource:
 
 
 class StrainVector(NamedTuple):
-    """Stamp, ns, strain (C,), NaN where missing, and status (F,) of all phalanges."""
+    """Stamp (ns), strain (C,) with NaN where missing, and status (F,) of all phalanges."""
 
     stamp_ns: int
     strain: np.ndarray
@@ -157,7 +159,7 @@ class StrainVector(NamedTuple):
 
 
 class StrainAdapter:
-    """Makes strain vectors of messages, one for each message of the first phalanx.
+    """Converts messages to strain vectors, one per message of the first phalanx.
 
     The other phalanges contribute their newest values that are not later than its stamp.
 
@@ -173,18 +175,20 @@ class StrainAdapter:
         self.layout = ChannelLayout(tuple(source.channels for source in sources))
         self.topics = {source.topic: source.kind for source in sources}
         self._max_age_ns = round(max_age_s * _NANOSECONDS)
-        self._kept: list[deque[tuple[int, np.ndarray, int]]] = [deque(maxlen=_KEPT) for _ in sources]
+        self._kept: list[deque[tuple[int, np.ndarray, int]]] = [
+            deque(maxlen=_HISTORY_SAMPLES) for _ in sources
+        ]
 
     def feed(self, topic: str, message: Any, received_ns: int) -> StrainVector | None:
-        """Take in a message; returns a strain vector where it was one of the first phalanx.
+        """Process a message; returns a strain vector if it belongs to the first phalanx.
 
         Raises
         ------
         MeasurementError
-            The message does not have the fields, or other channels.
+            The message lacks a field, or has a different number of channels.
         """
         vector = None
-        for index in reversed(range(len(self.sources))):  # the first last: the others may be of this message
+        for index in reversed(range(len(self.sources))):  # first phalanx last: others may share its message
             source = self.sources[index]
             if source.topic != topic:
                 continue
@@ -192,8 +196,8 @@ class StrainAdapter:
             kept = self._kept[index]
             if kept and stamp_ns <= kept[-1][0]:
                 if kept[-1][0] - stamp_ns < _NANOSECONDS:
-                    continue  # late, or sent twice
-                self.reset()  # time was set back
+                    continue  # late or duplicate
+                self.reset()  # backward jump of the clock
             kept.append((stamp_ns, *source.read(message)))
             if index == 0:
                 vector = self._vector(stamp_ns)
@@ -216,12 +220,12 @@ class StrainAdapter:
 
 
 def load_adapter(path: str | Path) -> StrainAdapter:
-    """Read which messages are strain from a YAML file.
+    """Read an adapter from a YAML file.
 
     Raises
     ------
     ParameterError
-        The file is missing, or does not hold such a description.
+        The file is missing or invalid.
     """
     try:
         content = load_yaml(path, "a strain adapter", ParameterError)
@@ -234,7 +238,7 @@ def load_adapter(path: str | Path) -> StrainAdapter:
 
 
 def adapter_from_dict(content: Any) -> StrainAdapter:
-    """The adapter from its YAML form.
+    """Make an adapter from its YAML form.
 
     Raises
     ------
@@ -284,7 +288,7 @@ def _source(phalanx: str, entry: Any) -> StrainSource:
 
 
 def _channels(entry: Mapping[str, Any], what: str, fields: Sequence[FieldPath]) -> int:
-    """How many channels: as given, as the paths say, or for one open array the default."""
+    """Number of channels: as given, as the paths imply, or the default for an array of unknown length."""
     if "channels" in entry:
         return whole_number(entry["channels"], f"{what} channels", lower=1, upper=MOST_CHANNELS)
     if len(fields) == 1 and fields[0].size is None and fields[0].text.split(".")[-1] == "data":

@@ -1,4 +1,4 @@
-"""Files that appear, or take the place of what was there, only when all of them is written."""
+"""Atomic writing of files: a file appears, or replaces the old one, only when it is complete."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from pathlib import Path
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """A path to write to: it becomes ``path`` when the block ends well, and is gone when it fails.
+    """Context that gives a temporary path to write to, and renames it to ``path`` on success.
 
-    A link stays one: what it leads to is written.
+    If the block raises, the temporary file is removed. If ``path`` is a symbolic link, its target is
+    replaced.
 
     Raises
     ------
     OSError
-        The file cannot be put in its place.
+        The file cannot be written or renamed.
     """
     target = Path(path).resolve()
     unfinished = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
         yield unfinished
         with unfinished.open("rb") as written:
-            os.fsync(written.fileno())  # else power loss after the replacement could leave an empty file
+            os.fsync(written.fileno())  # otherwise power loss after the rename could leave an empty file
         unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)

@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from tactile_localizer.core.geometry.synchronization import Pairing
-from tactile_localizer.io.scans.recorder import Felt, SweepRecorder
+from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 
 
 class MappingDiagnostics:
@@ -27,7 +27,7 @@ class MappingDiagnostics:
     def status(
         self,
         recorder: SweepRecorder,
-        pairing: Pairing[Felt],
+        pairing: Pairing[StrainSample],
         poses: int,
         refusals: Mapping[str, str],
         failure: str,

@@ -19,7 +19,7 @@ from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S, 
 from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M, Coverage
 from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
 from tactile_localizer.errors import MeasurementError, ParameterError, ScanError, TactileLocalizerError
-from tactile_localizer.io.scans.recorder import Felt, SweepRecorder
+from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import ScanStatus, StrainVectors
@@ -60,7 +60,7 @@ class MappingNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__("mapping", PARAMETERS)
         self._recorder: SweepRecorder | None = None
-        self._pairing: Pairing[Felt] | None = None
+        self._pairing: Pairing[StrainSample] | None = None
         self._status: Any = None
         self._health: Any = None
         self._map: RecordedMap | None = None
@@ -185,7 +185,7 @@ class MappingNode(ManagedNode):
         self._poses += 1
         self._record(pairs)
 
-    def _hear(self, stamp_ns: int, pairing: Pairing[Felt]) -> None:
+    def _hear(self, stamp_ns: int, pairing: Pairing[StrainSample]) -> None:
         self._clock_of_stamps.hear(stamp_ns, self.get_clock().now().nanoseconds, pairing.resets)
 
     def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
@@ -193,7 +193,7 @@ class MappingNode(ManagedNode):
         self._refusals[topic] = f"{topic}: {error}"
         self._complain(self._refusals[topic])
 
-    def _record(self, pairs: list[Pair[Felt]]) -> None:
+    def _record(self, pairs: list[Pair[StrainSample]]) -> None:
         if self._recorder is not None:
             self._attempt_to(self._recorder.take, pairs)
 

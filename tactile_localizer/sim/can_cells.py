@@ -1,4 +1,4 @@
-"""The load cells' side of the CAN bus: strain voltages out as frames, with faults where wanted."""
+"""Simulated load cells on a CAN bus: sends strain voltages as frames, with optional faults."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from tactile_localizer.io.can.protocol import LoadCellProtocol
 
 @dataclass(frozen=True)
 class Faults:
-    """What goes wrong on the bus; nothing by default.
+    """Faults on the bus; none by default.
 
     Parameters
     ----------
     drop : probability that a frame is lost
-    garbage : probability, a frame, that one follows which means nothing: a foreign id, a wrong length,
-        a remote request or an error frame
+    garbage : probability per frame that an invalid frame follows: an unknown identifier, a wrong length, a
+        remote frame or an error frame
     silent : phalanges whose load cell sends nothing
     faulty : phalanges whose load cell reports a fault
 
     Raises
     ------
     ParameterError
-        A probability is not one.
+        A probability is outside 0 to 1.
     """
 
     drop: float = 0.0
@@ -38,20 +38,20 @@ class Faults:
     def __post_init__(self) -> None:
         for name in ("drop", "garbage"):
             if not 0 <= getattr(self, name) <= 1:
-                raise ParameterError(f"{name}: expected a probability, got {getattr(self, name)}")
+                raise ParameterError(f"{name}: expected a probability of 0 to 1, got {getattr(self, name)}")
 
 
 NO_FAULTS = Faults()
 
 
 class CanLoadCells:
-    """Load cells that share a bus.
+    """Load cells on one bus.
 
     Parameters
     ----------
-    protocol : which bits are which gauge pair
-    bus : where the frames go; stays the caller's
-    rng : chooses where faults strike
+    protocol : frame layout of the load cells
+    bus : bus to send on; the caller closes it
+    rng : random generator of the faults
     """
 
     def __init__(self, protocol: LoadCellProtocol, bus: can.BusABC, rng: np.random.Generator) -> None:
@@ -61,7 +61,7 @@ class CanLoadCells:
         self._sequence = 0
 
     def send(self, strain: np.ndarray, faults: Faults = NO_FAULTS) -> None:
-        """Put one sample of every load cell on the bus.
+        """Send one sample of every load cell.
 
         Parameters
         ----------
@@ -70,14 +70,14 @@ class CanLoadCells:
         Raises
         ------
         CanError
-            The bus does not take the frames.
+            The bus does not accept the frames.
         """
         for phalanx, name in enumerate(self._protocol.phalanges):
             if name in faults.silent:
                 continue
-            own = strain[self._protocol.channels.slices[phalanx]]
+            voltages = strain[self._protocol.channels.slices[phalanx]]
             status = int(name in faults.faulty)
-            for frame in self._protocol.encode(phalanx, own, self._sequence, status):
+            for frame in self._protocol.encode(phalanx, voltages, self._sequence, status):
                 if self._rng.random() >= faults.drop:
                     self._put(frame)
                 if self._rng.random() < faults.garbage:
@@ -88,16 +88,16 @@ class CanLoadCells:
         try:
             self._bus.send(frame)
         except (can.CanError, OSError) as error:
-            raise CanError(f"{self._bus.channel_info}: expected to send a frame, got {error}") from error
+            raise CanError(f"{self._bus.channel_info}: could not send a frame, {error}") from error
 
     def _garbage(self, frame: can.Message) -> can.Message:
-        """A frame that no load cell would send."""
+        """A random invalid frame."""
         data = self._rng.bytes(8)
         foreign = int(self._rng.integers(0x700, 0x7FF))
-        own, extended = frame.arbitration_id, frame.is_extended_id
+        known, extended = frame.arbitration_id, frame.is_extended_id
         return (
             can.Message(arbitration_id=foreign, is_extended_id=False, data=data),
-            can.Message(arbitration_id=own, is_extended_id=extended, data=data[:3]),
-            can.Message(arbitration_id=own, is_extended_id=extended, is_remote_frame=True),
+            can.Message(arbitration_id=known, is_extended_id=extended, data=data[:3]),
+            can.Message(arbitration_id=known, is_extended_id=extended, is_remote_frame=True),
             can.Message(is_error_frame=True),
         )[self._rng.integers(4)]

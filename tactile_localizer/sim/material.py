@@ -1,8 +1,8 @@
 """Flexible material with one haptic feature, as fields of height, stiffness and friction.
 
-Coordinates are those of the material with the feature's centre as origin, m; the fingers slide
-towards +x. A sheet does not lie the same way twice: it comes to a feature in one of several
-deformation modes (paper, Sec. III-C and Fig. 6), each with fields of its own.
+Coordinates are relative to the centre of the feature, m; the fingers slide towards +x. The sheet deforms
+differently in each sweep: it is in one of several deformation modes (paper, Sec. III-C and Fig. 6), each
+with its own fields.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from scipy.special import expit
 from tactile_localizer.errors import ParameterError
 
 PAD_STIFFNESS = 3.5e7
-"""N/m^3, foundation modulus of a fingertip pad; the material's stiffness is given relative to it."""
+"""Foundation modulus of a fingertip pad, N/m³; the stiffness of materials is given relative to it."""
 
 MODES = ("taut", "wrinkled", "canted")
-"""How the sheet lies as the fingers come to the feature; the first is the rest shape."""
+"""Deformation modes of the sheet in front of the feature; the first is the undeformed shape."""
 
 _EDGE_M = 0.35e-3
-"""Roundness of the features' edges: a step of height is spread over about four times this."""
+"""Rounding of the features' edges, m: a step in height extends over about four times this."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What a pad finds at each place: three arrays of one shape.
+    """Fields of the material at some positions, three arrays of the same shape.
 
     Parameters
     ----------
-    height : m above the bare sheet
-    stiffness : N/m^3, foundation modulus
+    height : height above the bare sheet, m
+    stiffness : foundation modulus, N/m³
     friction : coefficient of sliding friction against the pad
     """
 
@@ -42,7 +42,7 @@ class Surface:
 
 
 def _inside(distance: np.ndarray, limit: float) -> np.ndarray:
-    """1 where ``distance`` < ``limit``, 0 beyond it, with an edge of finite sharpness."""
+    """1 for ``distance`` < ``limit``, 0 beyond, with a rounded edge."""
     return np.asarray(expit((limit - distance) / _EDGE_M))
 
 
@@ -61,7 +61,7 @@ def _none(x: np.ndarray, y: np.ndarray) -> Surface:
 
 
 def _bump(x: np.ndarray, y: np.ndarray) -> Surface:
-    """A bump pressed into plastic: a stiff rim of 11 mm and a broad soft top that gives way."""
+    """A bump pressed into plastic: a stiff rim of 11 mm diameter and a broad compliant top."""
     r = np.hypot(x, y)
     disk, rim = _inside(r, 5.5e-3), _ring(r, 3.9e-3, 5.5e-3)
     dome = np.clip(1 - (r / 5.5e-3) ** 2, 0, None)
@@ -70,7 +70,7 @@ def _bump(x: np.ndarray, y: np.ndarray) -> Surface:
 
 
 def _snap(x: np.ndarray, y: np.ndarray) -> Surface:
-    """A snap fastener: a hard narrow stud of 2.6 mm height on a low flange with a raised ring."""
+    """A snap fastener: a hard, narrow stud of 2.6 mm height on a low flange with a raised ring."""
     r = np.hypot(x, y)
     flange, ring, stud = _inside(r, 5.0e-3), _ring(r, 3.8e-3, 5.0e-3), _inside(r, 2.2e-3)
     height = 0.6e-3 * flange + 0.4e-3 * ring + 2.0e-3 * stud
@@ -78,7 +78,7 @@ def _snap(x: np.ndarray, y: np.ndarray) -> Surface:
 
 
 def _grommet(x: np.ndarray, y: np.ndarray) -> Surface:
-    """A metal ring of 12 mm around a hole of 5.6 mm that the pad sinks into."""
+    """A metal ring of 12 mm diameter around a hole of 5.6 mm, into which the pad sinks."""
     r = np.hypot(x, y)
     ring, hole = _ring(r, 2.8e-3, 6.0e-3), _inside(r, 2.8e-3)
     crown = np.clip(1 - ((r - 4.4e-3) / 1.6e-3) ** 2, 0, None)
@@ -87,7 +87,7 @@ def _grommet(x: np.ndarray, y: np.ndarray) -> Surface:
 
 
 def _seam(x: np.ndarray, y: np.ndarray) -> Surface:
-    """A folded seam across the way, endless in y: a thing that no scan has shown."""
+    """A folded seam across the direction of sliding, infinite in y, for tests with an unknown feature."""
     fold, stitch = _inside(np.abs(x), 3.0e-3), _inside(np.abs(x - 1.5e-3), 0.5e-3)
     height = 0.9e-3 * fold + 0.3e-3 * stitch + 0 * y
     return _surface(height, 3.0 + 2.0 * fold + 0 * y, 0.40 + 0.12 * fold + 0 * y)
@@ -102,17 +102,17 @@ _FEATURES: dict[str, Callable[[np.ndarray, np.ndarray], Surface]] = {
 }
 
 FEATURES = tuple(_FEATURES)
-"""Names of the features; ``none`` is blank material, ``seam`` something foreign to test against."""
+"""Names of the features; ``none`` is featureless material, ``seam`` a feature outside the maps of tests."""
 
 
 def surface(feature: str, mode: str, x: np.ndarray, y: np.ndarray) -> Surface:
-    """Fields of ``feature`` in deformation mode ``mode`` at places ``x``, ``y``.
+    """Fields of ``feature`` in deformation mode ``mode`` at positions ``x``, ``y``.
 
     Parameters
     ----------
     feature : one of :data:`FEATURES`
-    mode : one of :data:`MODES`; blank material has no other than ``taut``
-    x, y : m from the feature's centre, shapes that broadcast
+    mode : one of :data:`MODES`; featureless material is always ``taut``
+    x, y : positions relative to the feature's centre, m, with shapes that broadcast
 
     Raises
     ------
@@ -132,7 +132,7 @@ def surface(feature: str, mode: str, x: np.ndarray, y: np.ndarray) -> Surface:
 
 
 def _wrinkled(rest: Surface, x: np.ndarray, y: np.ndarray) -> Surface:
-    """A soft fold, pushed up in front of the feature and lying obliquely, that is in the pad's way first."""
+    """An oblique soft fold in front of the feature, which the pad reaches first."""
     across = (x + 5.8e-3) * np.cos(0.2) + y * np.sin(0.2)
     fold = np.exp(-0.5 * (across / 1.1e-3) ** 2 - 0.5 * (y / 6.0e-3) ** 2)
     hardness = rest.stiffness * (1 - 0.8 * fold)
@@ -140,6 +140,6 @@ def _wrinkled(rest: Surface, x: np.ndarray, y: np.ndarray) -> Surface:
 
 
 def _canted(rest: Surface, x: np.ndarray) -> Surface:
-    """The feature leans away from the hand: its near edge lies in the sheet, its far edge stands up."""
+    """The feature tilted: its near edge is in the plane of the sheet, its far edge is raised."""
     lean = np.clip(1 + x / 7.0e-3, 0.25, 1.6)
     return Surface(rest.height * lean, rest.stiffness, rest.friction)

@@ -1,4 +1,4 @@
-"""Random processes of the simulation, stationary and of unit variance, and the seeds they grow from."""
+"""Stationary random processes with unit variance, and independent generators from one seed."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from scipy.signal import lfilter
 
 
 def child(seed: int, *path: int) -> np.random.Generator:
-    """The generator at ``path`` below ``seed``: the same whatever else is drawn from that seed."""
+    """Random generator for ``path`` below ``seed``, independent of the other generators of that seed."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=path))
 
 
 def rough(rng: np.random.Generator, n: int, columns: int, correlation: float) -> np.ndarray:
-    """Gauss-Markov noise (n, columns) whose correlation falls by e in ``correlation`` samples."""
+    """Gauss-Markov noise (n, columns); its autocorrelation falls to 1/e after ``correlation`` samples."""
     keep = np.exp(-1 / correlation)
     innovations = rng.standard_normal((n, columns))
     innovations[1:] *= np.sqrt(1 - keep**2)
@@ -20,11 +20,11 @@ def rough(rng: np.random.Generator, n: int, columns: int, correlation: float) ->
 
 
 def smooth(rng: np.random.Generator, n: int, columns: int, correlation: float) -> np.ndarray:
-    """Noise (n, columns) with a smooth course, correlated over about ``correlation`` samples.
+    """Smooth noise (n, columns), correlated over about ``correlation`` samples.
 
-    A Gauss-Markov process filtered once more by its own time constant; the run-in is cut off.
+    A Gauss-Markov process, low-pass filtered with its own time constant; the transient is discarded.
     """
     keep = np.exp(-2 / correlation)
-    run_in = int(4 * correlation)
-    course = lfilter([1 - keep], [1.0, -keep], rough(rng, n + run_in, columns, correlation / 2), axis=0)
-    return np.asarray(course[run_in:] * np.sqrt((1 + keep) ** 2 / (1 + keep**2)))
+    transient = int(4 * correlation)
+    filtered = lfilter([1 - keep], [1.0, -keep], rough(rng, n + transient, columns, correlation / 2), axis=0)
+    return np.asarray(filtered[transient:] * np.sqrt((1 + keep) ** 2 / (1 + keep**2)))

@@ -1,7 +1,7 @@
-"""The simulated hand as it goes on in time: fingers open, at rest on the material, sweeping.
+"""Simulated hand as a function of time: fingers open, closed at the start of a sweep, or sweeping.
 
-What it feels and where it is are functions of simulated time, so that any number of devices may look at
-any rate and phase, late or early, and always find something true of the moment.
+Strain and position are functions of simulated time, so several devices can sample them independently, at
+any rate and phase.
 """
 
 from __future__ import annotations
@@ -20,32 +20,37 @@ from tactile_localizer.sim.scan import sweep_plan
 from tactile_localizer.sim.sweep import CELLS, KINDS, SimulatedSweep, simulate_sweep
 
 _RETURN_S = 0.6
+"""Time of the motion to the start of a sweep, s."""
+
 _CLOSE_S = 0.3
-_OTHER_NOISE = 4 << 30
+"""Time in which the fingers close, s."""
+
+_NOISE_STREAM = 4 << 30
+"""Path of the random generator for the noise outside of sweeps; no sweep has so high a number."""
 
 
 class Phase(Enum):
-    """What the hand is doing."""
+    """State of the hand."""
 
     OPEN = "open"
-    """The fingers are off the material: at home, or on the way to a sweep's start."""
+    """The fingers are off the material: at home, or moving to the start of a sweep."""
     READY = "ready"
-    """The fingers are closed (or closing) at a sweep's start."""
+    """The fingers are closed, or closing, at the start of a sweep."""
     SWEEPING = "sweeping"
     DONE = "done"
-    """The fingers are still closed at the sweep's end."""
+    """The fingers are still closed at the end of the sweep."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A moment.
+    """State of the hand at one time.
 
     Parameters
     ----------
-    phase : what the hand is doing
-    strain : (16,) V
-    odometry : (2,) m, palm as the arm reports it
-    truth : (2,) m, palm relative to the material; None while the fingers do not hold it
+    phase : phase of the sweep
+    strain : (16,) strain voltages, V
+    odometry : (2,) palm position reported by the arm, m
+    truth : (2,) palm position relative to the material, m; ``None`` while the fingers are open
     """
 
     phase: Phase
@@ -55,14 +60,14 @@ class Reading:
 
 
 class Rig:
-    """A hand, a piece of material and a plan of sweeps.
+    """A hand, a piece of material and a sequence of sweeps.
 
     Parameters
     ----------
     feature : one of :data:`~tactile_localizer.sim.material.FEATURES`
-    seed : of everything random
-    speed : m/s of the palm in a sweep
-    rate : strain samples per second of simulated time
+    seed : seed of all random processes
+    speed : speed of the palm in a sweep, m/s
+    rate : sampling rate of the strain in simulated time, Hz
 
     Raises
     ------
@@ -73,28 +78,28 @@ class Rig:
     def __init__(self, feature: str, seed: int, speed: float, rate: float) -> None:
         self._feature, self._seed = feature, seed
         self._speed, self._rate = speed, rate
-        self._rng = child(seed, _OTHER_NOISE)
+        self._rng = child(seed, _NOISE_STREAM)
         self._made = dict.fromkeys(KINDS, 0)
         self._unloaded = np.concatenate([cell.bias for cell in CELLS])
         self._sweep: SimulatedSweep | None = None
         self._from = np.zeros(2)
         self._prepared_s = self._started_s = np.inf
-        simulate_sweep(feature, seed, speed=speed, rate=rate)  # raises what is wrong with the arguments
-        for mode in MODES:  # solved now, not in the middle of time
+        simulate_sweep(feature, seed, speed=speed, rate=rate)  # validates the arguments
+        for mode in MODES:  # compute the contact tables now rather than in real time
             contact(feature, mode, np.zeros(1), np.zeros(1))
 
     @property
     def duration_s(self) -> float:
-        """Of the sweep that was prepared last, s; 0 before the first."""
+        """Duration of the sweep that was prepared last, s; 0 before the first."""
         return 0.0 if self._sweep is None else (len(self._sweep.stamp_ns) - 1) / self._rate
 
     @property
     def ready_s(self) -> float:
-        """When the fingers are closed at the start of the sweep that was prepared last."""
+        """Time at which the fingers are closed at the start of the sweep that was prepared last, s."""
         return self._prepared_s + _RETURN_S + _CLOSE_S
 
     def prepare(self, kind: str, now_s: float) -> SimulatedSweep:
-        """Let go, go to the start of the next sweep of ``kind``, and close the fingers, from ``now_s`` on."""
+        """Open the fingers at ``now_s``, move to the start of the next sweep of ``kind``, and close them."""
         if kind not in KINDS:
             raise ParameterError(f"sweep kind {kind!r}: expected one of {', '.join(KINDS)}")
         here = self.read(now_s).odometry
@@ -108,11 +113,11 @@ class Rig:
         return self._sweep
 
     def start(self, now_s: float) -> None:
-        """Begin the prepared sweep at ``now_s``, which is not before :attr:`ready_s`."""
+        """Begin the prepared sweep at ``now_s``, but not before :attr:`ready_s`."""
         self._started_s = max(now_s, self.ready_s)
 
     def read(self, now_s: float) -> Reading:
-        """The moment ``now_s``."""
+        """State of the hand at time ``now_s``."""
         sweep = self._sweep
         if sweep is None:
             return Reading(Phase.OPEN, self._with_noise(self._unloaded), self._from, None)
@@ -120,22 +125,22 @@ class Rig:
             return self._approach(sweep, now_s - self._prepared_s)
         last = len(sweep.stamp_ns) - 1
         index = np.clip((now_s - self._started_s) * self._rate, 0, last)
-        whole = int(index)
-        after = min(whole + 1, last)
+        before = int(index)
+        after = min(before + 1, last)
         phase = Phase.READY if now_s < self._started_s else Phase.DONE if index >= last else Phase.SWEEPING
         strain = sweep.strain[round(index)]
         return Reading(
             phase,
             strain if phase is Phase.SWEEPING else self._with_noise(strain),
-            _between(sweep.odometry[whole], sweep.odometry[after], index - whole),
-            _between(sweep.truth[whole], sweep.truth[after], index - whole),
+            _interpolate(sweep.odometry[before], sweep.odometry[after], index - before),
+            _interpolate(sweep.truth[before], sweep.truth[after], index - before),
         )
 
     def _approach(self, sweep: SimulatedSweep, since_s: float) -> Reading:
-        way = np.clip(since_s / _RETURN_S, 0, 1)
+        moved = np.clip(since_s / _RETURN_S, 0, 1)
         closed = np.clip((since_s - _RETURN_S) / _CLOSE_S, 0, 1)
-        odometry = _between(self._from, sweep.odometry[0], way * way * (3 - 2 * way))
-        strain = self._with_noise(_between(self._unloaded, sweep.strain[0], closed))
+        odometry = _interpolate(self._from, sweep.odometry[0], moved * moved * (3 - 2 * moved))
+        strain = self._with_noise(_interpolate(self._unloaded, sweep.strain[0], closed))
         if closed > 0:
             return Reading(Phase.READY, strain, odometry, sweep.truth[0])
         return Reading(Phase.OPEN, strain, odometry, None)
@@ -144,5 +149,5 @@ class Rig:
         return strain + NOISE_V * self._rng.standard_normal(len(strain))
 
 
-def _between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
-    return np.asarray(a + share * (b - a))
+def _interpolate(a: np.ndarray, b: np.ndarray, fraction: float) -> np.ndarray:
+    return np.asarray(a + fraction * (b - a))

@@ -1,4 +1,4 @@
-"""A whole session of simulated sweeps: the paper's training scan, or test sweeps between its lines."""
+"""Simulated sessions of sweeps: the paper's training scan, or test sweeps between its lines."""
 
 from __future__ import annotations
 
@@ -17,31 +17,36 @@ AXES = ("x", "y")
 """Axes of the simulated state: along the sweeps and across them."""
 
 TRAINING_SWEEPS = 21
-"""Sweeps of a training scan, 0.1 inch apart across the square."""
+"""Sweeps of a training scan, 2.54 mm (0.1 inch) apart across the square, as in the paper."""
 
 TEST_SWEEPS = 18
-"""Sweeps of a test session, as many as the paper's."""
+"""Sweeps of a test session, as in the paper."""
 
-_PLAN = 3 << 30
+_PLAN_STREAM = 3 << 30
+"""Path of the random generator for the plan of test sweeps; no sweep has so high a number."""
+
 _LATEST_START_M = 8.0e-3
-_LATEST_BLANK_END_M = 13.0e-3
+"""Largest x at which a test sweep starts, m: well before the feature."""
+
+_FEATURELESS_END_M = 13.0e-3
+"""End of sweeps that stop before the feature, m along x."""
 
 
 @dataclass(frozen=True)
 class SimulatedScan:
-    """The sweeps of a session one after another, N samples in S sweeps.
+    """Consecutive sweeps of a session, with N samples in S sweeps.
 
     Parameters
     ----------
-    feature : what lay in the material
-    stamp_ns : (N,) int64
-    truth : (N, 2) m, palm relative to the material
-    odometry : (N, 2) m, palm as the arm reports it
-    strain : (N, C) V
-    sweep : (N,) number of each sample's sweep
-    contact, feature_end : (S,) sample, counted from the scan's start, at which the sweep's first pad
-        comes to feel the feature and the last one ceases to; -1 where none does
-    channels : of the two phalanges' sensors; empty: the default for each
+    feature : feature in the material
+    stamp_ns : (N,) int64 stamps, ns
+    truth : (N, 2) palm position relative to the material, m
+    odometry : (N, 2) palm position reported by the arm, m
+    strain : (N, C) strain voltages, V
+    sweep : (N,) sweep number of each sample
+    contact, feature_end : (S,) indices of the samples at which the first pad of a sweep comes into contact
+        with the feature, and the last one leaves it; -1 without contact
+    channels : channels of the two phalanges; empty: the default for each
     """
 
     feature: str
@@ -59,7 +64,7 @@ class SimulatedScan:
 
     @property
     def layout(self) -> ChannelLayout:
-        """The strain's channels by phalanx."""
+        """Channels of the strain vector by phalanx."""
         return ChannelLayout.of(self.channels, len(PHALANGES))
 
     @property
@@ -72,34 +77,34 @@ class SimulatedScan:
         return felt
 
     def to_scan(self) -> Scan:
-        """The training pairs: each strain with the position that the arm reported for it."""
+        """Training pairs: strain with the position reported by the arm."""
         return Scan(self.odometry, self.strain, self.sweep, AXES, PHALANGES, self.channels)
 
     def slices(self) -> list[slice]:
-        """Where each sweep lies in the arrays."""
+        """Slice of the arrays for each sweep."""
         starts = np.flatnonzero(np.diff(self.sweep, prepend=-1))
         return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(self)], strict=True)]
 
 
 def sweep_plan(kind: str, number: int, seed: int) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Where sweep ``number`` of a session is meant to start and end, m.
+    """Nominal start and end of sweep ``number`` of a session, m.
 
-    Training sweeps lie 0.1 inch apart and wrap around after the last. Test sweeps begin anywhere before
-    the feature and lie between the lines of the training.
+    Training sweeps are 2.54 mm apart and start again after the last line. Test sweeps start at random
+    positions before the feature, between the lines of the training scan.
     """
     spacing = SIDE_M / (TRAINING_SWEEPS - 1)
     if kind == "train":
         y = spacing * (number % TRAINING_SWEEPS)
         return (0.0, y), (SIDE_M, y)
-    rng = child(seed, _PLAN, number)
+    rng = child(seed, _PLAN_STREAM, number)
     y = spacing * (rng.integers(TRAINING_SWEEPS - 1) + rng.uniform(0.2, 0.8))
     return (rng.uniform(0, _LATEST_START_M), y), (SIDE_M - rng.uniform(0, 1e-3), y)
 
 
-def blank_plan(number: int, seed: int) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Where a test sweep is meant to start and end that stops before any feature, m."""
+def featureless_plan(number: int, seed: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Nominal start and end of a test sweep that stops before the feature, m."""
     (x, y), _ = sweep_plan("test", number, seed)
-    return (0.25 * x, y), (_LATEST_BLANK_END_M, y)
+    return (0.25 * x, y), (_FEATURELESS_END_M, y)
 
 
 def simulate_scan(
@@ -118,13 +123,13 @@ def simulate_scan(
     Parameters
     ----------
     feature : one of :data:`~tactile_localizer.sim.material.FEATURES`
-    seed : of the session; each sweep depends on it and its number alone
+    seed : seed of the session; a sweep depends only on it and on its number
     kind : ``train`` or ``test``
-    sweeps : how many; by default 21 for training (about 16,300 samples), 18 for test
-    reach_feature : False lets every sweep end on the featureless stretch before the feature
-    speed : m/s
-    rate : samples per second
-    channels : of the two phalanges' sensors; empty: the load cells' 8 each
+    sweeps : number of sweeps; default: 21 for training (about 16,300 samples), 18 for test
+    reach_feature : if false, every sweep ends before the feature
+    speed : speed of the palm, m/s
+    rate : sampling rate, Hz
+    channels : channels of the two phalanges; empty: load cells with 8 each
 
     Raises
     ------
@@ -136,7 +141,7 @@ def simulate_scan(
         raise ParameterError(f"simulated scan: expected at least one sweep, got {count}")
     recorded = []
     for number in range(count):
-        start, end = sweep_plan(kind, number, seed) if reach_feature else blank_plan(number, seed)
+        start, end = sweep_plan(kind, number, seed) if reach_feature else featureless_plan(number, seed)
         recorded.append(
             simulate_sweep(
                 feature, seed, number, kind, start=start, end=end, speed=speed, rate=rate, channels=channels

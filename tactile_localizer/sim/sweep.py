@@ -1,4 +1,4 @@
-"""One sweep of the simulated hand over the simulated material, as a recording."""
+"""Simulation of one sweep of the hand over the material."""
 
 from __future__ import annotations
 
@@ -10,50 +10,58 @@ from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import MOST_CHANNELS
 from tactile_localizer.sim.deformation import deformation, mode_of_sweep
-from tactile_localizer.sim.hand import Sliding, feel
+from tactile_localizer.sim.hand import Sliding, contact_wrenches
 from tactile_localizer.sim.load_cell import NOISE_V, LoadCell, drift, load_cell, sensor
 from tactile_localizer.sim.material import FEATURES
 from tactile_localizer.sim.motion import FIXTURED, HANGING, sweep_motion
 from tactile_localizer.sim.noise import child
 
 SIDE_M = 0.0508
-"""Side of the square that the palm moves in: two inches."""
+"""Side of the square in which the palm moves, m: two inches, as in the paper."""
 
 FEATURE_CENTER_M = (32.0e-3, 25.4e-3)
-"""Where the feature lies in the material."""
+"""Centre of the feature in the material, m."""
 
 SPEED_MPS = 6.8e-3
 RATE_HZ = 100.0
+"""Nominal speed and sampling rate; with them a training scan has the number of samples of the paper's."""
 
 KINDS = ("train", "test")
-"""Training: fixtured material, odometry from a known origin. Test: hanging material, unknown origin."""
+"""Training: fixtured material, odometry with known origin. Test: hanging material, unknown origin."""
 
 _SERIALS = (101, 102)
 CELLS = tuple(load_cell(serial) for serial in _SERIALS)
-"""The load cells of :data:`~tactile_localizer.sim.hand.PHALANGES`."""
+"""Load cells of :data:`~tactile_localizer.sim.hand.PHALANGES`."""
 
-_FELT_V = 40e-3
-"""A feature is felt from three sigma of what featureless stretches differ between sweeps (about 13 mV)."""
+_CONTACT_THRESHOLD_V = 40e-3
+"""Strain from which a feature counts as in contact, V: three standard deviations (13 mV) of featureless
+material between sweeps.
+"""
 
 _FIRST_STAMP_NS = 1_000_000_000
 _PAUSE_S = 3.0
-_UNKNOWN_ORIGIN_M = 0.3
-_MODES, _DRIFT = 1 << 30, 2 << 30
+"""Pause between sweeps, s."""
+
+_MAX_ORIGIN_OFFSET_M = 0.3
+"""Largest offset of the odometry in a test sweep, m."""
+
+_MODE_STREAM, _DRIFT_STREAM = 1 << 30, 2 << 30
+"""Paths of the random generators for modes and drift; no sweep has so high a number."""
 
 
 @dataclass(frozen=True)
 class SimulatedSweep:
-    """A recorded sweep of n samples.
+    """A simulated sweep of n samples.
 
     Parameters
     ----------
-    number : of the sweep in its scan
-    stamp_ns : (n,) int64
-    truth : (n, 2) m, palm relative to the material, x and y
-    odometry : (n, 2) m, palm as the arm reports it: wrong by the material's motion, for a test sweep
-        also by a constant that nobody knows
-    strain : (n, C) V, index then middle
-    contact, feature_end : first and last sample at which a pad feels the feature above noise; -1: none
+    number : number of the sweep in its scan
+    stamp_ns : (n,) int64 stamps, ns
+    truth : (n, 2) palm position relative to the material, x and y, m
+    odometry : (n, 2) palm position reported by the arm, m; its error is the motion of the material and, in
+        a test sweep, an unknown constant
+    strain : (n, C) strain voltages, index then middle, V
+    contact, feature_end : first and last sample with a pad in contact with the feature; -1 without contact
     """
 
     number: int
@@ -77,60 +85,62 @@ def simulate_sweep(
     rate: float = RATE_HZ,
     channels: tuple[int, ...] = (),
 ) -> SimulatedSweep:
-    """Simulate one sweep; the same arguments give the same recording, whatever was simulated before.
+    """Simulate one sweep; the result depends on the arguments only.
 
     Parameters
     ----------
     feature : one of :data:`~tactile_localizer.sim.material.FEATURES`
-    seed, number : of the session and of the sweep in it
+    seed, number : seed of the session, and number of the sweep in it
     kind : one of :data:`KINDS`
-    start, end : m, where the palm is meant to go; without ``end`` straight along x to the square's far side
-    speed : m/s
-    rate : samples per second
-    channels : of the two phalanges' sensors; empty: those of :data:`CELLS`
+    start, end : nominal start and end of the palm, m; default of ``end``: along x to the far side of the
+        square
+    speed : speed of the palm, m/s
+    rate : sampling rate, Hz
+    channels : channels of the two phalanges; empty: those of :data:`CELLS`
 
     Raises
     ------
     ParameterError
-        No such feature or kind, a sweep without length, a speed or rate that is not positive.
+        No such feature or kind, a sweep of zero length, a speed or rate that is not positive.
     """
     _require(feature, kind, speed, rate)
     end = (SIDE_M, start[1]) if end is None else end
     if np.allclose(start, end):
-        raise ParameterError(f"sweep {number}: expected an end away from its start {start}, got {end}")
+        raise ParameterError(f"sweep {number}: expected an end different from its start {start}, got {end}")
     session = (FEATURES.index(feature), KINDS.index(kind))
     rng = child(seed, *session, number)
     motion = sweep_motion(rng, start, end, speed, rate, FIXTURED if kind == "train" else HANGING)
 
-    mode = mode_of_sweep(child(seed, *session, _MODES), number)
-    place = motion.truth - FEATURE_CENTER_M
-    lie = deformation(rng, mode, place[:, 0], spacing=speed / rate)
-    sliding = Sliding(place, motion.yaw, motion.direction, motion.tension, speed / rate, 1 / rate)
-    wrench, departure = feel(feature, sliding, lie, rng)
+    mode = mode_of_sweep(child(seed, *session, _MODE_STREAM), number)
+    position = motion.truth - FEATURE_CENTER_M
+    deformed = deformation(rng, mode, position[:, 0], spacing=speed / rate)
+    sliding = Sliding(position, motion.yaw, motion.direction, motion.tension, speed / rate, 1 / rate)
+    wrench, departure = contact_wrenches(feature, sliding, deformed, rng)
 
     begin_s = number * (SIDE_M / speed + _PAUSE_S)
     cells = sensors(channels)
     strain = np.hstack([cell.strain(wrench[:, f]) for f, cell in enumerate(cells)])
-    strain += drift(child(seed, *session, _DRIFT), begin_s + motion.time, strain.shape[1])
+    strain += drift(child(seed, *session, _DRIFT_STREAM), begin_s + motion.time, strain.shape[1])
     strain += NOISE_V * rng.standard_normal(strain.shape)
 
     signal = [np.abs(departure[:, f] @ cell.gain.T).max(axis=1) for f, cell in enumerate(cells)]
-    felt = np.flatnonzero(np.max(signal, axis=0) > _FELT_V)
-    contact, feature_end = (int(felt[0]), int(felt[-1])) if len(felt) else (-1, -1)
-    unknown = rng.uniform(-_UNKNOWN_ORIGIN_M, _UNKNOWN_ORIGIN_M, 2) if kind == "test" else np.zeros(2)
+    touching = np.flatnonzero(np.max(signal, axis=0) > _CONTACT_THRESHOLD_V)
+    contact, feature_end = (int(touching[0]), int(touching[-1])) if len(touching) else (-1, -1)
+    limit = _MAX_ORIGIN_OFFSET_M
+    origin = rng.uniform(-limit, limit, 2) if kind == "test" else np.zeros(2)
     stamp_ns = _FIRST_STAMP_NS + np.round((begin_s + motion.time) * 1e9).astype(np.int64)
     return SimulatedSweep(
-        number, stamp_ns, motion.truth, motion.odometry + unknown, strain, contact, feature_end
+        number, stamp_ns, motion.truth, motion.odometry + origin, strain, contact, feature_end
     )
 
 
 def sensors(channels: tuple[int, ...]) -> tuple[LoadCell, ...]:
-    """The sensors of the two phalanges, with so many channels; empty: the load cells.
+    """Sensors of the two phalanges with the given numbers of channels; empty: the load cells.
 
     Raises
     ------
     ParameterError
-        Other than two numbers, or a number that no sensor has.
+        Not two numbers, or a number out of range.
     """
     if channels and (len(channels) != len(_SERIALS) or not all(1 <= n <= MOST_CHANNELS for n in channels)):
         raise ParameterError(

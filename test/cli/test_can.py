@@ -139,7 +139,7 @@ def test_a_line_that_candump_does_not_log_is_told_with_its_number(
         told = capsys.readouterr().err
         assert (
             told
-            == f"error: {log} line 81: expected a frame as candump -l writes it, found {line.strip()!r}\n"
+            == f"error: {log} line 81: expected a frame in the format of candump -l, found {line.strip()!r}\n"
         )
 
 

@@ -1,4 +1,4 @@
-"""`import` makes scan files of recordings and says what it left out."""
+"""`import` makes scan files from recordings and reports skipped samples."""
 
 import csv
 
@@ -36,10 +36,10 @@ def test_a_csv_of_standard_columns_becomes_a_scan_file(folder, capsys):
     output = capsys.readouterr().out.splitlines()
     assert output == [
         "scan.db: 3 sweeps, 125 pairs",
-        "  train.csv: left out 1 of 200 rows: 1 not numbers (first: line 9, index_2 'broken')",
-        "  left out 74 of 199 samples with a palm position outside the scene's bounds"
+        "  train.csv: skipped 1 of 200 rows: 1 not numbers (first: line 9, index_2 'broken')",
+        "  skipped 74 of 199 samples with a palm position outside the scene's bounds"
         " (x is 0 to 0.0796, bounds 0 to 0.05)",
-        "  left out 1 of 4 sweeps whole: 3",
+        "  skipped 1 of 4 sweeps completely: 3",
     ]
     with ScanStore.open("scan.db") as store:
         assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2]
@@ -68,7 +68,7 @@ def test_the_folder_of_the_scan_file_is_made(folder, capsys):
     assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "scans/new/a.db"]) == 0
     assert (folder / "scans/new/a.db").exists()
     assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "a.csv/b.db"]) == 2
-    assert "a.csv/b.db: expected a folder that can be written" in capsys.readouterr().err
+    assert "a.csv/b.db: expected a writable folder" in capsys.readouterr().err
 
 
 def test_a_bag_becomes_a_scan_file(folder, capsys):
@@ -76,7 +76,7 @@ def test_a_bag_becomes_a_scan_file(folder, capsys):
     assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "scan.db: 2 sweeps, 394 pairs",
-        "  left out 6 of 400 samples without a palm pose near enough in time",
+        "  skipped 6 of 400 samples without a palm pose close enough in time",
     ]
 
 
@@ -173,7 +173,7 @@ def test_columns_of_all_phalanges_in_one_row_of_numbers_are_shared_in_the_scenes
 @pytest.mark.parametrize(
     ("names", "channels", "messages"),
     [
-        (["time_s"], 8, ["a position on x", "--speed M_PER_S where the hand moved at constant speed"]),
+        (["time_s"], 8, ["a position on x", "--speed M_PER_S if the hand moved at constant speed"]),
         (["time_s", "x"], 19, ["write channels: 19 below index in the scene"]),
         (["time_s", "x"], 6, ["write channels: 6 below index in the scene"]),
         (["when", "x"], 8, ["time stamps (--column stamp_s=NAME"]),
@@ -235,7 +235,7 @@ def test_rows_in_another_order_are_sorted_by_stamp(folder, capsys, order):
     rows = slid()
     rows = rows[::-1] if order == "reversed" else [rows[k] for k in np.random.default_rng(1).permutation(100)]
     assert import_table(folder, STANDARD, rows) == 0
-    assert "sorted 1 sweeps by their stamps, which run backwards" in capsys.readouterr().out
+    assert "sorted 1 sweeps with backward stamps" in capsys.readouterr().out
     with ScanStore.open("own.db") as store:
         np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
 

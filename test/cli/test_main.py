@@ -115,9 +115,7 @@ def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
-@pytest.mark.parametrize(
-    "command", [["replay", "a.csv", "--scan", "a.db"], ["simulate", "bump"], ["demo"], ["soak"]]
-)
+@pytest.mark.parametrize("command", [["replay", "a.csv", "--scan", "a.db"], ["simulate", "bump"], ["demo"]])
 def test_a_seed_that_is_none_is_refused(command, seed, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main([*command, "--seed", seed])

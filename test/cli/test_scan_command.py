@@ -65,11 +65,11 @@ def test_repair_names_the_sweep_that_lost_a_part_and_keeps_the_rest(scan, capsys
     place = content.index(strain[:64])
     scan.write_bytes(content[:place] + b"damaged!" + content[place + 8 :])
     assert main(["scan", "info", "scan.db"]) == 2
-    assert "error: scan.db: sweep 3 damaged, 1 of 1 parts cannot be read" in capsys.readouterr().err
+    assert "error: scan.db: sweep 3 damaged, 1 of 1 batches cannot be read" in capsys.readouterr().err
     assert main(["scan", "repair", "scan.db"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines == [
-        "  sweep 3: lost 1 of 1 parts",
+        "  sweep 3: lost 1 of 1 batches",
         "scan.db: kept 404 pairs in 4 sweeps",
         "the damaged file is now scan.db.damaged",
     ]
@@ -309,14 +309,14 @@ def test_plot_draws_every_picture(scan, capsys):
     [
         ("info none.db", "none.db: expected a scan file, found none"),
         ("list scan.txt", "scan.txt: expected a scan file, file is not a database"),
-        ("export scan.db -o scan.doc", "scan.doc: expected a name that ends in .csv or .npz"),
+        ("export scan.db -o scan.doc", "scan.doc: expected the extension .csv or .npz"),
         (
             "export empty.db -o empty.npz",
             "empty.db: expected at least one state-measurement pair",
         ),
-        ("export scan.db -o none/scan.csv", "none/scan.csv: expected a place to write to, No such file"),
+        ("export scan.db -o none/scan.csv", "none/scan.csv: expected a writable file, No such file"),
         ("plot scan.db -o scan.txt", "scan.txt: expected a folder for the pictures"),
-        ("merge scan.db -o scan.db", "scan.db: expected no file of this name yet, found one"),
+        ("merge scan.db -o scan.db", "scan.db: expected no file of this name, found one"),
     ],
 )
 def test_mistakes_get_one_line(scan, capsys, arguments, message):

@@ -9,7 +9,7 @@ from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError
 
 
-def test_nothing_given_is_the_default() -> None:
+def test_without_a_file_the_defaults_apply() -> None:
     assert Configuration.from_mapping({}) == Configuration()
 
 

@@ -83,7 +83,7 @@ def test_texts_are_escaped(tmp_path: Path) -> None:
     assert "note &gt; note" in text
 
 
-def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_an_unwritable_tare_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ScanError, match="expected to write a report"):
         Report("t", "s").write(tmp_path / "file" / "page.html")

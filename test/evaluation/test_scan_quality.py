@@ -7,7 +7,7 @@ import pytest
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.evaluation.scan_quality import findings
-from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scans.rows import SweepInfo
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import simulate_scan
 

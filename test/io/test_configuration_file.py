@@ -1,4 +1,4 @@
-"""Configurations come from presets and YAML files, and what is given beside them goes first."""
+"""Configurations are read from presets and YAML files; overrides take precedence."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 
 
-def test_nothing_given_is_the_default() -> None:
+def test_without_a_file_the_defaults_apply() -> None:
     assert load_configuration() == Configuration()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_every_preset_is_shipped_and_can_be_used(preset: str) -> None:
+def test_all_presets_load(preset: str) -> None:
     assert load_configuration(preset) != Configuration()
 
 
-def test_a_file_names_what_differs_and_the_command_line_goes_first(tmp_path) -> None:
+def test_overrides_precede_the_file(tmp_path) -> None:
     path = tmp_path / "own.yaml"
     path.write_text("filter: particle\nparticles: 75\nupdate_distance: 1e-3\n")
     configuration = load_configuration(path, particles=80, model=None)
     assert configuration == Configuration(filter="particle", particles=80, update_distance=0.001)
 
 
-def test_an_empty_file_is_the_default(tmp_path) -> None:
+def test_an_empty_file_means_the_defaults(tmp_path) -> None:
     path = tmp_path / "empty.yaml"
     path.write_text("# nothing\n")
     assert load_configuration(path) == Configuration()
@@ -41,7 +41,7 @@ def test_an_empty_file_is_the_default(tmp_path) -> None:
         ("a: [", "own.yaml: expected YAML, "),
     ],
 )
-def test_what_cannot_be_used_is_refused_and_names_the_file(tmp_path, text: str, message: str) -> None:
+def test_invalid_configurations_name_the_file(tmp_path, text: str, message: str) -> None:
     path = tmp_path / "own.yaml"
     path.write_text(text)
     with pytest.raises(ParameterError) as refusal:
@@ -50,7 +50,7 @@ def test_what_cannot_be_used_is_refused_and_names_the_file(tmp_path, text: str, 
     assert "\n" not in str(refusal.value)
 
 
-def test_an_unknown_preset_is_refused_with_those_that_exist() -> None:
+def test_an_unknown_preset_lists_the_known_ones() -> None:
     with pytest.raises(
         ParameterError, match="fastest: expected a configuration file or one of fast, balanced"
     ):

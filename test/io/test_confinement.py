@@ -1,4 +1,4 @@
-"""A path from outside cannot lead out of the directory that the operator named."""
+"""Requested paths cannot leave the directory chosen by the operator."""
 
 import pytest
 
@@ -15,11 +15,11 @@ def directory(tmp_path):
 
 
 @pytest.mark.parametrize("path", ["a.db", "old/b.db", "./a.db", "old/../a.db"])
-def test_a_path_in_the_directory_is_taken(directory, path):
+def test_a_path_in_the_directory_is_accepted(directory, path):
     assert confined(path, str(directory)) == (directory / path).resolve()
 
 
-def test_an_absolute_path_in_the_directory_is_taken(directory):
+def test_an_absolute_path_in_the_directory_is_accepted(directory):
     assert confined(str(directory / "a.db"), str(directory)) == directory / "a.db"
 
 
@@ -42,12 +42,12 @@ def test_a_link_out_of_the_directory_is_refused(directory):
             confined(path, str(directory))
 
 
-def test_a_directory_that_looks_alike_is_another(directory):
+def test_a_directory_with_a_common_prefix_is_refused(directory):
     (directory.parent / "scans2").mkdir()
     with pytest.raises(ScanError, match="expected a path in"):
         confined("../scans2/a.db", str(directory))
 
 
-def test_without_a_directory_there_is_none():
+def test_without_a_directory_all_paths_are_refused():
     with pytest.raises(ScanError, match="scan_directory: expected a directory"):
         confined("a.db", "")

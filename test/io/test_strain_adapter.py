@@ -24,14 +24,14 @@ def wrench(stamp_ms, *values):
     return Message(header=Message(stamp=stamp), wrench=Message(force=force, torque=torque))
 
 
-def test_a_wrench_has_six_channels_and_the_stamp_of_its_header():
+def test_a_wrench_has_six_channels():
     made = adapter(index={"topic": "ft", "type": WRENCH, "scale": 2.0})
     vector = made.feed("ft", wrench(1500, 1, 2, 3, 4, 5, 6), 7)
     assert (vector.stamp_ns, vector.status.tolist()) == (1500 * MS, [OK])
     np.testing.assert_array_equal(vector.strain, [2, 4, 6, 8, 10, 12])
 
 
-def test_parts_of_one_array_are_two_phalanges_stamped_on_receipt():
+def test_one_array_may_serve_two_phalanges():
     entry = {"topic": "skin", "type": ARRAY}
     made = adapter(index={**entry, "fields": ["data[0:3]"]}, thumb={**entry, "fields": ["data[3:5]"]})
     assert made.layout.counts == (3, 2)
@@ -40,7 +40,7 @@ def test_parts_of_one_array_are_two_phalanges_stamped_on_receipt():
     np.testing.assert_array_equal(vector.strain, np.arange(5.0))
 
 
-def test_values_that_are_not_finite_not_valid_or_at_a_limit_say_so():
+def test_status_marks_missing_and_saturated_values():
     made = adapter(index={"topic": "skin", "type": ARRAY, "channels": 2, "limits": [-1, 1], "valid": "ok"})
     states = [([0.0, 0.5], True), ([0.0, 1.0], True), ([0.0, np.nan], True), ([0.0, 0.0], False)]
     found = [
@@ -49,7 +49,7 @@ def test_values_that_are_not_finite_not_valid_or_at_a_limit_say_so():
     assert found == [OK, SATURATED, MISSING, MISSING]
 
 
-def test_another_phalanx_contributes_its_newest_value_that_is_not_later_or_too_old():
+def test_other_phalanges_contribute_recent_values():
     entry = {"type": WRENCH}
     made = adapter(index={**entry, "topic": "a"}, thumb={**entry, "topic": "b"})
 
@@ -63,7 +63,7 @@ def test_another_phalanx_contributes_its_newest_value_that_is_not_later_or_too_o
     assert [felt(stamp_ms) for stamp_ms in (12, 20, 69, 71)] == [10, 20, 20, None]
 
 
-def test_messages_that_are_late_make_nothing_and_time_may_be_set_back():
+def test_late_messages_are_skipped():
     made = adapter(index={"topic": "a", "type": WRENCH})
     stamps = [5000, 5010, 5010, 5005, 5020, 10]
     assert [made.feed("a", wrench(s, *[0] * 6), 0) is not None for s in stamps] == [
@@ -72,7 +72,7 @@ def test_messages_that_are_late_make_nothing_and_time_may_be_set_back():
 
 
 @pytest.mark.parametrize("message", [Message(data=[1.0] * 3), Message(points=[1.0]), Message(data=None)])
-def test_a_message_of_other_form_is_refused(message):
+def test_messages_without_the_fields_are_refused(message):
     made = adapter(index={"topic": "skin", "type": ARRAY, "channels": 2})
     with pytest.raises(MeasurementError, match=r"expected|channels"):
         made.feed("skin", message, 1)
@@ -91,16 +91,16 @@ def test_a_message_of_other_form_is_refused(message):
         ({"topic": "a", "type": ARRAY, "filter": 3}, "phalanx index: expected topic, type"),
     ],
 )
-def test_an_entry_that_cannot_be_used_is_refused_in_one_line(entry, message):
+def test_invalid_entries_are_refused(entry, message):
     with pytest.raises(ParameterError, match=message):
         adapter(index=entry)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_a_missing_adapter_file_is_named(tmp_path):
     with pytest.raises(ParameterError, match=r"none\.yaml: expected a strain adapter in YAML, found none"):
         load_adapter(tmp_path / "none.yaml")
 
 
-def test_paths_lead_through_fields_and_indices():
+def test_field_paths_follow_fields_and_indices():
     message = Message(contacts=[Message(force=1.0), Message(force=2.0)])
     assert FieldPath("contacts[1]").of(message).force == 2.0

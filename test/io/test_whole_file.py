@@ -1,4 +1,4 @@
-"""A file is written whole or not at all."""
+"""Files are written atomically."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from tactile_localizer.io.whole_file import whole_file
 
 
-def test_it_appears_when_all_is_written(tmp_path: Path) -> None:
+def test_a_file_appears_when_complete(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     with whole_file(path) as unfinished:
         unfinished.write_text("all")
@@ -17,7 +17,7 @@ def test_it_appears_when_all_is_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_was_there_stays_when_writing_fails(tmp_path: Path) -> None:
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("before")
 
@@ -32,7 +32,7 @@ def test_what_was_there_stays_when_writing_fails(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_link_stays_a_link(tmp_path: Path) -> None:
+def test_a_link_is_preserved(tmp_path: Path) -> None:
     (tmp_path / "real.txt").write_text("before")
     (tmp_path / "link.txt").symlink_to("real.txt")
     with whole_file(tmp_path / "link.txt") as unfinished:

@@ -1,4 +1,4 @@
-"""YAML from people is read within bounds, and what is more than data is refused in one line."""
+"""YAML files are read within limits; anything but plain data is refused in one line."""
 
 import math
 import os
@@ -8,7 +8,7 @@ import tracemalloc
 import pytest
 
 from tactile_localizer.errors import SceneError
-from tactile_localizer.io.yaml_file import LARGEST_BYTES, load_yaml, parse_yaml
+from tactile_localizer.io.yaml_file import MAX_FILE_BYTES, load_yaml, parse_yaml
 
 
 def load(path):
@@ -27,17 +27,17 @@ def load(path):
         ("a: &x [1, 2]\nb: *x", {"a": [1, 2], "b": [1, 2]}),
     ],
 )  # fmt: skip
-def test_values_are_what_they_look_like(text, value):
+def test_values_have_the_type_they_look_like(text, value):
     found = parse_yaml(text)
     assert found == value
     assert type(found) is type(value)
 
 
-def test_a_zero_in_front_makes_no_other_number():
+def test_leading_zeros_do_not_mean_octal():
     assert parse_yaml("010") == 10.0
 
 
-def test_mappings_are_not_merged():
+def test_merge_keys_are_ordinary_keys():
     assert parse_yaml("a: &a {k: 1}\nb: {<<: [*a, *a]}")["b"] == {"<<": [{"k": 1}, {"k": 1}]}
 
 
@@ -48,8 +48,8 @@ def bomb(levels=30):
 
 
 HOSTILE = {
-    "circle": ("a: &a [*a]", "an alias within what it stands for"),
-    "circle of mappings": ("a: &a {b: {c: *a}}", "an alias within what it stands for"),
+    "circle": ("a: &a [*a]", "an alias within its own anchor"),
+    "circle of mappings": ("a: &a {b: {c: *a}}", "an alias within its own anchor"),
     "bomb": (bomb(), "at most 20000 values"),
     "deep list": ("[" * 20_000, "at most 16 levels"),
     "deep mapping": ("{a: " * 10_000, "at most 16 levels"),
@@ -57,22 +57,22 @@ HOSTILE = {
     "binary": ("a: !!binary aGVsbG8=", "found the tag !!binary (line 1)"),
     "python": ("a: !!python/object/apply:os.system [ls]", "found the tag"),
     "set": ("a: !!set {x}", "found the tag !!set"),
-    "integer key": ("1: a", "text as a key, found 1; put it in quotes (line 1)"),
-    "key that is true": ("on: 1", "text as a key, found on; put it in quotes"),
-    "key that is a list": ("[1, 2]: a", "text as a key, found a list"),
+    "integer key": ("1: a", "a string as a key, found 1; put it in quotes (line 1)"),
+    "key that is true": ("on: 1", "a string as a key, found on; put it in quotes"),
+    "key that is a list": ("[1, 2]: a", "a string as a key, found a list"),
     "twice": ("x: 1\ny: 2\nx: 3", "the key 'x' once, found it 2 times"),
     "two documents": ("a: 1\n---\nb: 2", "but found another document"),
-    "wrong tag": ("!!int abc", "a value that fits its tag"),
+    "wrong tag": ("!!int abc", "a value that matches its tag"),
     "unknown alias": ("a: *b", "found undefined alias"),
     "unclosed": ("a: [1, 2", "(line 1)"),
     "tab": ("a:\n\t- b", "(line 2)"),
-    "large": ("# " + "x" * LARGEST_BYTES, "at most 64 kB"),
+    "large": ("# " + "x" * MAX_FILE_BYTES, "at most 64 kB"),
     "control character": ("a: \x00", "special characters are not allowed"),
 }
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_what_is_more_than_data_is_refused_in_a_second_and_little_memory(tmp_path, name):
+def test_unsafe_documents_are_refused_quickly(tmp_path, name):
     text, message = HOSTILE[name]
     path = tmp_path / "scene.yaml"
     path.write_text(text)
@@ -91,18 +91,18 @@ def test_what_is_more_than_data_is_refused_in_a_second_and_little_memory(tmp_pat
     assert most < 50e6
 
 
-def test_what_is_no_file_is_refused(tmp_path):
+def test_other_paths_than_files_are_refused(tmp_path):
     os.mkfifo(tmp_path / "fifo")
     for path in (tmp_path, tmp_path / "fifo", "x" * 5000, "/dev/zero"):
         with pytest.raises(SceneError, match="expected a scene file, "):
             load(path)
     (tmp_path / "text").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match="not text in UTF-8"):
+    with pytest.raises(SceneError, match="not UTF-8"):
         load(tmp_path / "text")
     with pytest.raises(FileNotFoundError):
         load(tmp_path / "none")
 
 
-def test_a_mark_at_the_beginning_is_no_part_of_the_text(tmp_path):
+def test_a_byte_order_mark_is_ignored(tmp_path):
     (tmp_path / "text").write_bytes(b"\xef\xbb\xbfa: 1")
     assert load(tmp_path / "text") == {"a": 1}

@@ -207,7 +207,7 @@ def test_diagnostics_tell_idle_from_well_from_stale_and_count_faults(
     assert int(middle["drops"]) == 2 * (complete - received) > 0
 
 
-def test_an_absent_interface_is_waited_for_where_that_is_wanted(
+def test_the_reader_can_wait_for_an_absent_interface(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
 ) -> None:
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -312,7 +312,7 @@ def test_a_tare_is_refused_while_the_hand_is_silent_or_moves(
     tares.told([0.0] * 16, "the offset at the start")
     silent = probe.call(Trigger, "driver/tare")
     assert not silent.success
-    assert "at least 10 samples of index, got 0" in silent.message
+    assert "at least 10 valid samples of index, got 0" in silent.message
 
     hand.swing = 0.25
     tares.sending(lambda: tares.strains, "strain of a hand that moves")

@@ -246,9 +246,7 @@ def test_without_a_directory_no_scan_can_be_loaded(node, probe, scan_file):
 
     answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=str(scan_file)))
     assert not answer.success
-    assert (
-        answer.message == "scan_directory: expected a directory that scan files may be read from, found none"
-    )
+    assert answer.message == "scan_directory: expected a directory of scan files, found none"
 
 
 def test_what_may_not_change_while_it_runs_is_refused_with_the_reason(node, probe):

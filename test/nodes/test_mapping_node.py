@@ -164,10 +164,10 @@ def test_strain_without_a_phalanx_of_the_scene_refuses_the_sweep(node_process, p
 def test_services_out_of_turn_are_refused_with_the_reason(node_process, probe, files):
     node_process("mapping_node", parameters=files)
     hand = Hand(probe)
-    assert hand.service("end_sweep").message == "end sweep: expected one under way, found none"
+    assert hand.service("end_sweep").message == "end sweep: expected an active sweep, found none"
     assert hand.service("start_sweep").success
     answer = hand.service("start_sweep")
-    assert (answer.success, answer.message) == (False, "start sweep: expected none under way, found sweep 1")
+    assert (answer.success, answer.message) == (False, "start sweep: expected no active sweep, found sweep 1")
 
 
 def test_sweeps_are_found_from_the_motion_when_that_is_asked_for(node_process, probe, files):
@@ -266,7 +266,7 @@ def test_a_second_node_on_the_file_is_refused_and_the_first_goes_on(node_process
     hand = Hand(probe)
     second = node_process("mapping_node", parameters=files, remaps={"__node": "other"})
     assert second.wait() == 2
-    assert f"expected to be its one writer, found process {first.pid} writing it" in second.output
+    assert f"expected no other writer, process {first.pid} is writing the file" in second.output
     assert "Traceback" not in second.output
     assert hand.service("start_sweep").success
 
@@ -314,7 +314,7 @@ def scan_of_another_scene(files, tmp_path):
 
 
 def folder_that_is_not_there(files, tmp_path):
-    return {**files, "scan_file": tmp_path / "none" / "scan.db"}, "expected a folder that can be written"
+    return {**files, "scan_file": tmp_path / "none" / "scan.db"}, "expected a writable folder"
 
 
 def damaged_scan(files, tmp_path):
@@ -323,7 +323,7 @@ def damaged_scan(files, tmp_path):
         store.append(np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
     with closing(sqlite3.connect(files["scan_file"])) as database, database:
         database.execute("UPDATE batch SET strain = x'00'")
-    return files, "damaged, 1 of 1 parts cannot be read"
+    return files, "damaged, 1 of 1 batches cannot be read"
 
 
 def short_material_pose(files, tmp_path):

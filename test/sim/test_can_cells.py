@@ -1,4 +1,4 @@
-"""The load cells' side of the bus, on a real python-can bus within the process."""
+"""Simulated load cells on a python-can bus within the process."""
 
 from collections import Counter
 
@@ -39,7 +39,7 @@ def received(bus):
     return messages
 
 
-def test_what_is_sent_decodes_to_the_same_voltages(protocol, buses):
+def test_sent_frames_decode_to_the_same_voltages(protocol, buses):
     sender = cells(protocol, buses[0])
     sender.send(STRAIN)
     messages = received(buses[1])
@@ -52,7 +52,7 @@ def test_what_is_sent_decodes_to_the_same_voltages(protocol, buses):
     np.testing.assert_allclose(np.sort(voltages), STRAIN, atol=0.2e-3)
 
 
-def test_the_counter_goes_up_by_one_a_sample(protocol, buses):
+def test_the_counter_increments_per_sample(protocol, buses):
     sender = cells(protocol, buses[0])
     for _ in range(5):
         sender.send(STRAIN)
@@ -60,7 +60,7 @@ def test_the_counter_goes_up_by_one_a_sample(protocol, buses):
     assert list(decoded.counter[decoded.slot == 0]) == [0, 1, 2, 3, 4]
 
 
-def test_dropped_frames_are_missing_in_about_that_share(protocol, buses):
+def test_frames_are_dropped_with_the_given_probability(protocol, buses):
     sender = cells(protocol, buses[0])
     for _ in range(300):
         sender.send(STRAIN, Faults(drop=0.25))
@@ -69,7 +69,7 @@ def test_dropped_frames_are_missing_in_about_that_share(protocol, buses):
     assert 0.68 < frames / all_frames < 0.82
 
 
-def test_garbage_is_of_every_kind_and_spoils_no_voltage(protocol, buses):
+def test_garbage_frames_are_of_every_kind(protocol, buses):
     sender = cells(protocol, buses[0])
     for _ in range(100):
         sender.send(STRAIN, Faults(garbage=0.5))
@@ -81,7 +81,7 @@ def test_garbage_is_of_every_kind_and_spoils_no_voltage(protocol, buses):
     assert np.ptp(decoded.voltage[(decoded.kind == FrameKind.DATA) & (decoded.slot == 0), 0]) == 0
 
 
-def test_a_silent_cell_sends_nothing_and_a_faulty_one_says_so(protocol, buses):
+def test_silent_and_faulty_cells(protocol, buses):
     sender = cells(protocol, buses[0])
     sender.send(STRAIN, Faults(silent=["index"], faulty=["middle"]))
     decoded = protocol.decode(protocol.batch(received(buses[1])))
@@ -91,13 +91,13 @@ def test_a_silent_cell_sends_nothing_and_a_faulty_one_says_so(protocol, buses):
     assert np.all(decoded.fault)
 
 
-def test_a_bus_that_takes_no_frames_is_told(protocol, buses):
+def test_a_failing_bus_is_reported(protocol, buses):
     sender = cells(protocol, buses[0])
     buses[0].shutdown()
-    with pytest.raises(CanError, match="expected to send a frame"):
+    with pytest.raises(CanError, match="could not send a frame"):
         sender.send(STRAIN)
 
 
-def test_a_probability_beyond_one_is_refused():
-    with pytest.raises(ParameterError, match=r"drop: expected a probability, got 1\.5"):
+def test_probabilities_above_one_are_refused():
+    with pytest.raises(ParameterError, match=r"drop: expected a probability of 0 to 1, got 1\.5"):
         Faults(drop=1.5)

@@ -1,4 +1,4 @@
-"""A fingertip pad on the material."""
+"""Contact of a fingertip pad with the material."""
 
 import numpy as np
 import pytest
@@ -16,20 +16,20 @@ def at(feature, x, y=0.0, mode="taut"):
 
 
 @pytest.mark.parametrize("feature", WHOLE)
-def test_a_pad_beside_the_feature_feels_the_bare_sheet(feature):
+def test_far_from_the_feature_the_contact_is_flat(feature):
     bare = at("none", 0.0)
     for x, y in ((-18e-3, 0), (18e-3, 0), (0, 18e-3), (0, -18e-3), (0.3, 0), (0, -0.3)):
         np.testing.assert_allclose(at(feature, x, y), bare, atol=1e-4)
 
 
-def test_the_bare_sheet_presses_in_the_middle_of_the_pad():
+def test_the_bare_sheet_presses_on_the_middle():
     lift, x, y, slope_x, slope_y, friction = at("none", 0.0)[:, 0]
     np.testing.assert_allclose([lift, x, y, slope_x, slope_y], 0, atol=1e-9)
     assert friction == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("feature", WHOLE)
-def test_pressure_moves_to_the_side_where_the_feature_is(feature):
+def test_pressure_shifts_towards_the_feature(feature):
     before, after = at(feature, [-8e-3, 8e-3])[1]
     assert before > 0.5e-3
     assert after < -0.5e-3
@@ -39,7 +39,7 @@ def test_pressure_moves_to_the_side_where_the_feature_is(feature):
 
 
 @given(x=st.floats(-18e-3, 18e-3), y=st.floats(-18e-3, 18e-3), feature=st.sampled_from(WHOLE))
-def test_a_round_feature_feels_mirrored_from_the_other_side(x, y, feature):
+def test_contact_with_a_round_feature_is_symmetric(x, y, feature):
     here, mirrored = at(feature, x, y)[:, 0], at(feature, x, -y)[:, 0]
     np.testing.assert_allclose(here * [1, 1, -1, 1, -1, 1], mirrored, atol=1e-6)
 
@@ -55,7 +55,7 @@ def test_the_centre_of_pressure_stays_on_the_pad(x, y, feature, mode):
     assert (u / PAD_HALF_M[0]) ** 2 + (v / PAD_HALF_M[1]) ** 2 <= 1
 
 
-def test_a_finger_is_lifted_most_over_the_feature_and_sinks_back_after_it():
+def test_the_lift_is_largest_over_the_feature():
     lift = at("snap", [-18e-3, -5e-3, 0.0, 5e-3, 18e-3])[0]
     assert lift[2] == max(lift) > 0.3e-3
     assert abs(lift[0]) < 1e-5 > abs(lift[4])

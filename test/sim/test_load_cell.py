@@ -1,4 +1,4 @@
-"""Load cells: wrench to strain."""
+"""Conversion of wrenches to strain."""
 
 import numpy as np
 from hypothesis import given
@@ -10,7 +10,7 @@ from tactile_localizer.sim.load_cell import DRIFT_V, drift, load_cell
 WRENCH = arrays(float, (1, 6), elements=st.floats(-5, 5))
 
 
-def test_the_eight_gauges_tell_all_six_parts_of_the_wrench():
+def test_the_gain_has_full_rank():
     scaled = load_cell(101).gain / [1, 1, 1, 100, 100, 100]  # V per N and V per 10 N mm
     singular = np.linalg.svd(scaled, compute_uv=False)
     assert singular[-1] > 0.02 * singular[0]
@@ -25,24 +25,24 @@ def test_strain_is_affine_in_the_wrench(a, b, share):
     )
 
 
-def test_an_unloaded_cell_shows_its_bias():
+def test_an_unloaded_cell_reads_its_bias():
     cell = load_cell(101)
     np.testing.assert_array_equal(cell.strain(np.zeros((1, 6)))[0], cell.bias)
 
 
-def test_a_serial_number_is_always_the_same_cell_and_no_other():
+def test_serial_numbers_identify_cells():
     np.testing.assert_array_equal(load_cell(7).gain, load_cell(7).gain)
     assert np.max(np.abs(load_cell(7).gain - load_cell(8).gain)) > 0.01
 
 
-def test_no_two_gauges_respond_alike():
+def test_gauges_respond_differently():
     rows = load_cell(101).gain / [1, 1, 1, 100, 100, 100]
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     alike = np.abs(rows @ rows.T) - np.eye(8)
     assert np.max(alike) < 0.99
 
 
-def test_drift_is_slow_and_a_few_millivolts():
+def test_drift_is_slow_and_small():
     time_s = np.arange(0, 3600, 1.0)
     course = drift(np.random.default_rng(1), time_s, 200)
     assert 0.7 * DRIFT_V < np.std(course) < 1.4 * DRIFT_V

@@ -12,7 +12,7 @@ AT_ZERO = np.zeros_like(LINE)
 
 @pytest.mark.parametrize("feature", FEATURES)
 @pytest.mark.parametrize("mode", MODES)
-def test_every_field_is_finite_and_can_carry_a_finger(feature, mode):
+def test_fields_are_finite_and_stiff_enough(feature, mode):
     fields = surface(feature, mode, LINE[:, None], LINE[None, :])
     assert fields.height.shape == fields.stiffness.shape == fields.friction.shape == (401, 401)
     assert np.all(np.isfinite(fields.height))
@@ -20,18 +20,18 @@ def test_every_field_is_finite_and_can_carry_a_finger(feature, mode):
     assert np.all((fields.friction > 0.1) & (fields.friction < 0.8))
 
 
-def test_blank_material_is_flat_in_every_mode():
+def test_featureless_material_is_flat_in_every_mode():
     for mode in MODES:
         assert not np.any(surface("none", mode, LINE, AT_ZERO).height)
 
 
-def test_a_feature_lies_within_six_and_a_half_millimetres_of_its_centre():
+def test_features_are_small():
     outside = np.abs(LINE) > 8e-3
     for feature in ("bump", "snap", "grommet"):
         assert np.max(np.abs(surface(feature, "taut", LINE, AT_ZERO).height[outside])) < 0.02e-3
 
 
-def test_a_bump_is_high_a_snap_higher_and_narrower_and_a_grommet_has_a_hole():
+def test_features_differ_in_shape():
     bump, snap, grommet = (surface(f, "taut", LINE, AT_ZERO).height for f in ("bump", "snap", "grommet"))
     middle = len(LINE) // 2
     assert bump[middle] > 1e-3
@@ -40,18 +40,18 @@ def test_a_bump_is_high_a_snap_higher_and_narrower_and_a_grommet_has_a_hole():
     assert grommet[middle] < 0 < np.max(grommet)
 
 
-def test_a_wrinkled_sheet_folds_only_in_front_of_the_feature():
+def test_wrinkles_lie_in_front_of_the_feature():
     rise = surface("bump", "wrinkled", LINE, AT_ZERO).height - surface("bump", "taut", LINE, AT_ZERO).height
     assert np.max(rise[LINE < -6e-3]) > 0.5e-3
     assert np.max(np.abs(rise[LINE > -2e-3])) < 0.02e-3
 
 
-def test_a_canted_feature_is_lower_on_the_near_side_than_on_the_far_side():
+def test_canted_features_are_lower_in_front():
     height = surface("bump", "canted", LINE, AT_ZERO).height
     assert np.max(height[LINE < -2e-3]) < 0.8 * np.max(height[LINE > 2e-3])
 
 
-def test_an_unknown_feature_or_mode_is_refused_with_the_choices():
+def test_unknown_features_and_modes_are_refused():
     with pytest.raises(ParameterError, match=r"feature 'button': expected one of bump, snap"):
         surface("button", "taut", LINE, AT_ZERO)
     with pytest.raises(ParameterError, match=r"deformation mode 'torn': expected one of taut"):

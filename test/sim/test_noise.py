@@ -1,4 +1,4 @@
-"""The random processes under the simulation."""
+"""Random processes of the simulation."""
 
 import numpy as np
 import pytest
@@ -8,23 +8,23 @@ from tactile_localizer.sim.noise import child, rough, smooth
 
 @pytest.mark.parametrize("process", [rough, smooth])
 @pytest.mark.parametrize("correlation", [0.3, 5.0, 60.0])
-def test_noise_has_unit_variance_from_its_first_sample_on(process, correlation):
+def test_noise_has_unit_variance_from_the_first_sample(process, correlation):
     noise = process(np.random.default_rng(1), 50, 4000, correlation)
     np.testing.assert_allclose(np.std(noise[[0, -1]], axis=1), 1, atol=0.06)
 
 
-def test_correlation_falls_by_e_in_the_time_given():
+def test_correlation_length_is_as_given():
     noise = rough(np.random.default_rng(2), 2, 200_000, 1.0)
     assert np.mean(noise[0] * noise[1]) == pytest.approx(np.exp(-1), abs=0.02)
 
 
-def test_smooth_noise_takes_smaller_steps_than_rough():
+def test_smooth_noise_is_smoother_than_rough():
     rng = np.random.default_rng(3)
     steps = [np.std(np.diff(process(rng, 2000, 20, 50.0), axis=0)) for process in (rough, smooth)]
     assert steps[1] < steps[0] / 3
 
 
-def test_a_child_of_a_seed_does_not_depend_on_its_siblings():
+def test_child_generators_are_independent():
     first = child(1, 2, 3).random()
     child(1, 2, 4).random()
     assert child(1, 2, 3).random() == first

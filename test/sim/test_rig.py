@@ -1,4 +1,4 @@
-"""The simulated hand in time."""
+"""The simulated hand as a function of time."""
 
 import numpy as np
 import pytest
@@ -18,14 +18,14 @@ def rig():
     return Rig("bump", 1, SPEED, RATE)
 
 
-def test_before_the_first_sweep_the_fingers_are_open_and_feel_nothing(rig):
+def test_the_hand_starts_with_open_fingers(rig):
     moment = rig.read(12.0)
     assert moment.phase is Phase.OPEN
     assert moment.truth is None
     np.testing.assert_allclose(moment.strain, UNLOADED, atol=0.02)
 
 
-def test_preparing_goes_to_the_start_with_open_fingers_and_then_closes_them(rig):
+def test_prepare_moves_then_closes_the_fingers(rig):
     sweep = rig.prepare("train", 10.0)
     assert rig.read(10.2).phase is Phase.OPEN
     np.testing.assert_allclose(rig.read(10.2).strain, UNLOADED, atol=0.02)
@@ -36,7 +36,7 @@ def test_preparing_goes_to_the_start_with_open_fingers_and_then_closes_them(rig)
     assert rig.read(rig.ready_s + 100).phase is Phase.READY
 
 
-def test_a_sweep_plays_what_is_simulated_and_ends_with_closed_fingers(rig):
+def test_a_sweep_follows_the_simulation(rig):
     sweep = rig.prepare("train", 0.0)
     start, end = sweep_plan("train", 0, 1)
     again = simulate_sweep("bump", 1, 0, "train", start=start, end=end, speed=SPEED, rate=RATE)
@@ -54,14 +54,14 @@ def test_a_sweep_plays_what_is_simulated_and_ends_with_closed_fingers(rig):
     np.testing.assert_allclose(after.strain, sweep.strain[-1], atol=0.02)
 
 
-def test_between_two_samples_the_pose_is_between_their_poses(rig):
+def test_poses_are_interpolated(rig):
     sweep = rig.prepare("train", 0.0)
     rig.start(5.0)
     moment = rig.read(5.0 + 100.25 / RATE)
     np.testing.assert_allclose(moment.odometry, 0.75 * sweep.odometry[100] + 0.25 * sweep.odometry[101])
 
 
-def test_the_palm_moves_without_a_jump_from_one_sweeps_end_to_the_nexts_start(rig):
+def test_the_palm_moves_continuously(rig):
     rig.prepare("train", 0.0)
     rig.start(1.0)
     end_s = 1.0 + rig.duration_s + 1
@@ -72,21 +72,21 @@ def test_the_palm_moves_without_a_jump_from_one_sweeps_end_to_the_nexts_start(ri
     assert np.max(np.linalg.norm(np.diff(path, axis=0), axis=1)) < 0.01 * way
 
 
-def test_a_sweep_told_to_start_early_waits_until_the_fingers_are_closed(rig):
+def test_an_early_start_waits_for_the_fingers(rig):
     rig.prepare("train", 0.0)
     rig.start(0.0)
     assert rig.read(rig.ready_s - 1e-6).phase is not Phase.SWEEPING
     assert rig.read(rig.ready_s + 0.1).phase is Phase.SWEEPING
 
 
-def test_training_and_test_sweeps_are_counted_apart(rig):
+def test_training_and_test_sweeps_are_counted_separately(rig):
     numbers = [
         rig.prepare(kind, 100.0 * i).number for i, kind in enumerate(("train", "test", "train", "test"))
     ]
     assert numbers == [0, 0, 1, 1]
 
 
-def test_what_the_rig_cannot_do_is_refused(rig):
+def test_invalid_requests_to_the_rig_are_refused(rig):
     with pytest.raises(ParameterError, match="sweep kind 'exam'"):
         rig.prepare("exam", 0.0)
     with pytest.raises(ParameterError, match="sweep speed"):

@@ -1,4 +1,4 @@
-"""The arm's sweep and the material's own motion."""
+"""Motion of the arm and of the material."""
 
 import numpy as np
 import pytest
@@ -37,23 +37,23 @@ def test_speed_varies_within_a_sweep_and_between_sweeps():
     assert 0.03 < np.mean([np.std(speed) for speed in speeds]) / SPEED < 0.2
 
 
-def test_slip_of_hanging_material_adds_up_to_most_of_a_millimetre():
+def test_hanging_material_slips_by_almost_a_millimetre():
     along, across = np.std(errors(HANGING, 1.0), axis=0)
     assert 0.6e-3 < along < 1.1e-3
     assert 0.15e-3 < across < 0.45e-3
 
 
-def test_the_error_grows_like_a_random_walk():
+def test_odometry_error_is_a_random_walk():
     quarter, whole = (np.var(errors(HANGING, share)[:, 0]) for share in (0.25, 1.0))
     assert 1.8 < whole / quarter < 5
 
 
-def test_fixtured_material_slips_less_but_it_slips():
+def test_fixtured_material_slips_less():
     along = np.std(errors(FIXTURED, 1.0)[:, 0])
     assert 0.2e-3 < along < 0.5e-3
 
 
-def test_sticking_raises_the_friction_and_slipping_lets_it_fall_at_once():
+def test_friction_rises_while_sticking():
     tension = np.concatenate([motion.tension for motion in motions(HANGING, 20)])
     steps = np.diff(tension)
     assert np.mean(steps > 0) > 0.6

@@ -1,4 +1,4 @@
-"""Whole sessions: what the paper reports of its scans must show in ours."""
+"""Simulated sessions show what the paper reports of its scans."""
 
 from functools import cache
 
@@ -24,19 +24,19 @@ def by_sweep(scan, values):
     return [values[part] for part in scan.slices()]
 
 
-def test_a_training_scan_is_as_large_as_the_papers():
+def test_training_scans_have_the_papers_size():
     sizes = [len(simulate_scan("bump", seed)) for seed in range(6)]
     assert np.mean(sizes) == pytest.approx(16_321, rel=0.01)
 
 
-def test_training_sweeps_lie_a_tenth_of_an_inch_apart_over_two_inches():
+def test_training_lines_are_equidistant():
     lines = [np.median(y) for y in by_sweep(scan_of("bump"), scan_of("bump").truth[:, 1])]
     assert len(lines) == 21
     np.testing.assert_allclose(np.diff(lines), 0.1 * INCH, atol=0.8e-3)
     assert lines[-1] - lines[0] == pytest.approx(2 * INCH, abs=1e-3)
 
 
-def test_test_sweeps_start_anywhere_before_the_feature_and_between_the_lines():
+def test_test_sweeps_start_at_random_positions():
     starts = np.array([sweep_plan("test", number, 1)[0] for number in range(200)])
     off_line = np.abs(starts[:, 1] / (0.1 * INCH) - np.round(starts[:, 1] / (0.1 * INCH)))
     assert np.min(off_line) > 0.19
@@ -44,12 +44,12 @@ def test_test_sweeps_start_anywhere_before_the_feature_and_between_the_lines():
     assert np.ptp(starts[:, 1]) > 1.9 * INCH
 
 
-def test_a_sweep_of_a_scan_is_the_same_however_many_sweeps_there_are():
+def test_sweeps_do_not_depend_on_their_number():
     few, many = simulate_scan("snap", 5, sweeps=3), simulate_scan("snap", 5, sweeps=6)
     np.testing.assert_array_equal(few.strain, many.strain[: len(few)])
 
 
-def test_nearly_every_sweep_feels_the_feature_on_one_or_both_fingers():
+def test_almost_every_sweep_touches_the_feature():
     for feature in WHOLE:
         scan = scan_of(feature)
         assert np.sum(scan.contact >= 0) >= 20
@@ -58,7 +58,7 @@ def test_nearly_every_sweep_feels_the_feature_on_one_or_both_fingers():
         assert 0.80 < np.median(end) / (2 * INCH) < 0.90
 
 
-def test_sweeps_that_are_not_to_reach_the_feature_do_not():
+def test_featureless_sweeps_stop_before_the_feature():
     scan = simulate_scan("grommet", 1, "test", sweeps=40, reach_feature=False)
     assert np.all(scan.contact == -1)
     assert np.all(scan.feature_end == -1)
@@ -66,7 +66,7 @@ def test_sweeps_that_are_not_to_reach_the_feature_do_not():
 
 
 @pytest.mark.parametrize("feature", WHOLE)
-def test_the_feature_stands_far_out_of_what_featureless_stretches_differ_by(feature):
+def test_the_feature_exceeds_featureless_variation(feature):
     scan = scan_of(feature)
     featureless = [
         z[(x > 2e-3) & (x < 12e-3)]
@@ -79,14 +79,14 @@ def test_the_feature_stands_far_out_of_what_featureless_stretches_differ_by(feat
     assert 0.1 < np.min(np.ptp(scan.strain, axis=0)) < np.max(np.ptp(scan.strain, axis=0)) < 2.0
 
 
-def test_successive_samples_of_a_featureless_stretch_are_correlated():
+def test_featureless_samples_are_correlated():
     sweep = simulate_sweep("none", 1, 0)
     z = sweep.strain - np.mean(sweep.strain, axis=0)
     lagged = np.mean(z[5:] * z[:-5], axis=0) / np.var(z, axis=0)
     assert np.mean(lagged) > 0.3
 
 
-def test_signals_are_prominent_at_the_features_edges_and_weaker_between():
+def test_signals_peak_at_the_edges():
     """A gauge that tells where along the sweep the edge is: it turns over in the feature's middle."""
     sweep = simulate_sweep("bump", 1, 0, "train", start=(0.0, 0.0134))
     signal = np.abs(sweep.strain[:, 0] - np.median(sweep.strain[: sweep.contact, 0]))
@@ -96,7 +96,7 @@ def test_signals_are_prominent_at_the_features_edges_and_weaker_between():
     assert middle < 0.2 * min(near_edge, far_edge)
 
 
-def test_gauges_differ_in_whether_they_tell_of_the_edge_or_of_the_height():
+def test_gauges_respond_to_edge_or_height():
     """Paper, Fig. 3 (c) and (d): one element changes sign along the sweep, another across the sweeps."""
     scan = scan_of("bump")
     level = np.median(scan.strain, axis=0)
@@ -118,7 +118,7 @@ def test_gauges_differ_in_whether_they_tell_of_the_edge_or_of_the_height():
 
 
 @pytest.mark.parametrize("feature", WHOLE)
-def test_sweeps_over_one_line_fall_into_three_groups_on_the_features_first_part(feature):
+def test_strain_is_multimodal_on_the_first_part(feature):
     """Paper, Fig. 6: modes differ more from each other than sweeps of one mode, and later less so."""
     seed, edge, x = 3, 0, np.arange(18e-3, 42e-3, 1e-3)
     modes = [mode_of_sweep(child(seed, WHOLE.index(feature), 0, 1 << 30), number) for number in range(30)]
@@ -138,7 +138,7 @@ def _separation(values, modes):
     return np.std([np.median(group) for group in groups]) / within
 
 
-def test_a_feature_is_known_by_its_course_from_the_other_features():
+def test_features_are_distinguishable():
     """The nearest course of another session along the same line is one of the same feature."""
     grid = np.linspace(16e-3, 46e-3, 60)
 
@@ -155,7 +155,7 @@ def test_a_feature_is_known_by_its_course_from_the_other_features():
         assert nearest == feature
 
 
-def test_a_scan_of_training_pairs_has_the_arms_positions_not_the_true_ones():
+def test_training_pairs_have_reported_positions():
     scan = scan_of("bump")
     pairs = scan.to_scan()
     assert (pairs.axes, pairs.phalanges) == (("x", "y"), ("index", "middle"))
@@ -163,7 +163,7 @@ def test_a_scan_of_training_pairs_has_the_arms_positions_not_the_true_ones():
     assert 0.05e-3 < np.std(pairs.states - scan.truth) < 0.5e-3
 
 
-def test_every_slice_is_one_sweep_and_indices_count_from_the_scans_start():
+def test_slices_cover_the_sweeps():
     scan = scan_of("snap", "test")
     for number, part in enumerate(scan.slices()):
         assert set(scan.sweep[part]) == {number}
@@ -172,12 +172,12 @@ def test_every_slice_is_one_sweep_and_indices_count_from_the_scans_start():
     assert scan.slices()[-1].stop == len(scan)
 
 
-def test_strain_stays_within_what_the_load_cells_can_send():
+def test_strain_stays_in_the_load_cells_range():
     for feature in WHOLE:
         assert max(np.max(np.abs(scan_of(feature, kind).strain)) for kind in ("train", "test")) < 2.0
 
 
-def test_a_scan_without_sweeps_or_of_an_unknown_kind_is_refused():
+def test_invalid_scans_are_refused():
     with pytest.raises(ParameterError, match="expected at least one sweep, got 0"):
         simulate_scan("bump", 1, sweeps=0)
     with pytest.raises(ParameterError, match="sweep kind 'exam'"):

@@ -1,4 +1,4 @@
-"""The messages of a bag: a directory or a file, SQLite or MCAP, compressed or not, whole or damaged."""
+"""Reading messages from bags: directories or files, SQLite or MCAP, compressed or not, even damaged."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ _STORAGE = (".mcap", ".db3")
 _COMPRESSED = (".zstd", ".zst")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _LITTLE_ENDIAN = b"\x00\x01"
-_LOT = 1024
-"""Messages that are decoded at once."""
+_BLOCK_MESSAGES = 1024
+"""Messages of one topic decoded together; larger blocks were not measurably faster."""
 
-_EARLIER = {
+_EARLIER_DEFINITIONS = {
     "tactile_localizer/msg/StrainVectors": (
         "RIHS01_f1a83b22d4db4fe3d4f4952d7c8b923f86f3d1d6fa1f42eed56ed23fb9d74774"
     )
 }
-"""Hash of the definition without ``channels``, by type: its messages are a beginning of today's."""
+"""Hash of the definition before ``channels`` was appended, by type; its messages have the same layout."""
 
 MESSAGES = ("StrainVectors", "ScanStatus", "Posterior", "FeatureProbabilities")
 
 
 @dataclass
 class BagMessages:
-    """Messages of the wanted topics, in the order in which they were received.
+    """Converted messages of the requested topics, in order of receipt.
 
     Parameters
     ----------
-    by_topic : what was made of the messages, by topic: an element for each, or for each lot that a
-        :class:`Decoder` made something of; a topic without messages is left out
+    by_topic : converted messages by topic, one element per message or per block of a :class:`Decoder`;
+        topics without messages are missing
     topics : message type by topic, of all topics in the bag
-    notes : one line for each thing that could not be read
-    count : how many messages were read
+    notes : one line for each part that could not be read
+    count : number of messages read
     """
 
     by_topic: dict[str, list[Any]] = field(default_factory=dict)
@@ -57,50 +57,50 @@ class BagMessages:
     count: int = 0
 
 
-Keep = Callable[[Any], Any]
-"""Makes of a message what is to be kept of it."""
+Converter = Callable[[Any], Any]
+"""Converts a message object to the value that is kept."""
 
 
 @runtime_checkable
 class Decoder(Protocol):
-    """Makes what is to be kept of messages of one type, of many at once from their bytes."""
+    """Converts messages of one type, many at once from their serialised bytes."""
 
     @property
     def kind(self) -> str:
-        """The type, such as ``geometry_msgs/msg/PoseStamped``."""
+        """Message type, such as ``geometry_msgs/msg/PoseStamped``."""
 
     def of_message(self, message: Any) -> Any:
-        """From one message object, where a bag's definition of the type is another."""
+        """Convert one message object; used if the bag's definition of the type differs."""
 
     def of_bytes(self, raws: Sequence[bytes]) -> Any:
-        """From the bytes of messages (CDR, little-endian)."""
+        """Convert serialised messages (CDR, little-endian)."""
 
 
-def read_messages(path: str | Path, wanted: Mapping[str, Keep | Decoder]) -> BagMessages:
-    """Read the messages of some topics. A bag that is damaged is read up to the damage, and its notes say so.
+def read_messages(path: str | Path, wanted: Mapping[str, Converter | Decoder]) -> BagMessages:
+    """Read the messages of some topics. A damaged bag is read up to the damage, which the notes report.
 
     Parameters
     ----------
     path : a directory with or without metadata, or one file: ``*.mcap``, ``*.db3``, either with ``.zstd``
-    wanted : by topic, what is to be kept of a message, or a :class:`Decoder` of many
+    wanted : converter or :class:`Decoder` by topic
 
     Raises
     ------
     ScanError
-        There is no such bag, or nothing of it can be read.
+        There is no such bag, or nothing in it can be read.
     """
     path = Path(path)
     if not path.exists():
         raise ScanError(f"{path}: expected a bag, found none")
     files = _storage_files(path)
-    # rosbags would not look at a log that a recorder which died has left.
+    # rosbags ignores the write-ahead log that a killed recorder leaves behind.
     if not any(Path(f"{file}-wal").exists() for file in files) and path.suffix not in _COMPRESSED:
         messages = BagMessages()
         try:
             _read(path, wanted, messages)
         except SceneError:
             raise
-        except Exception as error:  # rosbags raises whatever damaged bytes lead to
+        except Exception as error:  # rosbags raises many types of exceptions on damaged bytes
             damage = _one_line(error)
         else:
             return messages
@@ -110,7 +110,7 @@ def read_messages(path: str | Path, wanted: Mapping[str, Keep | Decoder]) -> Bag
 
 
 def typestore() -> Typestore:
-    """ROS 2 Jazzy's messages and this package's own, for writing bags and for bags without definitions."""
+    """Message types of ROS 2 Jazzy and of this package, for writing bags and bags without definitions."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for name in MESSAGES:
         text = resource_path(f"msg/{name}.msg").read_text(encoding="utf-8")
@@ -118,50 +118,51 @@ def typestore() -> Typestore:
     return store
 
 
-def _read(path: Path, wanted: Mapping[str, Keep | Decoder], messages: BagMessages) -> None:
-    own = typestore()
-    with AnyReader([path], default_typestore=own) as reader:
+def _read(path: Path, wanted: Mapping[str, Converter | Decoder], messages: BagMessages) -> None:
+    known = typestore()
+    with AnyReader([path], default_typestore=known) as reader:
         messages.topics.update({connection.topic: connection.msgtype for connection in reader.connections})
         connections = [connection for connection in reader.connections if connection.topic in wanted]
         if not connections:
             return
-        for connection, stored in _lots(reader, connections):
-            # A file of a bag that compresses each message does not say so itself.
+        for connection, stored in _blocks(reader, connections):
+            # Only the metadata, which may be lost, says whether single messages are compressed.
             raws = [zstd.decompress(raw) if raw[:4] == _ZSTD_MAGIC else raw for raw in stored]
-            keep, kind = wanted[connection.topic], connection.msgtype
-            kept = messages.by_topic.setdefault(connection.topic, [])
+            convert, kind = wanted[connection.topic], connection.msgtype
+            converted = messages.by_topic.setdefault(connection.topic, [])
             if (
-                isinstance(keep, Decoder)
-                and keep.kind == kind
-                and reader.typestore.hash_rihs01(kind) in (own.hash_rihs01(kind), _EARLIER.get(kind))
+                isinstance(convert, Decoder)
+                and convert.kind == kind
+                and reader.typestore.hash_rihs01(kind)
+                in (known.hash_rihs01(kind), _EARLIER_DEFINITIONS.get(kind))
                 and all(raw[:2] == _LITTLE_ENDIAN for raw in raws if len(raw) > 1)
             ):
-                kept.append(keep.of_bytes(raws))
+                converted.append(convert.of_bytes(raws))
             else:
-                of_message = keep.of_message if isinstance(keep, Decoder) else keep
-                kept += (of_message(reader.deserialize(raw, kind)) for raw in raws)
+                of_message = convert.of_message if isinstance(convert, Decoder) else convert
+                converted += (of_message(reader.deserialize(raw, kind)) for raw in raws)
             messages.count += len(raws)
 
 
-def _lots(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[Connection, list[bytes]]]:
-    """The bytes of messages, many of one topic at a time, each topic's in their order."""
-    lots: dict[int, tuple[Connection, list[bytes]]] = {}
+def _blocks(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[Connection, list[bytes]]]:
+    """Serialised messages in blocks of one topic each; those of a topic stay in order."""
+    blocks: dict[int, tuple[Connection, list[bytes]]] = {}
     damage: Exception | None = None
     try:
         for connection, _, raw in reader.messages(connections):
-            _, raws = lots.setdefault(id(connection), (connection, []))
+            _, raws = blocks.setdefault(id(connection), (connection, []))
             raws.append(raw)
-            if len(raws) == _LOT:
-                yield lots.pop(id(connection))
-    except Exception as error:  # what came before it counts
+            if len(raws) == _BLOCK_MESSAGES:
+                yield blocks.pop(id(connection))
+    except Exception as error:  # first return the messages before the damage
         damage = error
-    yield from lots.values()
+    yield from blocks.values()
     if damage is not None:
         raise damage
 
 
 def _read_damaged(
-    path: Path, files: list[Path], wanted: Mapping[str, Keep | Decoder], damage: str
+    path: Path, files: list[Path], wanted: Mapping[str, Converter | Decoder], damage: str
 ) -> BagMessages:
     messages = BagMessages()
     if not files:
@@ -181,12 +182,12 @@ def _read_damaged(
     if damage:
         messages.notes.insert(0, f"{path}: the bag is damaged: {damage}")
     if not messages.topics:
-        raise ScanError(f"{path}: expected a bag that can be read, {damage or messages.notes[0]}")
+        raise ScanError(f"{path}: expected a readable bag, {damage or messages.notes[0]}")
     return messages
 
 
 def _storage_files(path: Path) -> list[Path]:
-    """The bag's storage files, in the order of its metadata where that can be read, else of their names."""
+    """The bag's storage files, in the order of its metadata if readable, else in natural order of names."""
     if not path.is_dir():
         return [path] if _is_storage(path) else []
     found = sorted(filter(_is_storage, path.iterdir()), key=_natural)
@@ -195,7 +196,7 @@ def _storage_files(path: Path) -> list[Path]:
 
 
 def _listed(path: Path) -> list[str]:
-    """Names of the storage files in a bag's metadata, where that can be read."""
+    """Names of the storage files in a bag's metadata; empty if that cannot be read."""
     try:
         metadata = parse_yaml((path / "metadata.yaml").read_text(encoding="utf-8"))
         return [Path(name).name for name in metadata["rosbag2_bagfile_information"]["relative_file_paths"]]
@@ -204,7 +205,7 @@ def _listed(path: Path) -> list[str]:
 
 
 def _natural(file: Path) -> list[str | int]:
-    """Orders bag_2 before bag_10."""
+    """Sort key that puts bag_2 before bag_10."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)]
 
 

@@ -1,4 +1,4 @@
-"""Recordings in bags: strain and palm poses, paired by their stamps as they would have been live."""
+"""Reading a bag as a recording: strain and palm poses, paired by their stamps exactly as live."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.bags.decode import PoseDecoder, Poses, StrainDecoder, Strains
 from tactile_localizer.io.bags.reader import BagMessages, read_messages, typestore
 from tactile_localizer.io.bags.sweeps import (
-    WHOLE,
-    Change,
+    WHOLE_BAG,
     Span,
+    StatusChange,
     Travel,
-    held_spans,
+    localization_spans,
     moving_spans,
     status_spans,
 )
@@ -31,15 +31,15 @@ from tactile_localizer.scene import Scene
 
 @dataclass(frozen=True)
 class BagTopics:
-    """Where a bag has what is wanted.
+    """Topics of a bag.
 
     Parameters
     ----------
     strain : ``StrainVectors``
-    pose : ``PoseStamped`` of the palm
-    truth : ``PoseStamped`` of the palm as it really is; may be missing
-    status : ``ScanStatus`` of the mapping node, which shows the sweeps; may be missing
-    posterior : ``Posterior`` of the filter node, which shows the holds; may be missing
+    pose : ``PoseStamped``, measured palm pose
+    truth : ``PoseStamped``, true palm pose; optional
+    status : ``ScanStatus`` of the mapping node, which delimits sweeps; optional
+    posterior : ``Posterior`` of the filter node, which shows global localizations; optional
     """
 
     strain: str = "/strain"
@@ -64,35 +64,40 @@ def read_bag(
 
     Parameters
     ----------
-    path : a directory or a file, SQLite or MCAP, compressed or not; damaged ones as far as they go
-    scene : names the axes and phalanges that are read
-    topics : by default those of this package's own nodes
-    frame : the frames in which palm poses can be used; by default ``material``, and ``base_link`` as it is
-    max_gap_s : poses further apart are not interpolated, s
-    by_status : take the sweeps that the mapping node's status shows, if the bag has it; otherwise those
-        between which the filter node's belief was spread, if the bag has its posterior. Without, the whole
-        bag is one sweep
-    detector : finds the sweeps in the motion instead
-    adapter : makes strain of messages of other types, in place of those of ``topics.strain``
+    path : directory or file, SQLite or MCAP, compressed or not; a damaged bag is read up to the damage
+    scene : axes and phalanges to read
+    topics : default: the topics of this package's nodes
+    frame : frames in which palm poses are accepted; default: ``material``, and ``base_link`` untransformed
+    max_gap_s : longest gap between poses that is interpolated, s
+    by_status : if true, take the sweeps from the mapping node's status; if false, start a sweep at each
+        global localization in the filter node's posterior. A bag without that topic is one sweep
+    detector : detects the sweeps in the motion instead
+    adapter : converts messages of other types to strain, in place of ``topics.strain``
 
     Returns
     -------
     Recording
-        Strain samples in sweeps that have a position; ``gaps`` counts those that have none. ``truth``
-        is there when the bag has it, NaN where it has a gap.
+        Strain samples with a position, by sweep; ``gaps`` counts the samples without one. ``truth`` is
+        ``None`` if the bag has no such topic, and NaN in its gaps.
 
     Raises
     ------
     ScanError
-        The bag cannot be read, or lacks strain or poses.
+        The bag cannot be read, or has no strain or no poses.
     """
     topics = topics or BagTopics()
     frame = frame or PalmFrame(scene.axes, reference_frame="base_link")
     names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
     strain_topic, pose_topic, truth_topic, status_topic, posterior_topic = names
-    poses_by = PoseDecoder(frame)
-    keep = (StrainDecoder(scene), poses_by, poses_by, Change.of_message, Travel.of_message)
-    messages = read_messages(path, dict(zip(names, keep, strict=True)))
+    pose_decoder = PoseDecoder(frame)
+    converters = (
+        StrainDecoder(scene),
+        pose_decoder,
+        pose_decoder,
+        StatusChange.of_message,
+        Travel.of_message,
+    )
+    messages = read_messages(path, dict(zip(names, converters, strict=True)))
     notes = list(messages.notes)
     if adapter is not None:
         strains, strain_notes = read_adapted(path, adapter, scene)
@@ -103,64 +108,64 @@ def read_bag(
             raise ScanError(f"{path}: expected messages of {topic}, found {_found(messages)}")
     stamp_ns, strain, status = _strain_arrays(messages.by_topic[strain_topic], notes)
 
-    def palm(topic: str) -> tuple[np.ndarray, np.ndarray]:
+    def palm_positions(topic: str) -> tuple[np.ndarray, np.ndarray]:
         pose_ns, poses = _pose_arrays(topic, messages.by_topic[topic], notes)
         return interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
 
-    position, found = palm(pose_topic)
-    truth = palm(truth_topic)[0] if messages.by_topic.get(truth_topic) else None
+    position, found = palm_positions(pose_topic)
+    truth = palm_positions(truth_topic)[0] if messages.by_topic.get(truth_topic) else None
     if detector is not None:
         spans = moving_spans(detector, stamp_ns[found], position[found])
     elif by_status and messages.by_topic.get(status_topic):
         spans = status_spans(messages.by_topic[status_topic])
     elif not by_status and messages.by_topic.get(posterior_topic):
-        spans = held_spans(messages.by_topic[posterior_topic])
+        spans = localization_spans(messages.by_topic[posterior_topic])
         early = int(np.sum(stamp_ns <= spans[0].after_ns))
         _note(notes, early, len(stamp_ns), f"strain vectors from before the first {posterior_topic}")
     else:
-        spans = [WHOLE]
-    whole = RecordedSweep(WHOLE.number, stamp_ns, position, strain, status, truth)
-    sweeps = tuple(_sweep(whole, found, span) for span in spans)
+        spans = [WHOLE_BAG]
+    samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
+    sweeps = tuple(_sweep(samples, found, span) for span in spans)
     return Recording(
         str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(notes), scene.layout.counts
     )
 
 
-def _sweep(whole: RecordedSweep, found: np.ndarray, span: Span) -> RecordedSweep:
-    """The samples of a span that have a position; those that have none are its gaps."""
-    inside = (whole.stamp_ns > span.after_ns) & (whole.stamp_ns <= span.until_ns)
-    return whole.part(inside & found, span.number, gaps=int(np.sum(inside & ~found)))
+def _sweep(samples: RecordedSweep, found: np.ndarray, span: Span) -> RecordedSweep:
+    """The samples of a span that have a position; samples without one are counted as gaps."""
+    inside = (samples.stamp_ns > span.after_ns) & (samples.stamp_ns <= span.until_ns)
+    return samples.part(inside & found, span.number, gaps=int(np.sum(inside & ~found)))
 
 
-def _strain_arrays(lots: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps (n,), strain (n, C) and status (n, F) of the scene's phalanges, as nodes take them."""
-    stamp_ns, strain, status, fits = map(np.concatenate, zip(*lots, strict=True))
-    _note(notes, int(np.sum(~fits)), len(fits), "strain vectors whose lengths do not fit")
-    usable = _in_time(stamp_ns, np.flatnonzero(fits), "strain vectors", notes)
+def _strain_arrays(blocks: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stamps (n,), strain (n, C) and status (n, F) of the scene's phalanges, in rising order of stamps."""
+    stamp_ns, strain, status, valid = map(np.concatenate, zip(*blocks, strict=True))
+    _note(notes, int(np.sum(~valid)), len(valid), "strain vectors with contradictory lengths")
+    usable = _in_order(stamp_ns, np.flatnonzero(valid), "strain vectors", notes)
     return stamp_ns[usable], strain[usable], status[usable]
 
 
-def _pose_arrays(topic: str, lots: Sequence[Poses], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (m,) and positions (m, d) of the poses that can be used."""
-    stamp_ns, position, fits = (np.concatenate(parts) for parts in list(zip(*lots, strict=True))[:3])
-    reason = next((lot.refused for lot in lots if lot.refused), "")
-    _note(notes, int(np.sum(~fits)), len(fits), f"poses of {topic}: {reason}")
-    usable = _in_time(stamp_ns, np.flatnonzero(fits), f"poses of {topic}", notes)
+def _pose_arrays(topic: str, blocks: Sequence[Poses], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (m,) and positions (m, d) of the valid poses, in rising order of stamps."""
+    stamp_ns, position, valid = (np.concatenate(parts) for parts in list(zip(*blocks, strict=True))[:3])
+    reason = next((block.reason for block in blocks if block.reason), "")
+    _note(notes, int(np.sum(~valid)), len(valid), f"poses of {topic}: {reason}")
+    usable = _in_order(stamp_ns, np.flatnonzero(valid), f"poses of {topic}", notes)
     return stamp_ns[usable], position[usable]
 
 
-def _in_time(stamp_ns: np.ndarray, rows: np.ndarray, what: str, notes: list[str]) -> np.ndarray:
-    """Those of ``rows`` that came before any later one; those of zero are of no clock yet."""
-    own = stamp_ns[rows]
-    newest = np.maximum.accumulate(np.concatenate([[0], own]))
-    in_time = own > newest[:-1]
-    _note(notes, int(np.sum(~in_time)), len(rows), f"{what} whose stamps go back")
-    return rows[in_time]
+def _in_order(stamp_ns: np.ndarray, rows: np.ndarray, what: str, notes: list[str]) -> np.ndarray:
+    """Those of ``rows`` whose stamp is later than all before it; a stamp of 0 means no time yet."""
+    candidates = stamp_ns[rows]
+    newest = np.maximum.accumulate(np.concatenate([[0], candidates]))
+    in_order = candidates > newest[:-1]
+    _note(notes, int(np.sum(~in_order)), len(rows), f"{what} whose stamps go back")
+    return rows[in_order]
 
 
 def _note(notes: list[str], count: int, total: int, what: str) -> None:
     if count:
-        notes.append(f"left out {count} of {total} {what}")
+        notes.append(f"skipped {count} of {total} {what}")
 
 
 def _found(messages: BagMessages) -> str:
@@ -168,24 +173,24 @@ def _found(messages: BagMessages) -> str:
 
 
 def read_adapted(path: str | Path, adapter: StrainAdapter, scene: Scene) -> tuple[Strains, list[str]]:
-    """The strain vectors that an adapter makes of a bag's messages, and a note of what could not be used.
+    """Strain vectors that an adapter makes of a bag's messages, and notes on messages that it rejects.
 
     Parameters
     ----------
-    path : a bag as :func:`~.reader.read_messages` reads it, undamaged
-    adapter : which messages are strain
-    scene : names the phalanges that are wanted
+    path : an undamaged bag, as :func:`~.reader.read_messages` reads it
+    adapter : maps messages to strain
+    scene : phalanges to read
 
     Raises
     ------
     ScanError
-        The bag cannot be read, or lacks messages of the first phalanx.
+        The bag cannot be read, or has no messages of the first phalanx.
     SceneError
-        The adapter lacks a phalanx of the scene, or has it with other channels.
+        The adapter lacks a phalanx of the scene, or gives it a different number of channels.
     """
     rows = scene.rows(adapter.phalanges)
     columns = scene.channels(adapter.phalanges, adapter.layout.counts)
-    vectors, refused, reason = [], 0, ""
+    vectors, rejected, reason = [], 0, ""
     topics = {f"/{topic.lstrip('/')}": topic for topic in adapter.topics}
     adapter.reset()
     try:
@@ -200,20 +205,20 @@ def read_adapted(path: str | Path, adapter: StrainAdapter, scene: Scene) -> tupl
                     message = reader.deserialize(raw, connection.msgtype)
                     vector = adapter.feed(topics[connection.topic], message, received_ns)
                 except MeasurementError as error:
-                    refused, reason = refused + 1, reason or str(error)
+                    rejected, reason = rejected + 1, reason or str(error)
                     continue
                 if vector is not None:
                     vectors.append(vector)
-    except Exception as error:  # rosbags raises whatever damaged bytes lead to
+    except Exception as error:  # rosbags raises many types of exceptions on damaged bytes
         text = " ".join(str(error).split()) or type(error).__name__
-        raise ScanError(f"{path}: expected a bag that can be read, {text}") from None
+        raise ScanError(f"{path}: expected a readable bag, {text}") from None
     if not vectors:
         first = adapter.sources[0]
         raise ScanError(
             f"{path}: expected messages of {first.topic} ({first.kind}) for phalanx {first.phalanx}, found "
-            f"{f'{refused} that cannot be used: {reason}' if refused else 'none'}"
+            f"{f'{rejected} invalid ones: {reason}' if rejected else 'none'}"
         )
     stamp_ns, strain, status = map(np.array, zip(*vectors, strict=True))
-    notes = [f"left out {refused} messages of other form: {reason}"] if refused else []
-    fits = np.ones(len(vectors), dtype=bool)
-    return Strains(stamp_ns, strain[:, columns], status[:, rows], fits), notes
+    notes = [f"skipped {rejected} invalid messages: {reason}"] if rejected else []
+    valid = np.ones(len(vectors), dtype=bool)
+    return Strains(stamp_ns, strain[:, columns], status[:, rows], valid), notes

@@ -1,8 +1,7 @@
-"""Whole copies of damaged bag files: what was written before a recorder was cut off.
+"""Repair of damaged bag files: rewrites the readable part of a file into one that rosbags reads.
 
-A recorder that dies leaves an MCAP file without its summary, or a SQLite file with a write-ahead log or
-missing pages; a copy that was cut short is compressed data without an end. Each is rewritten up to the
-damage into a file that rosbags reads.
+A killed recorder leaves an MCAP file without its summary, or an SQLite file with a write-ahead log or
+missing pages; an interrupted copy leaves a truncated compressed file.
 """
 
 from __future__ import annotations
@@ -34,23 +33,24 @@ _PARTIAL: dict[str, Callable[[bytes], bytes]] = {
     "zstd": lambda data: zstd.ZstdDecompressor().decompress(data),
     "lz4": lambda data: LZ4FrameDecompressor().decompress(data),
 }
-"""How much of a compressed chunk there is, by the name of its compression."""
+"""Decompresses as much of a chunk as there is, by the name of its compression."""
 
-_BLOCK = 1 << 20
+_BLOCK_BYTES = 1 << 20
+"""Bytes read and written at once."""
 
 
 def repair(path: Path, folder: Path) -> Path:
-    """Rewrite what is whole in a bag file to a file in ``folder``.
+    """Write the readable part of a bag file to a new file in ``folder``, and return its path.
 
     Parameters
     ----------
-    path : ``*.mcap`` or ``*.db3``, with ``.zstd`` or ``.zst`` behind it where it is compressed
-    folder : for the copy and what is needed on the way
+    path : ``*.mcap`` or ``*.db3``, followed by ``.zstd`` or ``.zst`` if compressed
+    folder : folder for the new file and temporary files
 
     Raises
     ------
     ScanError
-        Nothing of the file can be read.
+        Nothing in the file can be read.
     """
     if path.suffix in (".zstd", ".zst"):
         plain = folder / path.stem
@@ -68,10 +68,10 @@ def repair(path: Path, folder: Path) -> Path:
 
 
 def _decompress(path: Path, plain: Path) -> None:
-    """Decompress to the end, to the damage, or to where the file was cut short."""
+    """Decompress up to the end, the damage, or the point of truncation."""
     frame = zstd.ZstdDecompressor()
     with path.open("rb") as file, plain.open("wb") as out, contextlib.suppress(zstd.ZstdError):
-        while block := file.read(_BLOCK):
+        while block := file.read(_BLOCK_BYTES):
             while block:
                 if frame.eof:
                     frame = zstd.ZstdDecompressor()
@@ -88,12 +88,12 @@ def _repair_sqlite(path: Path, target: Path, folder: Path) -> None:
         contextlib.closing(sqlite3.connect(copy)) as source,
         contextlib.closing(sqlite3.connect(target)) as out,
     ):
-        # A file shorter than its header says is refused unless its schema may be written.
+        # Without writable_schema SQLite refuses files that are shorter than their header says.
         source.execute("PRAGMA writable_schema = ON")
         tables = source.execute(
             "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND sql IS NOT NULL"
         )
-        # Messages last: they are what is damaged.
+        # Messages last: damage is most likely there, and the other tables are needed to read them.
         for name, sql in sorted(tables.fetchall(), key=lambda table: table[0] == "messages"):
             out.execute(sql)
             with contextlib.suppress(sqlite3.Error):
@@ -103,7 +103,7 @@ def _repair_sqlite(path: Path, target: Path, folder: Path) -> None:
 
 
 def _repair_mcap(path: Path, target: Path) -> None:
-    """Write whole records into chunks with indices of their own, and the summary that rosbags looks for."""
+    """Write the complete records into new indexed chunks, followed by the summary that rosbags requires."""
     with path.open("rb") as file, target.open("wb") as out:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise ScanError(f"{path}: expected an MCAP file, found another kind of file")
@@ -117,13 +117,13 @@ def _repair_mcap(path: Path, target: Path) -> None:
                 loose += struct.pack("<BQ", code, len(content)) + content
             elif code == _CHUNK:
                 chunk_indices.append(_write_chunk(out, _partial_chunk(content)))
-            if len(loose) > _BLOCK:
+            if len(loose) > _BLOCK_BYTES:
                 chunk_indices.append(_write_chunk(out, bytes(loose)))
                 loose.clear()
         chunk_indices.append(_write_chunk(out, bytes(loose)))
         _write(out, _DATA_END, bytes(4))
         summary = out.tell()
-        # Empty statistics let rosbags count for itself.
+        # With empty statistics rosbags counts the messages itself.
         _write(out, _STATISTICS, struct.pack("<QHIIIIQQI", 0, 0, 0, 0, 0, len(chunk_indices), 0, 0, 0))
         for index in chunk_indices:
             _write(out, _CHUNK_INDEX, index)
@@ -132,26 +132,26 @@ def _repair_mcap(path: Path, target: Path) -> None:
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """The records of an MCAP file up to its summary; the last may be cut short, which only a chunk bears."""
-    whole = os.fstat(file.fileno()).st_size  # what a damaged record claims may be far more
+    """Records of an MCAP file up to its summary; a truncated chunk at the end is included."""
+    file_bytes = os.fstat(file.fileno()).st_size  # a damaged record may claim to be far larger
     while len(head := file.read(_RECORD_HEAD.size)) == _RECORD_HEAD.size:
         code, size = _RECORD_HEAD.unpack(head)
         if code in (_FOOTER, _DATA_END):
             break
-        content = file.read(min(size, whole))
+        content = file.read(min(size, file_bytes))
         if len(content) == size or code == _CHUNK:
             yield code, content
 
 
 def _chunk_parts(content: bytes) -> tuple[str, bytes]:
-    """The name of a chunk's compression, and its records as they are stored."""
+    """Name of a chunk's compression, and its compressed records."""
     *_, name_size = _CHUNK_HEAD.unpack_from(content)
     start = _CHUNK_HEAD.size
     return content[start : start + name_size].decode(), content[start + name_size + 8 :]
 
 
 def _partial_chunk(content: bytes) -> bytes:
-    """As much as there is of what a chunk holds, not compressed; nothing where that cannot be told."""
+    """Decompressed records of a chunk that may be truncated; empty if it cannot be decompressed."""
     try:
         name, stored = _chunk_parts(content)
         return _PARTIAL[name](stored)
@@ -160,7 +160,7 @@ def _partial_chunk(content: bytes) -> bytes:
 
 
 def _write_chunk(out: BinaryIO, plain: bytes) -> bytes:
-    """Write the whole records of ``plain`` as a chunk with its message indices; returns its chunk index."""
+    """Write the complete records of ``plain`` as a chunk with message indices; return its chunk index."""
     end = 0
     messages: dict[int, list[tuple[int, int]]] = {}
     while end + 9 <= len(plain):

@@ -1,4 +1,4 @@
-"""Where the sweeps of a bag begin and end: as a node told it, or as the motion shows."""
+"""Boundaries of the sweeps in a bag, from the messages of a node or from the motion."""
 
 from __future__ import annotations
 
@@ -12,49 +12,51 @@ from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.io.bags.decode import stamp_of
 
 _END_NS = 2**63 - 1
+"""A stamp later than that of any sample, ns: the largest 64-bit integer."""
 
 
 class Span(NamedTuple):
-    """A sweep: samples with stamps after ``after_ns`` up to ``until_ns``."""
+    """Boundaries of a sweep: samples with stamps later than ``after_ns`` up to ``until_ns``."""
 
     number: int
     after_ns: int
     until_ns: int
 
 
-WHOLE = Span(1, -1, _END_NS)
+WHOLE_BAG = Span(1, -1, _END_NS)
 
 
-class Change(NamedTuple):
-    """What a ``ScanStatus`` of the mapping node tells: from which stamp on a sweep is recorded, or none."""
+class StatusChange(NamedTuple):
+    """Content of a ``ScanStatus``: from ``stamp_ns`` on, sweep ``number`` is recorded, or none."""
 
     stamp_ns: int
     is_active: bool
     number: int
 
     @classmethod
-    def of_message(cls, message: Any) -> Change:
-        """From a message object."""
+    def of_message(cls, message: Any) -> StatusChange:
+        """Convert a message object."""
         return cls(stamp_of(message), bool(message.sweep_active), int(message.sweep))
 
 
 class Travel(NamedTuple):
-    """What a ``Posterior`` of the filter node tells: how far the hand came since the belief was spread."""
+    """Content of a ``Posterior``: distance travelled since the last global localization, m."""
 
     stamp_ns: int
     travel_m: float
 
     @classmethod
     def of_message(cls, message: Any) -> Travel:
-        """From a message object."""
+        """Convert a message object."""
         return cls(stamp_of(message), float(message.travel))
 
 
 def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[Span]:
-    """The sweeps that the motion shows.
+    """Sweeps detected in the motion.
 
     Parameters
     ----------
+    detector : in its initial state
     stamp_ns : (n,) rising stamps, ns
     position : (n, d) palm positions, m (yaw: rad)
     """
@@ -70,26 +72,27 @@ def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.nda
     ]
 
 
-def status_spans(changes: Sequence[Change]) -> list[Span]:
-    """The sweeps between the stamps at which the mapping node's status changed."""
+def status_spans(changes: Sequence[StatusChange]) -> list[Span]:
+    """Sweeps between the stamps at which the mapping node's status changed."""
     spans = []
-    begun: Change | None = None
+    begun: StatusChange | None = None
     for change in changes:
         if begun is not None and (not change.is_active or change.number != begun.number):
             spans.append(Span(begun.number, begun.stamp_ns, change.stamp_ns))
             begun = None
         if change.is_active and begun is None:
-            # A stamp of 0 is before the first sample, whose own stamp is later than that.
-            begun = change
+            begun = change  # a stamp of 0 is valid: it means before the first sample
     if begun is not None:
         spans.append(Span(begun.number, begun.stamp_ns, _END_NS))
     return spans
 
 
-def held_spans(told: Sequence[Travel]) -> list[Span]:
-    """What the filter node heard, parted where its belief was spread: it has travelled nothing since."""
-    begun = [told[0].stamp_ns]
-    begun += [after.stamp_ns for before, after in pairwise(told) if after.travel_m == 0.0 < before.travel_m]
+def localization_spans(travels: Sequence[Travel]) -> list[Span]:
+    """Sweeps between global localizations, which reset the travelled distance to zero."""
+    begun = [travels[0].stamp_ns]
+    begun += [
+        after.stamp_ns for before, after in pairwise(travels) if after.travel_m == 0.0 < before.travel_m
+    ]
     ends = [*(stamp_ns - 1 for stamp_ns in begun[1:]), _END_NS]
     return [
         Span(number, first - 1, end) for number, (first, end) in enumerate(zip(begun, ends, strict=True), 1)

@@ -1,4 +1,4 @@
-"""Writing a bag of messages that are serialised already."""
+"""Writing serialised messages to a bag."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactile_localizer.io.bags.reader import typestore
 
 
 class BagWriter:
-    """A bag (MCAP) that is open for writing as long as the context lasts.
+    """Writer of an MCAP bag; a context manager that closes the bag. Its calls may come from several threads.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class BagWriter:
             self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
         except (WriterError, OSError) as error:
-            raise ScanError(f"{path}: expected to write a bag, {error}") from None
+            raise ScanError(f"{path}: could not create the bag, {error}") from None
         self._connections: dict[str, Connection] = {
             topic: self._writer.add_connection(topic, kind, typestore=store) for topic, kind in topics.items()
         }
@@ -49,6 +49,6 @@ class BagWriter:
             self._writer.close()
 
     def write(self, topic: str, received_ns: int, raw: bytes) -> None:
-        """Write a message in the middleware's own serialisation (CDR), as it was received."""
+        """Write a message as received from the middleware, serialised in CDR."""
         with self._lock:
             self._writer.write(self._connections[topic], received_ns, raw)

@@ -1,11 +1,11 @@
-"""Alignment of the load cells' counters: which cycle a sample belongs to.
+"""Alignment of the load cells' counters, which assigns samples to cycles.
 
-Every load cell counts its samples and makes one sample per cycle, so the number of a sample's cycle is
-its counter plus an offset, modulo the counter's span. The offset changes only when a load cell restarts
-or its clock drifts by a period. It is learned from the pauses between cycles: of all pauses between two
-samples of one load cell (the reference), the longest is where a cycle ends. Each period is one vote for
-one offset per load cell. A single vote may be wrong, because a busy machine stretches any pause; an
-offset is used once it leads by :data:`CERTAIN_LEAD` votes and as long as it leads.
+Every load cell counts its samples and sends one per cycle, so the number of a sample's cycle is its counter
+plus an offset, modulo the counter's span. The offset changes only when a load cell restarts or its clock
+drifts by a period. It is estimated from the pauses between cycles: of all pauses between two samples of one
+load cell (the reference), the longest marks the end of a cycle. Each period gives one vote for one offset
+per load cell. A single vote may be wrong, because a busy machine stretches any pause; an offset is used as
+soon as, and as long as, it leads by :data:`CERTAIN_LEAD` votes.
 """
 
 from __future__ import annotations
@@ -13,33 +13,38 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 CERTAIN_LEAD = 12
-"""Votes by which an offset must lead before it is used.
+"""Lead in votes that an offset needs before it is used.
 
-Where one vote in four is wrong, the wrong offset leads first with a probability of 3**-12 = 2e-6.
+If one vote in four is wrong, the wrong offset reaches it first with a probability of 3**-12 = 2e-6.
 """
 
 MAX_VOTES = 64
-"""Most votes that an offset collects, so that a load cell whose clock drifts is aligned anew in time."""
+"""Votes after which all counts are halved, so that a load cell with a drifting clock is realigned in time."""
 
 BITS_PER_VOTE = 1.6
-"""Counter bits that are worth one vote (log2 of 3, as above) when a counter agrees with what was expected."""
+"""Bits of a counter with the expected value that are worth one vote (log2 of 3, as above)."""
 
 SHORTEST_PAUSE_NS = 250_000
 """Shortest pause that can separate two cycles, ns: two classic frames at 1 Mbit/s. Shorter pauses occur
-between frames that a driver reads in one go."""
+between frames that a driver reads together."""
 
 MAX_ABSENCE = 8
-"""Cycles without a load cell after which it may have restarted, whatever its counter is."""
+"""Cycles without a sample after which a load cell may have restarted, whatever its counter."""
 
-LATEST = 2
-"""Most cycles that a frame can be late. A counter further behind is rather far ahead, after lost cycles."""
+MAX_LATENESS = 2
+"""Most cycles that a frame can be late. A counter further behind is interpreted as ahead, after losses."""
 
 _CHANCE_SPAN = 256
-"""Longest span of a counter that may fit its old offset by chance after a restart."""
+"""Longest span of a counter that may match its old offset by chance after a restart."""
 
 _USUAL_PLACE = 16
+"""Balance of samples in the same place of the cycle from which that place is the usual one."""
+
 _MAX_PLACE = 32
+"""Largest balance, so that a changed order is learned in time."""
+
 _OTHER_PLACE = 16
+"""Reduction of the balance by one sample in the other place."""
 
 
 class LoadCellCounter:
@@ -48,40 +53,40 @@ class LoadCellCounter:
     Attributes
     ----------
     span : number of counter values
-    latest : most cycles that a sample can be late, fewer than :data:`LATEST` where the span is short
+    max_lateness : most cycles that a sample can be late; less than :data:`MAX_LATENESS` for short spans
     certain : whether the offset is certain
     """
 
     __slots__ = (
-        *("certain", "latest", "samples", "span"),
+        *("certain", "max_lateness", "samples", "span"),
         *("_break", "_expected", "_head_start", "_offset", "_place", "_total", "_votes"),
     )
 
     def __init__(self, bits: int) -> None:
         self.span = 1 << bits
-        self.latest = min(LATEST, self.span // 4)
+        self.max_lateness = min(MAX_LATENESS, self.span // 4)
         self._head_start = int(bits / BITS_PER_VOTE)
         self.certain = False
         self.samples = 0  # since the newest sample of the reference
         self._offset: int | None = None
         self._expected: int | None = None  # offset with the head start
-        self._votes: dict[tuple[int, LoadCellCounter], int] = {}  # by offset and beginning of the cycle
+        self._votes: dict[tuple[int, LoadCellCounter], int] = {}  # by offset and first load cell of the cycle
         self._total = 0
-        self._place = 0  # how often first in its cycle, less how often not, within _MAX_PLACE
+        self._place = 0  # times first in its cycle minus times not first, within _MAX_PLACE
         self._break = 0  # cycles for which a break in the counter is remembered
 
     def cycle(self, counter: int, earliest: int) -> int:
-        """Number of the cycle of the sample ``counter``, of those from ``earliest`` on the first."""
+        """Number of the first cycle from ``earliest`` on to which a sample with ``counter`` can belong."""
         assert self._offset is not None
         return earliest + (counter + self._offset - earliest) % self.span
 
     def expect_same_count(self, other: LoadCellCounter) -> None:
-        """Before the first vote, give the offset of ``other`` a head start: load cells often count alike."""
+        """Give the offset of ``other`` a head start before the first vote; counters often start together."""
         if self._offset is None and self._expected is None and not self._votes and self.span == other.span:
             self._expected = other._offset
 
     def lead(self, counter: int, cycle: int) -> None:
-        """Be certain without votes: by the last offset, or else with ``counter`` in ``cycle``."""
+        """Set the offset without votes: keep the last one, or else put ``counter`` in ``cycle``."""
         if self._offset is None:
             self._offset = (cycle - counter) % self.span
         self._clear_votes()
@@ -89,10 +94,10 @@ class LoadCellCounter:
         self._break = 0
 
     def vote(self, counter: int, cycle: int, first: LoadCellCounter) -> None:
-        """Take one vote for ``counter`` belonging to ``cycle``, where ``first`` begins a cycle.
+        """Count one vote for ``counter`` in ``cycle``, with ``first`` as the first load cell of a cycle.
 
-        Votes for one offset are counted by where they put the beginning of a cycle. Pauses at random are
-        spread evenly over all places; added up, all but one would put the last load cell a cycle too late.
+        Votes for an offset are counted separately for each first load cell. Random pauses are distributed
+        evenly over all places; summed up, all but one of them would put the last load cell a cycle too late.
         """
         offset = (cycle - counter) % self.span
         self._votes[offset, first] = self._votes.get((offset, first), 0) + 1
@@ -116,28 +121,28 @@ class LoadCellCounter:
             self._offset, self.certain, self._break = best, True, 0
 
     def doubt(self) -> None:
-        """Be uncertain; the last offset keeps the votes that the counter's bits are worth."""
+        """Mark the offset as uncertain; the last offset keeps a head start in the votes."""
         self.certain = False
         self._clear_votes()
 
     def forget(self) -> None:
-        """Be uncertain and know no offset, as after a restart."""
+        """Discard the offset, as after a restart."""
         self.certain = False
         self._offset = None
         self._clear_votes()
 
     def broken(self) -> None:
-        """Note that the counter did not go up by one: samples were lost, or the load cell restarted."""
+        """Record that the counter did not increase by one: samples were lost, or the load cell restarted."""
         if self.span <= _CHANCE_SPAN:
             self._break = MAX_ABSENCE
 
     def admits(self, first: bool) -> bool:
-        """Whether a sample, first in its cycle or not, is where the load cell's samples usually are.
+        """Whether a sample, first in its cycle or not, is in the usual place of the load cell's samples.
 
-        A restarted counter may fit its old offset by chance, one cycle off. The order within the cycle
-        then changes: a load cell that used to be first is not, or the other way round. So a sample after
-        a break in the counter must be in the usual place, or its offset is uncertain from then on. A
-        sample without a break that is not the first, where it used to be, is left out itself.
+        A restarted counter may match its old offset by chance, one cycle off. The order within the cycle
+        then changes: a load cell that used to be first no longer is, or vice versa. So a sample after a
+        break in the counter must be in the usual place, or else its offset becomes uncertain. A sample
+        without a break that is not first, although it usually is, is itself skipped.
         """
         usual = self._place if first else -self._place
         if self._break:
@@ -151,13 +156,13 @@ class LoadCellCounter:
         return True
 
     def placed(self, first: bool) -> None:
-        """Note that a sample was first in a cycle of several load cells, or was not."""
+        """Record whether a sample was first in a cycle of several load cells."""
         place = self._place if first else -self._place
         place = min(place + 1, _MAX_PLACE) if place >= 0 else min(place + _OTHER_PLACE, 0)
         self._place = place if first else -place
 
     def forget_place(self) -> None:
-        """Forget whether the load cell is usually first, as when another one has joined."""
+        """Forget the usual place, for instance because another load cell has joined."""
         self._place = 0
 
     def _clear_votes(self) -> None:
@@ -171,7 +176,7 @@ class Alignment:
 
     Parameters
     ----------
-    bits : width of each load cell's counter; 0: it has none and takes no part
+    bits : width of each load cell's counter; 0 for load cells without a counter, which are not aligned
     """
 
     def __init__(self, bits: Sequence[int]) -> None:
@@ -182,24 +187,24 @@ class Alignment:
         self._starts: list[tuple[LoadCellCounter, int, int]] = []  # samples since the reference's newest
 
     def reset(self) -> None:
-        """Be uncertain of every load cell, as after a pause in which nothing was received."""
+        """Mark all offsets as uncertain, as after a pause in reception."""
         for one in self._counting:
             one.doubt()
         self._refer_to(None)
 
     def alone(self, one: LoadCellCounter) -> bool:
-        """Whether no other load cell is certain, so that nothing contradicts ``one``."""
+        """Whether no load cell but ``one`` has a certain offset."""
         return not any(other.certain for other in self._counting if other is not one)
 
     def begin(self, one: LoadCellCounter, counter: int, pause_ns: int, earliest: int) -> None:
-        """Learn from a sample that begins.
+        """Update the offsets with the first frame of a sample.
 
         Parameters
         ----------
-        one : the load cell
+        one : counter of the load cell
         counter : value of its counter
-        pause_ns : time since the previous frame of any load cell, ns; less than 0: the clock was set back
-        earliest : first cycle that the sample can belong to
+        pause_ns : time since the previous frame of any load cell, ns; negative after a step of the clock
+        earliest : first cycle to which the sample can belong
         """
         self.revise()
         reference = self._reference
@@ -224,7 +229,7 @@ class Alignment:
             self._refer_to(other)
 
     def revise(self) -> None:
-        """Refer to another load cell where the reference is no longer certain."""
+        """Choose another reference if the current one is no longer certain."""
         if self._reference is not None and not self._reference.certain:
             self._refer_to(next((one for one in self._counting if one.certain), None))
 

@@ -1,19 +1,19 @@
-"""Assembly of frames into cycles: the strain of all phalanges at one time, with what is missing marked.
+"""Assembly of frames into cycles: the strain of all phalanges at one time.
 
-A cycle is one sample of every load cell. Its first frame opens it; it closes
+A cycle is one sample of every load cell. It opens with its first frame, and closes
 
-- when all its frames are there,
+- when all its frames have been received,
 - when a load cell sends a frame of a later cycle, or
-- when the given wait has passed since its first frame.
+- when the timeout has passed since its first frame.
 
-A phalanx of which a frame is missing then is marked ``MISSING``, and its voltages are NaN. Frames are
-never mixed with those of another cycle: the load cell's counter says which cycle a frame belongs to
-(:mod:`~tactile_localizer.io.can.alignment`). While that is not certain, for the first cycles or after a
-load cell was silent or restarted, the phalanx is ``MISSING`` too. A frame that arrives after its cycle has
-closed is counted and dropped.
+If a frame of a phalanx is missing then, the phalanx is marked ``MISSING`` and its voltages are NaN. Frames
+of different cycles are never mixed: the load cell's counter determines the cycle of a frame
+(:mod:`~tactile_localizer.io.can.alignment`). While that is uncertain, in the first cycles or after a pause
+or a restart of the load cell, the phalanx is ``MISSING`` as well. A frame that is received after its cycle
+has closed is counted and dropped.
 
-A load cell whose DBC has no counter is placed by time: a frame later than half the cycle's period, which
-is learned from complete cycles, belongs to the next one.
+Load cells without a counter in the DBC are assigned by time: a frame later than half the period, which is
+estimated from complete cycles, belongs to the next cycle.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
 MAX_LOST = 1000
-"""Most cycles that are counted as lost at once; a counter further ahead has restarted."""
+"""Most cycles counted as lost at once, 1 s at 1 kHz; a counter further ahead has restarted."""
 
 _LATE = -1
 _UNALIGNED = -2
+"""In place of a cycle's number: the cycle has closed already, or is uncertain."""
 
 
 class _LoadCell:
@@ -58,19 +59,19 @@ class _LoadCell:
         self.counts = counts
         self.breaks = CounterBreaks(counts)
         self.counter: int | None = None  # of the newest sample
-        self.cycle = _UNALIGNED  # number of the cycle that the newest sample is in, or _LATE, or _UNALIGNED
-        self.at = 0  # cycles opened when the newest sample began, its own included
+        self.cycle = _UNALIGNED  # number of the newest sample's cycle, or _LATE, or _UNALIGNED
+        self.at = 0  # cycles opened when the newest sample began, including its own
         self.began_ns = 0  # stamp of the first frame of the newest sample
         self.begun = 0  # samples of all load cells when the newest one began
         self.opened = 0  # cycles opened by then
-        self.have = 0  # bits of the frames of the newest sample that have arrived
-        self.doubled = False  # a frame came twice before the sample was complete: it may be of another sample
+        self.have = 0  # bit mask of the received frames of the newest sample
+        self.doubled = False  # a frame was repeated in an incomplete sample, so it may be of another one
         self.flags = 0
         self.sequence = 0
 
 
 class _Jump(NamedTuple):
-    """A load cell that skipped cycles, which no other load cell has confirmed yet."""
+    """Cycles skipped by one load cell and not yet confirmed by another one."""
 
     cell: _LoadCell
     cycles: int
@@ -79,12 +80,12 @@ class _Jump(NamedTuple):
 
 
 class CycleAssembler:
-    """Assembles cycles from frames.
+    """Assembles frames into cycles.
 
     Parameters
     ----------
-    protocol : the frames' layout
-    wait_s : how long a cycle waits for its frames, s
+    protocol : layout of the frames
+    wait_s : timeout of a cycle after its first frame, s
     """
 
     def __init__(self, protocol: LoadCellProtocol, wait_s: float) -> None:
@@ -93,7 +94,7 @@ class CycleAssembler:
         bits = [int(layout.counter_bits[phalanx_of.index(p)]) for p in range(len(protocol.phalanges))]
         self._protocol = protocol
         self._wait_ns = round(wait_s * 1e9)
-        self._window_ns = self._wait_ns  # how long a cycle is open
+        self._window_ns = self._wait_ns  # time for which a cycle stays open
         self.counts = Counts(
             frames=[0] * len(FrameKind), phalanges=[PhalanxCounts() for _ in protocol.phalanges]
         )
@@ -106,27 +107,27 @@ class CycleAssembler:
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
         self._channel = layout.channel
         self._channels = protocol.channels
-        self._cycles: list[Cycle] = []  # closed, not yet handed out
-        self._voltage = np.empty((0, layout.channel.shape[1]))  # of the frames being fed
+        self._cycles: list[Cycle] = []  # closed, not yet returned
+        self._voltage = np.empty((0, layout.channel.shape[1]))  # of the current batch
         self._strain = np.empty(0)
         self._period_ns = 0
-        self._periods = 0  # periods learned from
+        self._periods = 0  # number of measured periods
         self._cycle = 0  # number of the newest cycle
-        self._expired = 0  # number of the newest cycle that was closed for its wait was over
+        self._expired = 0  # number of the newest cycle that was closed by the timeout
         self._open = False
         self._opened = 0  # cycles opened
         self._begun = 0  # samples of all load cells that have begun
         self.reset()
 
     def reset(self) -> None:
-        """Close the open cycle and forget the counters' values, as after a pause. Totals stay."""
+        """Close the open cycle and forget the counters, as after a pause. Totals are kept."""
         self._close()
         self._first: _LoadCell | None = None  # load cell that opened the cycle
         self._first_ns = 0
         self._last_ns: int | None = None  # of the newest frame of a load cell
         self._jump: _Jump | None = None
-        self._awaited = 0  # frames that the open cycle still lacks
-        self._rows: list[int] = []  # the open cycle's frames in the batch
+        self._awaited = 0  # missing frames of the open cycle
+        self._rows: list[int] = []  # rows of the open cycle's frames in the batch
         self._slots: list[int] = []
         self._alignment.reset()
         for cell in self._cells:
@@ -136,14 +137,14 @@ class CycleAssembler:
 
     @property
     def aligned(self) -> list[bool]:
-        """For each phalanx whether it is certain which cycle its samples belong to."""
+        """Whether the assignment of samples to cycles is certain, for each phalanx."""
         return [
             self._periods >= CERTAIN_LEAD if cell.alignment is None else cell.alignment.certain
             for cell in self._cells
         ]
 
     def feed(self, frames: FrameBatch) -> list[Cycle]:
-        """Cycles that ``frames``, in the order of their arrival, complete or close."""
+        """Process frames in order of reception; returns the cycles that they complete or close."""
         decoded = self._protocol.decode(frames)
         totals = self.counts.frames
         for kind, count in enumerate(np.bincount(decoded.kind, minlength=len(totals)).tolist()):
@@ -178,19 +179,19 @@ class CycleAssembler:
             if not self._awaited:
                 self._close()
         self._keep()
-        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._hand_out()
+        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._closed_cycles()
 
     def flush(self, now_ns: int) -> list[Cycle]:
-        """The open cycle, where its wait is over at ``now_ns``, by the clock of the frames' stamps."""
+        """Close the open cycle if it has timed out at ``now_ns`` (clock of the frames); returns it."""
         self._expire(now_ns)
-        return self._hand_out()
+        return self._closed_cycles()
 
     def remaining_ns(self, now_ns: int) -> int | None:
-        """How long from ``now_ns`` the open cycle still waits, ns; ``None`` where none is open."""
+        """Time from ``now_ns`` to the timeout of the open cycle, ns; ``None`` if none is open."""
         return max(0, self._first_ns + self._window_ns - now_ns) if self._open else None
 
     def _take_frame(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
-        """Put a frame into its sample, and its sample into its cycle; ``DATA``, or why it is not used."""
+        """Assign a frame to its sample and cycle; returns ``DATA``, or the reason why it is not used."""
         if cell.counter == counter and cell.have and not cell.have & bit and self._follows(cell, 1):
             if cell.cycle == _UNALIGNED or (self._open and cell.cycle == self._cycle):
                 return FrameKind.DATA
@@ -201,11 +202,11 @@ class CycleAssembler:
         return self._begin_sample(cell, cell.alignment, bit, counter, stamp_ns)
 
     def _follows(self, cell: _LoadCell, cycles: int) -> bool:
-        """Whether the newest sample of a load cell began within ``cycles`` samples of each other one."""
+        """Whether a load cell's newest sample began at most ``cycles`` samples of each load cell ago."""
         return self._begun - cell.begun <= cycles * len(self._cells)
 
     def _begin_by_time(self, cell: _LoadCell, counter: int, stamp_ns: int) -> FrameKind:
-        """Begin a sample of a load cell that has no counter."""
+        """Begin a sample of a load cell without a counter."""
         self._learn_period(cell, stamp_ns)
         cell.began_ns = stamp_ns
         if self._open and cell.have and cell.cycle == self._cycle:
@@ -220,7 +221,7 @@ class CycleAssembler:
     def _begin_sample(
         self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
     ) -> FrameKind:
-        """Begin a sample of a load cell, closing and opening cycles as needed; or say why there is none."""
+        """Begin a sample, closing and opening cycles as needed; returns ``DATA``, or the reason why not."""
         sequence, totals = cell.sequence, cell.breaks.totals
         kind = self._count(cell, own, bit, counter, stamp_ns)
         if kind != FrameKind.DATA:
@@ -228,7 +229,7 @@ class CycleAssembler:
         cycle = self._cycle_of(cell, own, counter, stamp_ns)
         joins = self._open and cycle == self._cycle != cell.cycle
         if cycle is not None and cycle <= self._cycle and not joins:
-            if cycle != self._expired:  # nothing but a wrong offset makes it late
+            if cycle != self._expired:  # only a wrong offset makes a sample late for a complete cycle
                 own.doubt()
             self._put(cell, counter, _LATE)
             cell.have = bit
@@ -253,7 +254,7 @@ class CycleAssembler:
     def _count(
         self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
     ) -> FrameKind:
-        """Count what was lost since the load cell's newest sample; or say why the frame begins none."""
+        """Count losses since the load cell's newest sample; returns the reason if the frame begins none."""
         if cell.counter is None:
             cell.sequence += (counter - cell.sequence) % own.span
             return FrameKind.DATA
@@ -267,7 +268,7 @@ class CycleAssembler:
             return FrameKind.DATA
         if self._follows(cell, 2) and abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
             step_back = own.span - step
-            if step_back <= own.latest:
+            if step_back <= own.max_lateness:
                 if alternated:
                     cell.breaks.unused(counter)
                 cell.doubled |= cell.have != cell.complete
@@ -285,7 +286,7 @@ class CycleAssembler:
         return FrameKind.DATA
 
     def _cycle_of(self, cell: _LoadCell, own: LoadCellCounter, counter: int, stamp_ns: int) -> int | None:
-        """Number of the cycle of a sample that begins; ``None`` where it is not certain."""
+        """Number of the cycle of a sample that begins; ``None`` if it is uncertain."""
         if cell.breaks.two_senders:
             own.forget()
             return None
@@ -293,7 +294,7 @@ class CycleAssembler:
             cell.opened = self._opened
         elif self._opened - cell.opened > MAX_ABSENCE:
             own.broken()
-        latest = 0 if self._alignment.alone(own) else own.latest
+        latest = 0 if self._alignment.alone(own) else own.max_lateness
         in_open = self._open and cell.cycle == self._cycle
         earliest = self._cycle + (in_open or not self._open) - latest
         pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
@@ -306,7 +307,7 @@ class CycleAssembler:
             ahead = cycle - self._cycle
             if ahead not in (0, 1) and (ahead + jump.cycles) % own.span in (0, 1):
                 self._undo(jump)
-                cycle = own.cycle(counter, self._cycle - own.latest)
+                cycle = own.cycle(counter, self._cycle - own.max_lateness)
         return cycle
 
     def _put(self, cell: _LoadCell, counter: int, cycle: int) -> None:
@@ -327,11 +328,11 @@ class CycleAssembler:
         self._first = cell
         self._first_ns = stamp_ns
         self._awaited = len(self._cell_of)
-        self._strain = np.full(self._channels.size + 1, np.nan)  # the last is for what has no channel
+        self._strain = np.full(self._channels.size + 1, np.nan)  # last element: signals without a channel
         self._put(cell, counter, cycle)
 
     def _undo(self, jump: _Jump) -> None:
-        """Take back cycles that one load cell skipped and another did not: the first has restarted."""
+        """Revert cycles that one load cell skipped and another did not: the first one has restarted."""
         cell = jump.cell
         if self._open and cell.cycle == self._cycle:
             self._open = False
@@ -377,11 +378,11 @@ class CycleAssembler:
         self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
 
     def _learn_period(self, cell: _LoadCell, stamp_ns: int) -> None:
-        """Learn the period from two samples of a load cell that has no counter."""
+        """Update the period with the time between two samples of a load cell without a counter."""
         elapsed = stamp_ns - cell.began_ns
         if cell.began_ns and elapsed > SHORTEST_PAUSE_NS:
             if self._period_ns:
-                elapsed = min(elapsed, 2 * self._period_ns)  # samples lost, or frames held up
+                elapsed = min(elapsed, 2 * self._period_ns)  # limits the effect of lost or delayed samples
                 self._period_ns += (elapsed - self._period_ns) // 8
             else:
                 self._period_ns = elapsed
@@ -389,11 +390,11 @@ class CycleAssembler:
             self._window_ns = min(self._wait_ns, self._period_ns // 2)
 
     def _keep(self) -> None:
-        # Voltages of the open cycle's frames leave the batch's array: when it closes, or the batch ends.
+        # Copy the open cycle's voltages out of the batch when the cycle closes or the batch ends.
         if self._rows:
             self._strain[self._channel[self._slots]] = self._voltage[self._rows]
             self._rows, self._slots = [], []
 
-    def _hand_out(self) -> list[Cycle]:
+    def _closed_cycles(self) -> list[Cycle]:
         cycles, self._cycles = self._cycles, []
         return cycles

@@ -1,8 +1,8 @@
-"""Breaks in a load cell's counter: samples were lost, or a second load cell sends with its identifiers.
+"""Breaks in a load cell's counter: distinguishes lost samples from two senders with the same identifiers.
 
-After a loss the counter goes on from its new value. With two senders it breaks at each change of sender,
-and each of the two sequences goes on from where it was left. So samples are counted as lost only once
-the counter has gone on from its new value and the sequence before the break has not.
+After a loss the counter continues from its new value. With two senders it breaks at each change of sender,
+and each of the two sequences continues from where it stopped. Samples are therefore counted as lost only
+after the counter has continued from its new value and the sequence before the break has not.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from __future__ import annotations
 from tactile_localizer.io.can.cycle import PhalanxCounts
 
 CONFIRMATION = 3
-"""Samples in a row without a break after which what was skipped before is lost.
+"""Consecutive samples without a break after which the samples skipped before count as lost.
 
 Two senders of one period alternate with at most two samples of one between two of the other.
 """
 
 ALTERNATIONS = 8
-"""Changes between two sequences that show two senders; losses on one would have to fit as many times."""
+"""Changes between two sequences that indicate two senders; losses of one sender rarely imitate so many."""
 
 
 class CounterBreaks:
@@ -24,7 +24,7 @@ class CounterBreaks:
 
     Parameters
     ----------
-    counts : where samples are counted as lost
+    counts : totals of the phalanx, in which lost samples are counted
     """
 
     __slots__ = ("_alternations", "_counts", "_drops", "_gaps", "_on_other", "_other", "_unbroken")
@@ -39,12 +39,12 @@ class CounterBreaks:
 
     @property
     def two_senders(self) -> bool:
-        """Whether two sequences of counters have gone on by turns."""
+        """Whether two sequences of counters have continued alternately."""
         return self._alternations >= ALTERNATIONS
 
     @property
     def totals(self) -> tuple[int, int]:
-        """Gaps and drops, with those that are not confirmed yet."""
+        """Gaps and drops, including those not yet confirmed."""
         return self._counts.gaps + self._gaps, self._counts.drops + self._drops
 
     def alternates(self, newest: int, counter: int, span: int) -> bool:
@@ -68,11 +68,11 @@ class CounterBreaks:
         return changed
 
     def unused(self, counter: int) -> None:
-        """Note that the frame that alternated is too late to be used."""
+        """Record that the frame that alternated came too late to be used."""
         self._other, self._on_other = counter, True
 
     def begin(self, newest: int, counter: int, span: int, *, alternated: bool) -> None:
-        """Note that a sample begins; the arguments are those and the answer of :meth:`alternates`."""
+        """Record the begin of a sample, with the arguments and the result of :meth:`alternates`."""
         unbroken = (counter - newest) % span == 1
         if not unbroken:
             if not alternated:
@@ -86,7 +86,7 @@ class CounterBreaks:
         self._on_other = False
 
     def skip(self, gaps: int, drops: int) -> None:
-        """Take samples and frames that the counter has skipped; count them at once if it has no break."""
+        """Record samples and frames skipped by the counter; without a break they count as lost at once."""
         if self._other is None:
             self._counts.gaps += gaps
             self._counts.drops += drops
@@ -95,7 +95,7 @@ class CounterBreaks:
             self._drops += drops
 
     def confirm(self) -> None:
-        """Count what was skipped as lost, and forget the sequence before the break."""
+        """Count the skipped samples as lost, and forget the sequence before the break."""
         self._counts.gaps += self._gaps
         self._counts.drops += self._drops
         self._gaps = self._drops = 0
@@ -104,7 +104,7 @@ class CounterBreaks:
         self._alternations = self._unbroken = 0
 
     def restore(self, totals: tuple[int, int]) -> None:
-        """Go back to earlier :attr:`totals`, as when the load cell turns out to have restarted."""
+        """Restore earlier :attr:`totals`, after a restart of the load cell was mistaken for lost samples."""
         gaps, drops = totals
         self._counts.gaps, self._counts.drops = min(self._counts.gaps, gaps), min(self._counts.drops, drops)
         self._gaps, self._drops = gaps - self._counts.gaps, drops - self._counts.drops

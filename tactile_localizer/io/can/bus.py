@@ -1,4 +1,4 @@
-"""Opening a python-can bus: filters in the kernel, the receive buffer, and what the kernel dropped."""
+"""Opening a python-can bus with kernel filters and receive buffer, and reading the kernel's drop count."""
 
 from __future__ import annotations
 
@@ -22,33 +22,35 @@ from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
 
-# python-can logs what it also raises; the exception's line is enough.
+# python-can logs the errors that it raises; the exception is enough.
 logging.getLogger("can").addHandler(logging.NullHandler())
 
 FILTERING_INTERFACES = ("socketcan", "kvaser", "vector", "etas", "systec")
 """Interfaces of python-can that filter by identifier in the kernel or the adapter, as of version 4.6."""
 
-_SO_RCVBUFFORCE = 33  # Linux; Python's socket module does not name it
+_SO_RCVBUFFORCE = 33
 _SO_MEMINFO = 55
+"""Linux socket options without a name in Python's socket module."""
+
 _MEMINFO = struct.Struct("9I")
 _DOCUMENTED = re.compile(r":param\s+(?:[^:\n]*\s)?(\w+):")
 _READ = re.compile(r"kwargs(?:\.get|\.pop)?[(\[]\s*[\"'](\w+)[\"']")
 
 
 class AbsentBusError(CanError):
-    """A bus that cannot be opened now, and may be later: an adapter that is not plugged in, or not up."""
+    """A bus that may become available later: its adapter is not connected, or its interface is down."""
 
 
 @dataclass(frozen=True)
 class BusSettings:
-    """Which bus to open, and how.
+    """Bus to open, with its options.
 
     Parameters
     ----------
-    interface : a python-can interface, such as ``socketcan`` or ``udp_multicast``
-    channel : the interface's channel, such as ``can0`` or ``239.74.163.2``
+    interface : python-can interface, such as ``socketcan`` or ``udp_multicast``
+    channel : channel of the interface, such as ``can0`` or ``239.74.163.2``
     options : further arguments of the interface, such as ``bitrate`` or ``port``
-    receive_buffer : bytes that the kernel keeps for frames not yet read; 0 leaves its default
+    receive_buffer : size of the kernel's receive buffer, bytes; 0: the default
     """
 
     interface: str
@@ -62,7 +64,7 @@ class BusSettings:
 
 @dataclass(frozen=True)
 class ReceiveQueue:
-    """The kernel's queue of a bus: bytes in it, bytes that fit, frames dropped since the bus was opened."""
+    """The kernel's receive queue: bytes used, capacity in bytes, frames dropped since the bus was opened."""
 
     used: int
     limit: int
@@ -70,12 +72,12 @@ class ReceiveQueue:
 
 
 def parse_options(texts: list[str]) -> dict[str, Any]:
-    """Options written as ``name=value``, with the value read as YAML: ``port=43113`` is a number.
+    """Parse options of the form ``name=value``, with values in YAML: ``port=43113`` is a number.
 
     Raises
     ------
     CanError
-        A text is not of that form.
+        An option has a different form.
     """
     options = {}
     for text in texts:
@@ -110,7 +112,7 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
         options.setdefault("fd", True)
     try:
         bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
-    except Exception as error:  # interfaces raise what they like
+    except Exception as error:  # interfaces raise many types of exceptions
         reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
         absent = isinstance(error, OSError | can.CanInitializationError | can.CanOperationError)
         refusal = AbsentBusError if absent else CanError
@@ -122,7 +124,7 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
             _set_receive_buffer(bus, settings.receive_buffer)
     except Exception as error:
         bus.shutdown()
-        raise CanError(f"CAN bus {settings}: expected it to take its options, got: {error}") from error
+        raise CanError(f"CAN bus {settings}: could not set its options: {error}") from error
     return bus
 
 
@@ -138,7 +140,7 @@ def _check_options(settings: BusSettings) -> None:
 
 
 def known_options(interface: str) -> set[str]:
-    """Options that the interface's constructor declares, documents or reads; empty where nothing is known."""
+    """Options that the interface's constructor declares, documents or reads; empty if it is unknown."""
     try:
         module, name = BACKENDS[interface]
         bus = getattr(import_module(module), name)
@@ -158,7 +160,7 @@ def known_options(interface: str) -> set[str]:
 
 
 def receive_queue(bus: can.BusABC) -> ReceiveQueue | None:
-    """The kernel's receive queue of ``bus``; ``None`` where the interface is not a socket."""
+    """The kernel's receive queue of ``bus``; ``None`` if the interface is not a socket."""
     sock = _socket_of(bus)
     if sock is None:
         return None
@@ -175,14 +177,14 @@ def _set_receive_buffer(bus: can.BusABC, size: int) -> None:
     if sock is None:
         return
     with sock:
-        try:  # beyond net.core.rmem_max, where the process has the right
+        try:  # exceeds net.core.rmem_max if the process has CAP_NET_ADMIN
             sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
         except PermissionError:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
 
 
 def _socket_of(bus: can.BusABC) -> socket.socket | None:
-    # A second handle on the bus's socket, to be closed by the caller.
+    # A duplicate handle of the bus's socket, which the caller closes.
     try:
         return socket.socket(fileno=os.dup(bus.fileno()))
     except (NotImplementedError, OSError, ValueError):

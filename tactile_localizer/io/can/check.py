@@ -1,4 +1,4 @@
-"""What is on a bus, against a DBC: frames and rates of messages, samples of phalanges, what is wrong."""
+"""Check of the traffic on a bus against a DBC: rates of messages, samples of phalanges, problems."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from tactile_localizer.io.can.frames import ERROR, EXTENDED, REMOTE
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import SATURATED
 
-_FOR_EVER_NS = 10**18
+_NEVER_NS = 10**18
+"""A time beyond every timeout, ns: 30 years."""
 
 
 @dataclass(frozen=True)
 class MessageReport:
-    """One message of the DBC: its identifier, frames seen, their rate and lengths."""
+    """One message of the DBC: identifier, number of frames, their rate and lengths."""
 
     name: str
     identifier: str
@@ -32,7 +33,7 @@ class MessageReport:
 
 @dataclass(frozen=True)
 class PhalanxReport:
-    """One phalanx: samples and what went wrong with them; ``lowest`` and ``highest`` (c,) V seen."""
+    """One phalanx: totals, sampling rate, and ``lowest`` and ``highest`` voltages (c,), V."""
 
     name: str
     counts: PhalanxCounts
@@ -43,18 +44,18 @@ class PhalanxReport:
 
 
 class CanCheck:
-    """Looks at the frames of a bus or of a log.
+    """Checks the frames of a bus or of a log.
 
     Parameters
     ----------
-    protocol : what is expected
-    wait_s : how long a cycle waits for its frames, s
-    all_there : whether every phalanx must be there, or only one
+    protocol : layout of the expected frames
+    wait_s : timeout of a cycle, s
+    all_required : whether every phalanx is required, or only one
     """
 
-    def __init__(self, protocol: LoadCellProtocol, wait_s: float, all_there: bool) -> None:
+    def __init__(self, protocol: LoadCellProtocol, wait_s: float, all_required: bool) -> None:
         self._protocol = protocol
-        self._all_there = all_there
+        self._all_required = all_required
         self._assembler = CycleAssembler(protocol, wait_s)
         self._frames: Counter[int] = Counter()  # by key
         self._lengths: dict[int, set[int]] = {}
@@ -67,7 +68,7 @@ class CanCheck:
 
     @property
     def frames(self) -> int:
-        """Frames seen."""
+        """Number of frames."""
         return sum(self._assembler.counts.frames)
 
     @property
@@ -76,7 +77,7 @@ class CanCheck:
         return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
 
     def feed(self, messages: Sequence[can.Message]) -> None:
-        """Look at ``messages``, in the order of their arrival."""
+        """Process ``messages`` in order of reception."""
         if not messages:
             return
         batch = self._protocol.batch(messages)
@@ -86,13 +87,13 @@ class CanCheck:
         if self._first_ns is None:
             self._first_ns = int(batch.stamp_ns[0])
         self._last_ns = int(batch.stamp_ns[-1])
-        self._look_at(self._assembler.feed(batch))
+        self._add(self._assembler.feed(batch))
 
     def finish(self) -> None:
-        """No more frames come: the last cycle waits for none."""
-        self._look_at(self._assembler.flush(self._last_ns + _FOR_EVER_NS))
+        """Close the last cycle after the last frame."""
+        self._add(self._assembler.flush(self._last_ns + _NEVER_NS))
 
-    def _look_at(self, cycles: list[Cycle]) -> None:
+    def _add(self, cycles: list[Cycle]) -> None:
         for cycle in cycles:
             self._lowest = np.fmin(self._lowest, cycle.strain)
             self._highest = np.fmax(self._highest, cycle.strain)
@@ -100,13 +101,13 @@ class CanCheck:
                 self._saturated |= self._protocol.saturated(cycle.strain)
 
     def absent(self) -> list[str]:
-        """Phalanges of which no frame was seen, and need not be."""
-        return (
-            [] if self._all_there else [name for name in self._protocol.phalanges if name not in self._seen()]
-        )
+        """Phalanges without frames that are not required."""
+        if self._all_required:
+            return []
+        return [name for name in self._protocol.phalanges if name not in self._seen()]
 
     def messages(self) -> list[MessageReport]:
-        """Each message that is in use, but for those of absent phalanges."""
+        """Reports of all messages in use, except those of absent phalanges."""
         layout = self._protocol.layout
         absent = self.absent()
         return [
@@ -129,7 +130,7 @@ class CanCheck:
         ]
 
     def phalanges(self) -> list[PhalanxReport]:
-        """Each phalanx, but for those that are absent."""
+        """Reports of all phalanges that are not absent."""
         reports = []
         absent = self.absent()
         for p, (name, counts) in enumerate(
@@ -137,17 +138,17 @@ class CanCheck:
         ):
             if name in absent:
                 continue
-            own = self._protocol.channels.slices[p]
-            gauges = tuple((np.flatnonzero(self._saturated[own]) + 1).tolist())
+            channels = self._protocol.channels.slices[p]
+            gauges = tuple((np.flatnonzero(self._saturated[channels]) + 1).tolist())
             keys = self._protocol.layout.key[self._protocol.layout.phalanx == p]
             rate_hz = self._rate(min(self._frames[key] for key in keys.tolist()))
             reports.append(
-                PhalanxReport(name, counts, rate_hz, self._lowest[own], self._highest[own], gauges)
+                PhalanxReport(name, counts, rate_hz, self._lowest[channels], self._highest[channels], gauges)
             )
         return reports
 
     def unknown(self) -> list[tuple[str, int, float]]:
-        """Identifier, frames and rate of each message that is not in use, the most frequent first."""
+        """Identifier, number of frames and rate of each unknown message, most frequent first."""
         known = set(self._protocol.layout.key.tolist())
         return [
             (identifier(key), frames, self._rate(frames))
@@ -156,7 +157,7 @@ class CanCheck:
         ]
 
     def problems(self) -> list[str]:
-        """What is wrong, one line each; empty where a hand may be used."""
+        """Problems, one line each; empty if the hand is ready for use."""
         if not self.frames:
             return ["nothing received: is the interface up, the bit rate right, the hand switched on?"]
         found = [] if self._seen() else ["nothing received that is in the DBC"]
@@ -169,12 +170,12 @@ class CanCheck:
         for phalanx in self.phalanges():
             counts = phalanx.counts
             gauges = f"samples saturated, gauges {' '.join(map(str, phalanx.saturated_gauges))}"
-            told = {
+            problems = {
                 "frames lost": counts.drops,
                 gauges: counts.saturated,
                 "samples with a fault": counts.faults,
             }
-            found += [f"{phalanx.name}: {what}: {count}" for what, count in told.items() if count]
+            found += [f"{phalanx.name}: {what}: {count}" for what, count in problems.items() if count]
         totals = self._assembler.counts.frames
         for kind in (FrameKind.ERROR, FrameKind.REMOTE, FrameKind.DUPLICATE, FrameKind.OUT_OF_ORDER):
             if totals[kind]:
@@ -194,5 +195,5 @@ class CanCheck:
 
 
 def identifier(key: int) -> str:
-    """How a frame's key is written: three hexadecimal digits, or eight of an extended identifier."""
+    """Identifier of a frame's key as text: three hexadecimal digits, or eight if it is extended."""
     return f"{key & 0x1FFFFFFF:0{8 if key & EXTENDED else 3}X}"

@@ -1,4 +1,4 @@
-"""A cycle of the load cells, and the totals that are kept of frames and cycles."""
+"""Strain of all phalanges in one cycle, and totals of frames and cycles."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Cycle:
-    """What F phalanges felt in one cycle.
+    """Strain of F phalanges in one cycle of the load cells.
 
     Attributes
     ----------
     stamp_ns : receive time of the first frame, ns
     strain : (C,) V, row-major; NaN where missing
     status : (F,) uint8 bits of :mod:`~tactile_localizer.io.status`
-    sequence : (F,) uint32, the load cell's counter, unwrapped; the cycle's number where it has none
+    sequence : (F,) uint32, unwrapped counter of the load cell; number of the cycle if it has no counter
     """
 
     stamp_ns: int
@@ -33,13 +33,13 @@ class PhalanxCounts:
     Attributes
     ----------
     samples : complete samples
-    missing : cycles published without this phalanx's voltages
-    gaps : samples of which no frame arrived, by the counter
-    drops : frames sent that are in no cycle, by the counter
+    missing : cycles without voltages of this phalanx
+    gaps : samples of which no frame was received, according to the counter
+    drops : frames sent that are in no cycle, according to the counter
     saturated, faults : samples with that status
-    unaligned : samples received while it was not certain which cycle they belong to
-    interleaved : frames whose counter is repeated, earlier, or alternates between two sequences: many of them
-        where two senders have the same identifiers
+    unaligned : samples received while their cycle was uncertain
+    interleaved : frames whose counter is repeated, earlier, or alternates between two sequences; many of
+        them indicate two senders with the same identifiers
     last_ns : receive time of the last frame used, ns; 0 before the first
     """
 
@@ -56,12 +56,12 @@ class PhalanxCounts:
 
 @dataclass
 class Counts:
-    """Totals since the assembler was made.
+    """Totals since the assembler was created.
 
     Attributes
     ----------
-    frames : frames by kind; each frame given is in exactly one of them
-    cycles, incomplete : cycles made, and those of them with a phalanx missing
+    frames : number of frames of each kind; every frame has exactly one kind
+    cycles, incomplete : all cycles, and those with a phalanx missing
     phalanges : totals of each phalanx
     """
 

@@ -20,12 +20,12 @@ from tactile_localizer.io.can.tare import TareAverage
 
 @dataclass(frozen=True)
 class DriverSettings:
-    """How the load cells are read.
+    """Settings of the load cell driver.
 
     Parameters
     ----------
-    bus : the bus to open
-    cycle_timeout_s : how long a cycle waits for its frames, s
+    bus : bus to open
+    cycle_timeout_s : timeout of a cycle after its first frame, s
     wait_for_interface : whether to wait for an interface that is absent at the start
     backoff_s, backoff_limit_s : see :class:`~tactile_localizer.io.can.reader.CanReader`
     """
@@ -38,15 +38,15 @@ class DriverSettings:
 
 
 class LoadCellDriver:
-    """Reads load cells and hands out cycles.
+    """Reads load cells and delivers cycles.
 
     Parameters
     ----------
-    protocol : the frames' layout
-    settings : how to read
-    on_cycle : takes each cycle, in the receive thread, with the tare offset taken off
-    log : takes a line when the bus fails
-    note : takes a line when frames arrive, at the start and after a failure
+    protocol : layout of the frames
+    settings : bus and timeouts
+    on_cycle : called in the receive thread with each cycle, after subtraction of the tare offset
+    log : called with a line when the bus fails
+    note : called with a line when frames are received, at the start and after a failure
     """
 
     def __init__(
@@ -58,8 +58,8 @@ class LoadCellDriver:
         note: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.protocol = protocol
-        self.offset = np.zeros(protocol.channels.size)  # V, taken off each strain vector
-        self.latest: Cycle | None = None  # as the load cells sent it
+        self.offset = np.zeros(protocol.channels.size)  # V, subtracted from each strain vector
+        self.latest: Cycle | None = None  # before subtraction of the offset
         self._on_cycle = on_cycle
         self._assembler = CycleAssembler(protocol, settings.cycle_timeout_s)
         self._average: TareAverage | None = None
@@ -82,7 +82,7 @@ class LoadCellDriver:
 
     @property
     def aligned(self) -> list[bool]:
-        """For each phalanx whether it is certain which cycle its samples belong to."""
+        """Whether the assignment of samples to cycles is certain, for each phalanx."""
         return self._assembler.aligned
 
     @property
@@ -91,7 +91,7 @@ class LoadCellDriver:
         return self._reader.status
 
     def start(self) -> None:
-        """Open the bus and begin.
+        """Open the bus and start the receive thread.
 
         Raises
         ------
@@ -101,22 +101,22 @@ class LoadCellDriver:
         self._reader.start()
 
     def stop(self) -> bool:
-        """End the receive thread and close the bus; whether that was done in time."""
+        """Stop the receive thread and close the bus; returns whether that succeeded in time."""
         return self._reader.stop()
 
     def reconnect(self) -> None:
-        """Close the bus and open it again."""
+        """Close and reopen the bus."""
         self._reader.reconnect()
 
     def tare(self, duration_s: float, spread_limit: float, cancelled: Callable[[], bool]) -> np.ndarray:
-        """Average the load cells for ``duration_s`` and take that off from now on: the offset (C,), V.
+        """Average the strain for ``duration_s``, and subtract it from now on; returns the offset (C,), V.
 
-        Called in another thread than the receive thread, which goes on meanwhile.
+        Must not be called in the receive thread, which continues during the tare.
 
         Raises
         ------
         MeasurementError
-            Too few good samples came, or the hand moved: the offset stays as it was.
+            Too few valid samples were received, or the hand moved; the offset is unchanged.
         """
         average = TareAverage(self.protocol.phalanges, spread_limit, self.protocol.channels)
         self._average = average

@@ -1,6 +1,6 @@
-"""Error frames as SocketCAN delivers them: what a CAN controller reports about the bus.
+"""Error frames of SocketCAN, in which a CAN controller reports errors on the bus.
 
-The classes are bits of the identifier, the details bytes of the data (``linux/can/error.h``).
+Error classes are bits of the identifier, details are bytes of the data (``linux/can/error.h``).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _CONTROLLER_STATES = {  # bits of data byte 1
 }
 
 ERROR_KINDS = tuple(dict.fromkeys([*_CLASSES.values(), *_CONTROLLER_STATES.values(), OTHER]))
-"""All kinds of errors that :func:`error_kinds` tells apart."""
+"""All kinds of errors that :func:`error_kinds` distinguishes."""
 
 
 def error_kinds(message: can.Message) -> list[str]:
-    """Kinds of errors that an error frame reports, each once."""
+    """Kinds of errors reported by an error frame, without duplicates."""
     kinds = {name: None for bit, name in _CLASSES.items() if message.arbitration_id & bit}
     if message.arbitration_id & _CONTROLLER_CLASS:
         state = message.data[1] if len(message.data) > 1 else 0

@@ -1,4 +1,4 @@
-"""CAN frames as arrays, so that many of them are decoded at once."""
+"""Batches of CAN frames as arrays, for vectorised decoding."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _FD_LENGTHS = (12, 16, 20, 24, 32, 48, 64)
 
 @dataclass(frozen=True)
 class FrameBatch:
-    """Frames in the order of their arrival.
+    """Frames in order of reception.
 
     Attributes
     ----------
     key : (N,) uint32 identifiers with the flags :data:`EXTENDED`, :data:`REMOTE`, :data:`ERROR`
     stamp_ns : (N,) int64 receive times, ns
     length : (N,) int64 data bytes
-    data : (N, W) uint8 data, padded with zeros or cut to W bytes
+    data : (N, W) uint8 data, padded with zeros or truncated to W bytes
     """
 
     key: np.ndarray
@@ -45,7 +45,7 @@ class FrameBatch:
 
     @classmethod
     def from_messages(cls, messages: Sequence[can.Message], width: int = MAX_BYTES) -> FrameBatch:
-        """Frames of python-can ``messages``, keeping ``width`` bytes of data each."""
+        """Convert python-can ``messages``, with ``width`` bytes of data each."""
         key = [
             m.arbitration_id & 0x1FFFFFFF
             | m.is_extended_id << 31
@@ -65,5 +65,5 @@ class FrameBatch:
 
 
 def wire_length(length: int) -> int:
-    """Bytes that a message of ``length`` bytes takes on the bus: CAN FD has only some lengths above 8."""
+    """Data bytes of a frame for a message of ``length`` bytes; above 8, CAN FD allows only some lengths."""
     return length if length <= 8 else next(n for n in _FD_LENGTHS if n >= length)

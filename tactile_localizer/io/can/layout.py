@@ -1,4 +1,4 @@
-"""Which bits of which frame are which gauge pair: a DBC compiled to arrays, once."""
+"""Bit layout of the load cells' messages: a DBC compiled to arrays for vectorised decoding."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.frames import EXTENDED, MAX_BYTES, wire_length
 
-# cantools logs what is refused below in one line of our own.
+# cantools logs errors that are raised below as one line.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
 
 GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(DEFAULT_CHANNELS))
-"""Default names of the gauge pairs' signals."""
+"""Default signal names of the gauge pairs."""
 
 VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6}
-"""Volts in one unit of a gauge signal, by the unit that the DBC states."""
+"""Factor from a gauge signal to V, by its unit in the DBC."""
 
 MAX_DBC_BITS = 8 * 1785
-"""Bits of the longest message in a DBC: J1939's transport protocol, beside the load cells' own frames."""
+"""Largest message size accepted in a DBC, bits: that of J1939's transport protocol, on the same bus."""
 
 _QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
 _SIGNAL_SIZE = re.compile(r"\bSG_\s+(\w{1,500})[^:|]{0,500}:\s*\+?(\d+)\s*\|\s*\+?(\d+)\s*@")
@@ -39,12 +39,12 @@ PhalanxMessages: TypeAlias = tuple[tuple[Message, ...], ...]
 
 @dataclass(frozen=True)
 class SignalNames:
-    """What the DBC calls the signals. ``{phalanx}`` stands for the phalanx's name.
+    """Signal names in the DBC; ``{phalanx}`` is replaced by the name of the phalanx.
 
     Parameters
     ----------
-    gauges : the channels, in the order of the strain vector; a phalanx may have the first of them only
-    counter, status : the rolling counter and the load cell's own status (0 is well); a layout may lack either
+    gauges : channels in the order of the strain vector; a phalanx may have only the first ones
+    counter, status : rolling counter, and status of the load cell (0: no fault); both are optional
     """
 
     gauges: tuple[str, ...] = GAUGE_SIGNALS
@@ -53,23 +53,23 @@ class SignalNames:
 
     def __post_init__(self) -> None:
         if not self.gauges or len(set(self.gauges)) < len(self.gauges):
-            raise CanError(f"gauge signals: expected different names, got {', '.join(self.gauges) or 'none'}")
+            raise CanError(f"gauge signals: expected unique names, got {', '.join(self.gauges) or 'none'}")
 
 
 @dataclass(frozen=True)
 class Layout:
     """Bit layout of M messages with up to S signals each: gauges first, then the counter, then the status.
 
-    Entries of signals that a message does not have are zero masks (and -1 in ``channel``).
+    Signals that a message does not have are zero in ``mask`` and -1 in ``channel``.
 
     Attributes
     ----------
     key : (M,) uint32 frame keys
     length : (M,) data bytes of a frame on the bus
     phalanx : (M,) index of the message's phalanx
-    counter_bits : (M,) width of the counter, 0 where there is none
-    channel : (M, S - 2) column of each gauge in the strain vector, -1: none
-    start : (M, S, 8) bytes to gather, least significant first; ``ninth`` (M, S): the byte after them
+    counter_bits : (M,) width of the counter, 0 without one
+    channel : (M, S - 2) column of each gauge in the strain vector, -1 without one
+    start : (M, S, 8) indices of the bytes to gather, least significant first; ``ninth`` (M, S): the next byte
     shift, mask, sign : (M, S) uint64 position, extent and sign bit of the signal in the gathered word
     float_bits : (M, S) width of an IEEE float signal, 0: integer
     scale, offset, volts : (M, S) physical value = (raw * scale + offset) * volts
@@ -97,7 +97,7 @@ class Layout:
 
 
 def load_dbc(path: str | Path) -> Database:
-    """The CAN database in the DBC file ``path``.
+    """Read a CAN database from a DBC file.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def load_dbc(path: str | Path) -> Database:
 
 
 def _check_sizes(text: str) -> None:
-    """Refuse sizes for which cantools would allocate gigabytes while it reads the file."""
+    """Refuse sizes for which cantools would allocate gigabytes."""
     text = _QUOTED.sub('""', text)
     for name, start, bits in _SIGNAL_SIZE.findall(text):
         if _exceeds(start, MAX_DBC_BITS) or _exceeds(bits, MAX_DBC_BITS):
@@ -146,9 +146,9 @@ def _exceeds(number: str, limit: int) -> bool:
 def phalanx_messages(
     database: Database, phalanges: Sequence[str], messages: Mapping[str, Sequence[str]]
 ) -> PhalanxMessages:
-    """The messages of each phalanx: those named in ``messages``, or else those called after the phalanx.
+    """Messages of each phalanx: those listed in ``messages``, or else those named after the phalanx.
 
-    ``index`` is called after the phalanx ``index``, and so is ``index_`` with one letter or digit.
+    Messages of the phalanx ``index`` are ``index``, and ``index_`` with one letter or digit.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def phalanx_messages(
         if not names:
             raise CanError(
                 f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the "
-                f"DBC, or its messages named, found {_some(by_name)}"
+                f"DBC, or a list of its messages, found {_some(by_name)}"
             )
         for name in names:
             if name not in by_name:
@@ -181,7 +181,7 @@ def phalanx_messages(
 
 
 def phalanges_of(database: Database, names: SignalNames) -> list[str]:
-    """Phalanges that the messages of ``database`` are called after: those with the first gauge pair."""
+    """Phalanges after which messages of ``database`` are named that have the first gauge pair."""
     found: dict[str, None] = {}
     for message in database.messages:
         phalanx = re.sub("_[A-Za-z0-9]$", "", message.name)
@@ -192,12 +192,12 @@ def phalanges_of(database: Database, names: SignalNames) -> list[str]:
 
 
 def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> Layout:
-    """Bit layout of the ``messages`` of each of the ``phalanges``, whose signals are called ``names``.
+    """Compile the bit layout of the ``messages`` of ``phalanges``.
 
     Raises
     ------
     CanError
-        A gauge is missing, given twice, scaled by 0 or in a unit that is not of volts; a message is
+        A gauge is missing, duplicated, scaled by 0 or in a unit other than V, mV or uV; a message is
         multiplexed or longer than a frame; only some messages of a phalanx have a counter; two messages
         share an identifier.
     """
@@ -237,7 +237,7 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
 
 
 def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) -> list[str]:
-    """Names of the phalanx's gauges: all up to the last that its messages have, but at least one."""
+    """Names of the phalanx's gauges, up to the last one in its messages, but at least one."""
     gauges = [name.replace("{phalanx}", phalanx) for name in names.gauges]
     found = {signal.name for message in messages for signal in message.signals}
     last = max((number for number, name in enumerate(gauges, start=1) if name in found), default=1)
@@ -302,8 +302,8 @@ def _empty_layout(messages: int, gauges: int, channels: ChannelLayout) -> Layout
 
 
 def _place(layout: Layout, m: int, s: int, message: Message, signal: Signal) -> None:
-    # The word that holds the signal is gathered from its least significant byte on. Bytes beyond the
-    # frame only reach bits that the mask clears, so the nearest byte stands in for them.
+    # The bytes of the signal are gathered from the least significant one on. Bytes beyond the frame only
+    # affect bits that the mask clears, so their indices are clipped.
     if signal.byte_order == "little_endian":
         lowest_byte, shift, step = signal.start // 8, signal.start % 8, 1
     else:
@@ -322,7 +322,7 @@ def _place(layout: Layout, m: int, s: int, message: Message, signal: Signal) -> 
 
 
 def raw_range(signal: Signal) -> tuple[float, float]:
-    """Least and greatest raw value that the bits of ``signal`` hold; infinite for a float."""
+    """Smallest and largest raw value of ``signal``; infinite for a float."""
     if signal.is_float:
         return -np.inf, np.inf
     if signal.is_signed:
@@ -331,7 +331,7 @@ def raw_range(signal: Signal) -> tuple[float, float]:
 
 
 def _range(signal: Signal) -> tuple[float, float]:
-    # The narrower of what the bits hold and of what the DBC states.
+    # The narrower of the ranges given by the number of bits and by the DBC.
     ends = sorted(float(raw) * signal.scale + signal.offset for raw in raw_range(signal))
     lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
     highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)

@@ -1,4 +1,8 @@
-"""Recorded CAN traffic: candump's logs, and whatever else python-can reads."""
+"""Reading logs of CAN traffic: candump logs and the other formats of python-can.
+
+python-can reads most error frames in candump logs as data frames, and reports malformed lines without
+their number. Candump logs are therefore validated line by line before python-can parses them.
+"""
 
 from __future__ import annotations
 
@@ -14,38 +18,39 @@ import can
 from tactile_localizer.errors import CanError
 
 BATCH = 256
-"""Most frames that are handed out at once."""
+"""Most frames returned at once."""
 
 _LINE = re.compile(r"\s*(\(\d+(\.\d+)?\)\s+\S+\s+[0-9A-Fa-f]+#[0-9A-Fa-fRr#]*(\s+[TR])?)?\s*", re.ASCII)
-"""A line as ``candump -l`` writes it, or an empty one."""
+"""A line in the format of ``candump -l``, or an empty line."""
 
 _LATEST_S = 9e9
-"""Largest stamp, s: in the year 2255, and the last that nanoseconds in 64 bits can count."""
+"""Largest stamp, s: in the year 2255; later ones do not fit into 64 bits as ns."""
 
 _ERROR_FRAME = re.compile(r" [23][0-9A-Fa-f]{7}#")
+"""Identifier of an error frame of any class."""
 
 
 def read_log(
     path: Path, channel: str | None = None, seconds: float | None = None
 ) -> Iterator[list[can.Message]]:
-    """Frames of a log, in its order.
+    """Read the frames of a log, in batches.
 
     Parameters
     ----------
-    path : candump log (``.log``), ASC, BLF or another format of python-can, by its ending; gzipped too
-    channel : the only one to read, where the log has several
-    seconds : how much of the log, s from its first frame; ``None``: all
+    path : candump log (``.log``), ASC, BLF or another format of python-can, by its extension; may be gzipped
+    channel : channel to read, if the log has several
+    seconds : duration to read from the first frame on, s; ``None``: the whole log
 
     Raises
     ------
     CanError
-        The log cannot be read, or has frames of several channels and none was chosen.
+        The log cannot be read, or has frames of several channels and none is chosen.
     """
     messages: list[can.Message] = []
     first_s: float | None = None
     found: set[str] = set()
     for message in _frames(path):
-        if message.channel is not None:  # what python-can does not tell of candump's error frames
+        if message.channel is not None:  # python-can drops the channel of error frames
             if channel not in (None, str(message.channel)):
                 continue
             found.add(str(message.channel))
@@ -69,7 +74,7 @@ def read_log(
 def _frames(path: Path) -> Iterator[can.Message]:
     is_candump = path.suffix == ".log" or path.suffixes[-2:] == [".log", ".gz"]
     try:
-        # python-can asks for a TextIO, and uses what any file of lines has.
+        # python-can is typed for TextIO, but only iterates over the lines.
         lines: Any = _Candump(path, _text(path)) if is_candump else None
         with can.CanutilsLogReader(lines) if is_candump else can.LogReader(path) as reader:
             yield from reader
@@ -77,17 +82,17 @@ def _frames(path: Path) -> Iterator[can.Message]:
         raise
     except OSError as error:
         raise CanError(f"{path}: expected a CAN log, {error.strerror or error}") from error
-    except Exception as error:  # each format's reader raises what it likes
+    except Exception as error:  # readers raise many types of exceptions
         raise CanError(f"{path}: expected a CAN log, {' '.join(str(error).split())}") from error
 
 
 def _text(path: Path) -> Any:
-    """A file of lines, opened before there is a reader that would have to be closed where that fails."""
+    """Open a text file, possibly gzipped; before the reader exists, so that a failure leaks nothing."""
     return (gzip.open if path.suffix == ".gz" else open)(path, "rt", encoding="utf-8", errors="replace")
 
 
 class _Candump(io.TextIOBase):
-    """A candump log whose lines are checked, and whose error frames are of every class."""
+    """Validated lines of a candump log, with error frames rewritten to a class that python-can knows."""
 
     def __init__(self, path: Path, lines: Any) -> None:
         self._path = path
@@ -99,7 +104,7 @@ class _Candump(io.TextIOBase):
         self._number += 1
         if not _LINE.fullmatch(line):
             raise CanError(
-                f"{self._path} line {self._number}: expected a frame as candump -l writes it, found "
+                f"{self._path} line {self._number}: expected a frame in the format of candump -l, found "
                 f"{line.strip()[:60]!r}"
             )
         return _ERROR_FRAME.sub(" 20000080#", line)

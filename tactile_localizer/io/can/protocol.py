@@ -1,4 +1,4 @@
-"""Bytes to volts and back, by a DBC: pure, and for many frames at once."""
+"""Decoding of CAN frames to volts and encoding of volts to frames, according to a DBC."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tactile_localizer.io.can.layout import (
 
 
 class FrameKind(enum.IntEnum):
-    """What becomes of a frame. The last two are the assembler's verdict on a ``DATA`` frame."""
+    """Classification of a frame; the assembler reclassifies some ``DATA`` frames to the last two kinds."""
 
     DATA = 0
     UNKNOWN_ID = 1
@@ -39,16 +39,16 @@ class FrameKind(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Decoded:
-    """What N frames say.
+    """Content of N decoded frames.
 
     Attributes
     ----------
-    kind : (N,) uint8 of :class:`FrameKind`; what follows means something for ``DATA`` only
+    kind : (N,) uint8 of :class:`FrameKind`; the other attributes are valid for ``DATA`` only
     slot : (N,) index of the message, in the order of :attr:`LoadCellProtocol.layout`
-    counter : (N,) uint64 rolling counter, 0 where the message has none
+    counter : (N,) uint64 rolling counter, 0 if the message has none
     fault : (N,) bool, the load cell's status is not 0, or a voltage is not finite
-    saturated : (N,) bool, a gauge pair stands at an end of its range
-    voltage : (N, G) V, the message's gauges, padded with columns of no meaning
+    saturated : (N,) bool, a gauge pair is at an end of its range
+    voltage : (N, G) voltages of the message's gauges, V; columns beyond its gauges are undefined
     """
 
     kind: np.ndarray
@@ -60,16 +60,15 @@ class Decoded:
 
 
 class LoadCellProtocol:
-    """The frames of a hand's load cells.
+    """Frame format of a hand's load cells, made by :meth:`from_dbc`.
 
-    Made by :meth:`from_dbc`. Holds no state: what belongs to which cycle is
-    :class:`~tactile_localizer.io.can.assembler.CycleAssembler`'s concern.
+    It is stateless; :class:`~tactile_localizer.io.can.assembler.CycleAssembler` assigns frames to cycles.
 
     Attributes
     ----------
     phalanges : names, in the order of the strain vector
-    layout : the messages' bits as arrays
-    width : bytes of data of the longest frame
+    layout : bit layout of the messages
+    width : data bytes of the longest frame
     is_fd : whether any message needs CAN FD
     """
 
@@ -92,14 +91,14 @@ class LoadCellProtocol:
         messages: Mapping[str, Sequence[str]] | None = None,
         names: SignalNames | None = None,
     ) -> LoadCellProtocol:
-        """The protocol that the DBC file ``path`` describes for the load cells of ``phalanges``.
+        """Read the frame format of the load cells of ``phalanges`` from a DBC file.
 
         Parameters
         ----------
-        path : DBC file, read once
+        path : DBC file
         phalanges : names, in the order of the strain vector
-        messages : names of a phalanx's messages; a phalanx left out has the messages called after it
-        names : what the DBC calls the signals
+        messages : names of the messages by phalanx; default: those named after the phalanx
+        names : signal names in the DBC
 
         Raises
         ------
@@ -111,7 +110,7 @@ class LoadCellProtocol:
 
     @property
     def channels(self) -> ChannelLayout:
-        """The strain vector's channels by phalanx."""
+        """Channels of the strain vector by phalanx."""
         return self.layout.channels
 
     @property
@@ -121,7 +120,7 @@ class LoadCellProtocol:
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
-        """Filters, for the kernel or the adapter, that pass exactly the messages in use."""
+        """Filters for the kernel or the adapter that pass exactly the messages in use."""
         return [
             {"can_id": message.frame_id, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
             for own in self._messages
@@ -130,11 +129,11 @@ class LoadCellProtocol:
         ]
 
     def batch(self, messages: Sequence[can.Message]) -> FrameBatch:
-        """Frames of python-can ``messages`` as arrays, as wide as this protocol needs."""
+        """Convert python-can ``messages`` to arrays with the width of the longest frame."""
         return FrameBatch.from_messages(messages, self.width)
 
     def decode(self, frames: FrameBatch) -> Decoded:
-        """What ``frames`` say; never raises, whatever the bytes are."""
+        """Decode ``frames``; never raises, whatever their content."""
         place = np.searchsorted(self._sorted_keys, frames.key)
         place[place == len(self._sorted_keys)] = 0
         slot = self._order[place]
@@ -155,14 +154,14 @@ class LoadCellProtocol:
         row = np.arange(len(data))
         shift = layout.shift[slot]
         word = data[row[:, None, None], layout.start[slot]].view("<u8")[:, :, 0]
-        # A wide signal may begin within the word and end in the byte after it; numpy shifts by 64 to 0.
+        # A signal may extend into a ninth byte; numpy evaluates a shift by 64 as 0.
         ninth = data[row[:, None], layout.ninth[slot]].astype(np.uint64)
         raw = (word >> shift | ninth << (np.uint64(64) - shift)) & layout.mask[slot]
         sign = layout.sign[slot]
         signed = ((raw ^ sign) - sign).view(np.int64).astype(np.float64)
         value = np.where(sign != 0, signed, raw.astype(np.float64))
         float_bits = layout.float_bits[slot]
-        with np.errstate(invalid="ignore", over="ignore"):  # a float's bits may be anything
+        with np.errstate(invalid="ignore", over="ignore"):  # the bits of a float are arbitrary
             for bits in self._float_widths:
                 chosen = float_bits == bits
                 if chosen.any():
@@ -170,7 +169,7 @@ class LoadCellProtocol:
             return raw, value * layout.scale[slot] + layout.offset[slot]
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
-        """Which gauges of ``strain`` (C,), V, as decoded, stand at an end of their range: (C,) bool."""
+        """Whether each gauge of a decoded ``strain`` (C,), V, is at an end of its range: (C,) bool."""
         layout, used = self.layout, self.layout.channel >= 0
         lowest, highest = np.empty(len(strain)), np.empty(len(strain))
         lowest[layout.channel[used]] = layout.lowest[used]
@@ -180,14 +179,14 @@ class LoadCellProtocol:
     def encode(
         self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0
     ) -> list[can.Message]:
-        """Frames of one sample of a load cell, in the order of its messages.
+        """Encode one sample of a load cell as frames, in the order of its messages.
 
         Parameters
         ----------
         phalanx : index of the phalanx
-        strain : (c,) V, its channels; a voltage out of the range is cut to its end, as an amplifier does
+        strain : (c,) voltages of its channels, V; clipped to the range, as by an amplifier
         sequence : number of the sample; its low bits become the counter
-        status : the load cell's own status, 0 is well
+        status : status of the load cell; 0: no fault
         stamp_s : time stamp of the frames, s
         """
         name = self.phalanges[phalanx]

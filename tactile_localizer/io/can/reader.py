@@ -1,7 +1,7 @@
-"""The receive thread: reads a bus, and opens it again whenever it fails.
+"""Receive thread that reads a CAN bus and reopens it after failures.
 
-Only the thread touches the bus, so that nothing is closed under a read. It waits for frames in short
-steps and so ends within a fraction of a second when told to.
+Only this thread accesses the bus, so the bus is never closed during a read. The thread waits for frames in
+short steps and therefore stops within a fraction of a second.
 """
 
 from __future__ import annotations
@@ -25,32 +25,37 @@ WAITING = "waiting for the interface"
 CLOSED = "closed"
 
 LONGEST_WAIT_S = 0.1
-"""Longest wait for a frame, after which the thread looks whether it should end."""
+"""Longest wait for a frame, after which the thread checks whether it should stop, s."""
 
 LINGER_S = 0.0005
-"""How long frames are waited for that come together with the first one of a batch."""
+"""Time to wait for the other frames of a batch after its first one, s: half a cycle at 1 kHz."""
 
-MOST_AT_ONCE = 256
-"""Most frames that are delivered at once when the thread has fallen behind."""
+MAX_BATCH_FRAMES = 256
+"""Most frames delivered at once if the thread has fallen behind."""
 
 _ABSENT_POLL_S = 1.0
+"""Period of attempts to open an absent interface, s."""
+
 _QUEUE_PERIOD_S = 0.5
+"""Period of reading the kernel's receive queue, s; diagnostics are published every second."""
+
 _EPOCH_TOLERANCE_S = 3600.0
+"""Difference from the system's clock from which stamps are those of an adapter's own clock, s."""
 
 
 @dataclass
 class BusStatus:
-    """What is known of the bus; written by the thread alone.
+    """State of the bus, written only by the receive thread.
 
     Attributes
     ----------
-    state : ``open``; ``bus off`` until a good frame arrives; ``failed`` until opened again; ``closed``;
+    state : ``open``; ``bus off`` until a data frame is received; ``failed`` until reopened; ``closed``;
         ``waiting for the interface`` that was absent at the start
-    error : why the bus failed last, empty if it never did
-    reconnects : how often it was opened again
-    unreadable : messages of the interface that were not frames
-    errors : error frames by what they report (:mod:`~tactile_localizer.io.can.error_frames`)
-    queue_used, queue_limit : kernel's receive queue, bytes; 0 where the interface has none
+    error : reason of the last failure; empty before the first
+    reconnects : number of times that the bus was reopened
+    unreadable : number of messages of the interface that were not frames
+    errors : number of error frames by kind (:mod:`~tactile_localizer.io.can.error_frames`)
+    queue_used, queue_limit : kernel's receive queue, bytes; 0 if the interface has none
     queue_drops : frames that the kernel dropped because the queue was full
     """
 
@@ -65,21 +70,21 @@ class BusStatus:
 
 
 class CanReader:
-    """Reads a bus in a thread of its own.
+    """Reads a bus in a separate thread.
 
     Parameters
     ----------
     open_bus : opens the bus or raises a :class:`CanError`; called again after a failure
-    deliver : takes frames in the order of their arrival, possibly none, and returns how long it can wait for
-        the next ones, s. Called in the thread
-    batch : frames that usually come together, which are then delivered together
-    backoff_s : wait before the bus is opened again, s, doubled after each failure; 0: not opened again
-        until :meth:`reconnect`
-    backoff_limit_s : longest such wait, s
+    deliver : called in the thread with frames in order of reception, possibly none; returns how long it can
+        wait for the next ones, s
+    batch : number of frames that are usually received together, and then delivered together
+    backoff_s : delay before the bus is reopened, s, doubled after each failure; 0: not reopened until
+        :meth:`reconnect`
+    backoff_limit_s : longest delay, s
     wait : whether to wait for an interface that is absent when the reader starts
     opened : called in the thread before the frames of a newly opened bus are delivered
-    log : takes a line when the bus fails
-    note : takes a line when frames arrive, at the start and after a failure
+    log : called with a line when the bus fails
+    note : called with a line when frames are received, at the start and after a failure
     """
 
     def __init__(
@@ -107,26 +112,24 @@ class CanReader:
         self._wait = wait
         self._delay_s = backoff_s
         self._stop = threading.Event()
-        self._wake = threading.Event()  # the thread is to end, or to open the bus anew
+        self._wake = threading.Event()  # the thread shall stop, or reopen the bus
         self._thread: threading.Thread | None = None
-        self._drops_before = 0  # of buses that are closed by now
+        self._drops_before = 0  # of earlier buses
         self._next_queue_s = 0.0
-        self._own_clock: bool | None = (
-            None  # whether stamps are an adapter's own; None before the first frame
-        )
+        self._has_adapter_clock: bool | None = None  # None before the first frame
         self._reopened = False
-        self._noted = False  # whether it was said that frames arrive
+        self._noted = False  # whether the reception of frames was reported
 
     def start(self) -> None:
-        """Open the bus and begin to read.
+        """Open the bus and start the thread.
 
         Raises
         ------
         CanError
-            The bus cannot be opened, and is not to be waited for.
+            The bus cannot be opened, unless it is absent and the reader waits for it.
         """
         if self._thread is not None and self._thread.is_alive():
-            raise CanError("CAN receive thread: expected it to have ended, it is still at work")
+            raise CanError("CAN receive thread: expected it to have stopped, it is still running")
         bus = self._open_first()
         self._stop.clear()
         self._reopened = False
@@ -145,7 +148,7 @@ class CanReader:
             return None
 
     def stop(self, timeout_s: float = 1.0) -> bool:
-        """End the thread and close the bus; whether both were done within ``timeout_s``."""
+        """Stop the thread and close the bus; returns whether that succeeded within ``timeout_s``."""
         if self._thread is None:
             return True
         self._stop.set()
@@ -154,14 +157,14 @@ class CanReader:
         return not self._thread.is_alive()
 
     def reconnect(self) -> None:
-        """Close the bus and open it again, at once."""
+        """Close and reopen the bus without delay."""
         self._wake.set()
 
     def _run(self, bus: can.BusABC | None) -> None:
         if bus is None:
             bus = self._reopen()
         while bus is not None and not self._stop.is_set():
-            self._own_clock = None
+            self._has_adapter_clock = None
             try:
                 self._opened()
                 self._read(bus)
@@ -169,7 +172,7 @@ class CanReader:
                 self._failed(BUS_OFF, "bus off")
             except (can.CanError, OSError, ValueError) as error:
                 self._failed(FAILED, " ".join(str(error.__cause__ or error).split()))
-            except Exception:  # a mistake of ours: told, and tried again like any other failure
+            except Exception:  # a bug in this package: reported, and handled like any other failure
                 self._failed(FAILED, traceback.format_exc())
             finally:
                 self._close(bus)
@@ -177,20 +180,20 @@ class CanReader:
         self.status.state = CLOSED
 
     def _read(self, bus: can.BusABC) -> None:
-        # An interface that is down opens, and fails at the first read: only after that it is back.
+        # An interface that is down can be opened, but the first read fails.
         messages = self._collect(bus, LINGER_S)
-        self._opened_well()
+        self._set_open()
         while True:
             wait_s = self._deliver(messages)
             if messages:
-                self._judge(messages)
+                self._update_state(messages)
             if time.monotonic() >= self._next_queue_s:
-                self._look_at_queue(bus)
+                self._read_queue(bus)
             if self._wake.is_set():
                 return
             messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))
 
-    def _opened_well(self) -> None:
+    def _set_open(self) -> None:
         if self._reopened and self.status.state != WAITING:
             self.status.reconnects += 1
         self._reopened = False
@@ -203,7 +206,7 @@ class CanReader:
             return []
         messages = [message]
         until_s = time.monotonic() + LINGER_S
-        while len(messages) < MOST_AT_ONCE:  # what waits already is taken along
+        while len(messages) < MAX_BATCH_FRAMES:  # frames that wait already are included
             missing = len(messages) < self._batch
             message = self._receive(bus, max(0.0, until_s - time.monotonic()) if missing else 0.0)
             if message is None:
@@ -217,29 +220,29 @@ class CanReader:
         except can.CanOperationError as error:
             if error.__cause__ is None or isinstance(error.__cause__, OSError):
                 raise
-            self.status.unreadable += 1  # the bus is well, but what it brought was no frame
+            self.status.unreadable += 1  # the bus works, but the message was not a frame
             return None
         if message is not None:
-            if self._own_clock is None:
-                self._own_clock = abs(time.time() - message.timestamp) > _EPOCH_TOLERANCE_S
-            if self._own_clock:  # an adapter's clock, of unknown origin and rate
+            if self._has_adapter_clock is None:
+                self._has_adapter_clock = abs(time.time() - message.timestamp) > _EPOCH_TOLERANCE_S
+            if self._has_adapter_clock:  # an adapter's clock, of unknown origin and rate
                 message.timestamp = time.time()
         return message
 
-    def _judge(self, messages: list[can.Message]) -> None:
-        good = False
+    def _update_state(self, messages: list[can.Message]) -> None:
+        has_data = False
         for message in messages:
             if not message.is_error_frame:
-                good = True
+                has_data = True
                 continue
             kinds = error_kinds(message)
             self.status.errors.update(kinds)
             if BUS_OFF in kinds:
                 raise _BusOffError
-        if good and not self._noted:
+        if has_data and not self._noted:
             self._noted = True
             self._note("CAN bus: receiving again" if self.status.error else "CAN bus: receiving")
-        if good and (self._delay_s != self._backoff_s or self.status.state != OPEN):
+        if has_data and (self._delay_s != self._backoff_s or self.status.state != OPEN):
             self._delay_s = self._backoff_s
             self.status.state = OPEN
 
@@ -249,21 +252,23 @@ class CanReader:
             if state == WAITING:
                 self._log(f"CAN bus is absent, waiting for it: {reason}")
             else:
-                hope = "trying to open it again" if self._backoff_s else "closed until ~/reconnect is called"
-                self._log(f"CAN bus failed, {hope}: {reason}")
+                action = (
+                    "trying to open it again" if self._backoff_s else "closed until ~/reconnect is called"
+                )
+                self._log(f"CAN bus failed, {action}: {reason}")
         self.status.state = state
         self.status.error = reason
 
     def _reopen(self) -> can.BusABC | None:
-        asked = self._wake.is_set()
+        requested = self._wake.is_set()
         while True:
-            if not asked:
-                asked = self._wake.wait(self._pause_s())
+            if not requested:
+                requested = self._wake.wait(self._pause_s())
             self._wake.clear()
             if self._stop.is_set():
                 return None
-            self._delay_s = self._backoff_s if asked else min(2 * self._delay_s, self._backoff_limit_s)
-            asked = False
+            self._delay_s = self._backoff_s if requested else min(2 * self._delay_s, self._backoff_limit_s)
+            requested = False
             try:
                 bus = self._open_bus()
             except CanError as error:
@@ -279,14 +284,14 @@ class CanReader:
         return _ABSENT_POLL_S if self.status.state == WAITING else None
 
     def _close(self, bus: can.BusABC) -> None:
-        self._look_at_queue(bus)
+        self._read_queue(bus)
         self._drops_before = self.status.queue_drops
         try:
             bus.shutdown()
-        except Exception as error:  # interfaces raise what they like, and the thread has to go on
+        except Exception as error:  # interfaces raise many types of exceptions; the thread must continue
             self._log(f"CAN bus: could not be closed: {error}")
 
-    def _look_at_queue(self, bus: can.BusABC) -> None:
+    def _read_queue(self, bus: can.BusABC) -> None:
         self._next_queue_s = time.monotonic() + _QUEUE_PERIOD_S
         queue = receive_queue(bus)
         if queue is not None:

@@ -1,4 +1,4 @@
-"""Zeroing the load cells when asked to: an average over a stated time, kept in a file."""
+"""Tare of the load cells: the average strain over a given time, stored in a file."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from tactile_localizer.io.status import OK
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.io.yaml_file import load_yaml
 
-LEAST_SAMPLES = 10
-"""Samples of each phalanx that a tare needs at least."""
+MIN_SAMPLES = 10
+"""Fewest valid samples per phalanx for a tare; the average has a third of the noise of a sample."""
 
 
 class TareAverage:
-    """Averages strain vectors while the stream goes on.
+    """Average of the strain vectors during a tare.
 
     Parameters
     ----------
     phalanges : names, in the order of the strain vector
-    spread_limit : V, the largest standard deviation of a gauge in a hand at rest
-    layout : the strain vector's channels by phalanx; ``None``: the default channels each
+    spread_limit : largest standard deviation of a gauge in a hand at rest, V
+    layout : channels of the strain vector by phalanx; ``None``: the default channels each
     """
 
     def __init__(
@@ -38,12 +38,12 @@ class TareAverage:
         self._vectors: list[np.ndarray] = []
 
     def add(self, strain: np.ndarray, status: np.ndarray) -> None:
-        """Take in a strain vector (C,), V, as the load cells sent it, and the (F,) status of the phalanges.
+        """Add a strain vector (C,), V, as the load cells sent it, with the status (F,) of the phalanges.
 
-        Of a phalanx that is missing, saturated or faulty nothing is taken.
+        Phalanges whose status is not OK are ignored.
         """
-        well = self._layout.expand(np.asarray(status) == OK)
-        self._vectors.append(np.where(well & np.isfinite(strain), strain, np.nan))
+        valid = self._layout.expand(np.asarray(status) == OK)
+        self._vectors.append(np.where(valid & np.isfinite(strain), strain, np.nan))
 
     def offset(self) -> np.ndarray:
         """The average (C,), V.
@@ -51,14 +51,14 @@ class TareAverage:
         Raises
         ------
         MeasurementError
-            A phalanx sent too few samples that are good, or moved.
+            A phalanx has too few valid samples, or moved.
         """
         vectors = np.array(self._vectors).reshape(-1, self._layout.size)
         samples = self._layout.min(np.isfinite(vectors).sum(axis=0))
         for name, count in zip(self._phalanges, samples, strict=True):
-            if count < LEAST_SAMPLES:
+            if count < MIN_SAMPLES:
                 raise MeasurementError(
-                    f"tare: expected at least {LEAST_SAMPLES} samples of {name}, got {count} that are good"
+                    f"tare: expected at least {MIN_SAMPLES} valid samples of {name}, got {count}"
                 )
         spread = np.nanstd(vectors, axis=0)
         worst = int(np.argmax(spread))
@@ -72,14 +72,14 @@ class TareAverage:
 
 
 def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout | None = None) -> np.ndarray:
-    """Offsets (C,), V, stored in ``path``; zeros for a phalanx without one, or where there is no file.
+    """Read offsets (C,), V, from a file; zeros for phalanges without an entry, or without a file.
 
     ``layout``: the channels by phalanx; ``None``: the default channels each.
 
     Raises
     ------
     ParameterError
-        The file cannot be read, is not one that :func:`store_tare` writes, or is of other channels.
+        The file cannot be read, was not written by :func:`store_tare`, or has other channels.
     """
     stored = _read(path)
     layout = layout or ChannelLayout.of((), len(phalanges))
@@ -97,7 +97,7 @@ def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout | None
 def store_tare(
     path: Path, phalanges: Sequence[str], offset: np.ndarray, layout: ChannelLayout | None = None
 ) -> None:
-    """Store ``offset`` (C,), V, in ``path``, leaving what it holds of other phalanges. Zeros are no entry.
+    """Write ``offset`` (C,), V, to a file, keeping the entries of other phalanges; zeros have no entry.
 
     ``layout`` as for :func:`load_tare`.
 
@@ -118,7 +118,7 @@ def store_tare(
             text = yaml.safe_dump(stored, default_flow_style=None)
             unfinished.write_text(f"# Tare offsets, V, one per channel\n{text}", encoding="utf-8")
     except OSError as error:
-        raise ParameterError(f"tare file {path}: expected to write it, {error.strerror}") from error
+        raise ParameterError(f"tare file {path}: could not write it, {error.strerror}") from error
 
 
 def _read(path: Path) -> dict[str, list[float]]:

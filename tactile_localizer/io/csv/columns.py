@@ -1,16 +1,16 @@
-"""Which columns of a CSV file mean what: naming of other sensors' columns, in YAML or on the command line.
+"""Naming of CSV columns: maps this package's quantities to column names, in YAML or on the command line.
 
-A naming maps the package's own names to recorded ones::
+For example::
 
-    stamp_s: timestamp * 0.001      # name * factor to the package's unit
+    stamp_s: timestamp * 0.001      # column * factor to the package's unit
     x: position_mm * 0.001
-    index: gauge1..8                # a phalanx: a column per channel
+    index: gauge1..8                # a phalanx: one column per channel
     middle: [a, b, c, d, e, f, g, h]
-    strain_unit: counts             # volts where it is left out
-    speed: {x: 0.01}                # m/s, where no column has the position
+    strain_unit: counts             # default: V
+    speed: {x: 0.01}                # m/s, if no column holds the position
 
-A phalanx may also be ``{columns: [a, b, ...], scale: 0.001}``. What a naming leaves out has the
-standard name: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
+A phalanx may also be ``{columns: [a, b, ...], scale: 0.001}``. Quantities without an entry have their
+standard names: ``stamp_s``, ``sweep``, the axis, ``index_1``, ``index_2``, ....
 """
 
 from __future__ import annotations
@@ -30,13 +30,29 @@ from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.quantity import is_number, number
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
+LENGTHS = {"mm": 0.001, "cm": 0.01, "inches": 0.0254}
+"""Units of length, with their size in m."""
+
+ANGLES = {"degrees": 0.0174533}
+"""Units of angle, with their size in rad."""
+
+TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time, with their size in s."""
+
+SI_INSIDE_FRACTION = 0.5
+"""Fraction of positions inside the bounds from which they are taken to be in SI units (judgement)."""
+
+_MIN_INSIDE_FRACTION = 0.9
+"""Fraction of positions that a proposed unit has to bring inside the bounds (judgement)."""
+
 _RANGE = re.compile(r"^(.*?)(\d+)\.\.(\d+)$")
-_MAX_COLUMNS = 1024  # in a range, all of whose names are made
+_MAX_RANGE_COLUMNS = 1024
+"""Most columns in a range such as ``gauge1..8``; bounds the list of names that it expands to."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Names in a file for one quantity, and the factor that brings them to the package's unit."""
+    """Column names of one quantity, and the factor that converts them to the package's unit."""
 
     names: tuple[str, ...]
     scale: Decimal = Decimal(1)
@@ -44,13 +60,13 @@ class Columns:
 
 @dataclass(frozen=True)
 class ColumnNaming:
-    """The quantities whose columns do not have the standard names.
+    """Columns with other than the standard names.
 
     Parameters
     ----------
-    columns : by quantity: ``stamp_s``, ``sweep``, an axis or a phalanx
-    strain_unit : what the strain values are, for people
-    speed : by axis, m/s (rad/s), where the position is not a column
+    columns : columns by quantity: ``stamp_s``, ``sweep``, an axis or a phalanx
+    strain_unit : unit of the strain values, for display
+    speed : constant speed by axis, m/s (rad/s), for axes without a position column
     """
 
     columns: Mapping[str, Columns] = field(default_factory=dict)
@@ -58,21 +74,21 @@ class ColumnNaming:
     speed: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, quantity: str) -> Columns:
-        """Columns of ``stamp_s``, ``sweep`` or an axis."""
+        """Column of ``stamp_s``, ``sweep`` or an axis."""
         return self.columns.get(quantity, Columns((quantity,)))
 
     def of_phalanx(self, phalanx: Phalanx) -> Columns:
-        """The columns of a phalanx, one per channel."""
+        """Columns of a phalanx, one per channel."""
         standard = Columns(channel_names(phalanx.name, phalanx.channels))
         return self.columns.get(phalanx.name, standard)
 
     def check(self, scene: Scene) -> None:
-        """Check that the naming speaks of this scene.
+        """Require that the naming matches a scene.
 
         Raises
         ------
         ScanError
-            It names a quantity that the scene does not have, or another number of columns than a phalanx has.
+            It names a quantity that the scene does not have, or a wrong number of columns for a phalanx.
         """
         channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
         known = ("stamp_s", "sweep", *scene.axis_names, *scene.phalanx_names)
@@ -92,7 +108,7 @@ class ColumnNaming:
 
 
 def channel_names(phalanx: str, channels: int) -> tuple[str, ...]:
-    """The standard names of a phalanx's columns: ``index_1``, ``index_2``, ..."""
+    """Standard column names of a phalanx: ``index_1``, ``index_2``, ..."""
     return tuple(f"{phalanx}_{channel}" for channel in range(1, channels + 1))
 
 
@@ -117,7 +133,7 @@ def load_naming(path: str | Path) -> ColumnNaming:
 
 
 def naming_from_dict(content: Mapping[Any, Any]) -> ColumnNaming:
-    """A naming from the mapping of its YAML form.
+    """Make a naming from its YAML form.
 
     Raises
     ------
@@ -132,7 +148,7 @@ def naming_from_dict(content: Mapping[Any, Any]) -> ColumnNaming:
 
 
 def naming_to_dict(naming: ColumnNaming) -> dict[str, Any]:
-    """The YAML form of a naming, of plain mappings, lists, texts and numbers."""
+    """YAML form of a naming, made of plain mappings, lists, strings and numbers."""
     content: dict[str, Any] = {
         quantity: _columns_to_yaml(columns) for quantity, columns in naming.columns.items()
     }
@@ -159,7 +175,7 @@ def _columns_to_yaml(columns: Columns) -> Any:
 
 
 def _speed(value: Any) -> dict[str, float]:
-    """The speeds of a naming, by axis."""
+    """Validated speeds by axis, m/s (rad/s)."""
     if not isinstance(value, Mapping):
         raise ScanError(f"column naming 'speed': expected m/s by axis, as in {{x: 0.01}}, got {value!r:.80}")
     try:
@@ -169,12 +185,12 @@ def _speed(value: Any) -> dict[str, float]:
 
 
 def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
-    """A naming from ``QUANTITY=COLUMNS`` texts of the command line, over that of a file.
+    """Override a naming with ``QUANTITY=COLUMNS`` arguments of the command line.
 
     Raises
     ------
     ScanError
-        A text is not of that form.
+        An argument has a different form.
     """
     content: dict[str, Any] = {}
     for pair in pairs:
@@ -206,15 +222,15 @@ def _columns(quantity: str, value: Any) -> Columns:
     if match is None:
         return Columns((name.strip(),), scale)
     prefix, first, last = match.group(1), int(match.group(2)[:20]), int(match.group(3)[:20])
-    if last - first >= _MAX_COLUMNS or len(match.group(3)) > 20:
+    if last - first >= _MAX_RANGE_COLUMNS or len(match.group(3)) > 20:
         raise ScanError(
-            f"column naming {quantity!r}: expected at most {_MAX_COLUMNS} columns, got {value!r:.80}"
+            f"column naming {quantity!r}: expected at most {_MAX_RANGE_COLUMNS} columns, got {value!r:.80}"
         )
     return Columns(tuple(f"{prefix}{number}" for number in range(first, last + 1)), scale)
 
 
 def _scale(quantity: str, place: str, value: Any) -> Decimal:
-    """A factor, exact where its text is decimal: stamps that count from 1970 keep their nanoseconds."""
+    """A scale factor, exact if its text is decimal, so that stamps since 1970 keep their nanoseconds."""
     found = number(value, "scale", finite=False) if is_number(value) else math.inf
     if math.isinf(found) or found == 0.0:
         raise ScanError(
@@ -226,36 +242,31 @@ def _scale(quantity: str, place: str, value: Any) -> Decimal:
         return Decimal(repr(found))
 
 
-LENGTHS = {"mm": 0.001, "cm": 0.01, "inches": 0.0254}
-ANGLES = {"degrees": 0.0174533}
-TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""SI units in one of each unit."""
-
-_FITS = 0.9
-"""Share of the positions that a unit has to bring inside the bounds to be proposed."""
-
-
 def fitting_unit(axis: Axis, values: np.ndarray, units: dict[str, float]) -> tuple[str, float] | None:
-    """The unit of ``units`` in which positions on an axis would lie inside its bounds.
+    """Guess the unit of recorded positions from the bounds of their axis.
 
     Parameters
     ----------
-    axis : its bounds count
-    values : (n,) positions as they were recorded
-    units : SI units in one of each
+    axis : axis of the scene, with bounds in m (yaw: rad)
+    values : (n,) recorded positions in an unknown unit
+    units : candidate units, with their size in SI units
 
     Returns
     -------
-    unit, factor : of those that fit, the largest, which fills the bounds best; ``None``: none fits, or the
-        values fit as they are
+    unit, factor : largest unit in which most positions lie inside the bounds; ``None`` if there is none, or
+        if the positions lie inside the bounds in SI units
     """
     values = values[np.isfinite(values)]
-    if not len(values) or inside(axis, values) >= 0.5:
+    if not len(values) or inside(axis, values) >= SI_INSIDE_FRACTION:
         return None
-    fitting = [(factor, unit) for unit, factor in units.items() if inside(axis, factor * values) >= _FITS]
+    fitting = [
+        (factor, unit)
+        for unit, factor in units.items()
+        if inside(axis, factor * values) >= _MIN_INSIDE_FRACTION
+    ]
     return (max(fitting)[1], max(fitting)[0]) if fitting else None
 
 
 def inside(axis: Axis, values: np.ndarray) -> float:
-    """Share of positions (n,) that lie within the axis's bounds."""
+    """Fraction of positions (n,) within the axis's bounds."""
     return float(np.mean((values >= axis.lower) & (values <= axis.upper)))

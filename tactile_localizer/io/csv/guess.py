@@ -1,8 +1,8 @@
-"""What the columns of a CSV file mean, guessed from their names and from what the scene expects.
+"""Guess of the meaning of CSV columns, from their names and the scene.
 
-Only quantities that are neither given nor have the standard names are guessed: time stamps with their unit,
-the sweep's number, positions, a constant speed, and the channels of each phalanx (numbered columns, or the
-forces and torques of a wrench).
+Only quantities that are neither given nor have their standard names are guessed: time stamps and their
+unit, the sweep number, positions, a constant speed, and the channels of each phalanx (numbered columns, or
+the forces and torques of a wrench).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ANGLES,
     LENGTHS,
+    SI_INSIDE_FRACTION,
     TIMES,
     ColumnNaming,
     Columns,
@@ -32,10 +33,12 @@ from tactile_localizer.io.csv.columns import (
 from tactile_localizer.io.csv.table import listed, read_table
 from tactile_localizer.scene import MOST_CHANNELS, Axis, Phalanx, Scene
 
-_ROWS = 2000
-"""Rows that units are guessed from."""
-_MOST_COLUMNS = 5000
-"""Columns that are looked at."""
+_SAMPLE_ROWS = 2000
+"""Rows from which units are guessed; several seconds of samples at common rates."""
+
+_MAX_COLUMNS = 5000
+"""Most columns considered, which bounds time and memory for absurd files."""
+
 _UNITS = {
     "s": 1.0, "sec": 1.0, "seconds": 1.0, **TIMES, "µs": 1e-6,
     "m": 1.0, **LENGTHS, "in": 0.0254, "inch": 0.0254,
@@ -43,27 +46,31 @@ _UNITS = {
     "mps": 1.0, "mmps": 0.001, "m/s": 1.0, "mm/s": 0.001,
     "v": 1.0, "mv": 0.001, "uv": 1e-6, "µv": 1e-6,
 }  # fmt: skip
-"""SI units in one of a unit that a column's name ends with."""
+"""Size in SI units of the units that end a column's name."""
+
 _STAMP = ("stamp", "timestamp", "time", "t", "elapsed", "seconds", "clock")
 _SWEEP = ("sweep", "run", "trial", "repeat", "stroke", "pass")
 _SPEED = ("speed", "velocity", "vel", "v")
-_PERIODS_S = (5e-5, 0.2)
-"""Times between samples, s, that sensors have."""
-_CONSTANT = 0.02
-"""Deviation, of its mean, up to which a speed counts as constant."""
+
+_SAMPLING_PERIODS_S = (5e-5, 0.2)
+"""Plausible sampling periods of a tactile sensor, s: 20 kHz to 5 Hz (judgement)."""
+
+_CONSTANT_SPEED_VARIATION = 0.02
+"""Largest coefficient of variation of a speed that counts as constant (judgement)."""
+
 _WRENCH = re.compile(r"^(.*?)[._ ]?(f|t|m|force[._]?|torque[._]?)([xyz])$")
 _NUMBERED = re.compile(r"^(.*?)([0-9]{1,4})$")
 
 
 @dataclass
 class Guess:
-    """What the columns of a file are taken for.
+    """Guessed meaning of a file's columns.
 
     Parameters
     ----------
-    naming : all that was given and guessed
-    guessed : by quantity, why its columns are taken for it
-    missing : for each quantity without columns, what to add
+    naming : given and guessed columns
+    guessed : reason for each guess, by quantity
+    missing : for each quantity without columns, what the user has to add
     """
 
     naming: ColumnNaming
@@ -73,7 +80,7 @@ class Guess:
 
 @dataclass(frozen=True, eq=False)
 class _Column:
-    """A column: its name, the name without unit in small letters, its unit's factor, its numbers."""
+    """A column: its name, the name in lower case without unit, the factor of its unit, its cells."""
 
     name: str
     plain: str
@@ -83,28 +90,28 @@ class _Column:
 
     @cached_property
     def values(self) -> np.ndarray:
-        """The numbers in the first rows, NaN where a cell has none; looked at in few columns of many."""
+        """Numbers in the first rows, NaN for other cells; converted only for the columns that need it."""
         return _numbers(self.rows, self.index)
 
 
 def guess_columns(path: str | Path, scene: Scene, naming: ColumnNaming) -> Guess:
-    """Guess what a naming leaves open.
+    """Guess the columns of the quantities without an entry in a naming.
 
     Parameters
     ----------
-    path : the file; its header and first rows are looked at
-    scene : the axes and phalanges to find
-    naming : what is known already
+    path : the file, of which the header and the first rows are read
+    scene : axes and phalanges to find
+    naming : columns that are known
 
     Raises
     ------
     ScanError
-        The file cannot be read, or a quantity is neither given nor found; says what to add.
+        The file cannot be read, or a quantity is neither given nor found; the message says what to add.
     """
     path = Path(path)
     columns, header = _columns_of(path)
     guess = Guess(naming)
-    known = {name for own in naming.columns.values() for name in own.names}
+    known = {name for columns_of in naming.columns.values() for name in columns_of.names}
     free = [column for column in columns if column.name not in known]
     names = set(header)
     if "stamp_s" not in naming.columns and "stamp_s" not in names:
@@ -114,8 +121,8 @@ def guess_columns(path: str | Path, scene: Scene, naming: ColumnNaming) -> Guess
     for axis in scene.axes:
         if axis.name not in {*naming.columns, *guess.naming.speed, *names}:
             _guess_axis(guess, axis, scene, free)
-    taken = {name for own in guess.naming.columns.values() for name in own.names}
-    groups = _groups([column for column in free if column.name not in taken])
+    used = {name for columns_of in guess.naming.columns.values() for name in columns_of.names}
+    groups = _groups([column for column in free if column.name not in used])
     open_phalanges = [
         phalanx
         for phalanx in scene.phalanges
@@ -133,9 +140,9 @@ def _columns_of(path: Path) -> tuple[list[_Column], list[str]]:
     table = read_table(path)
     _, header = next(table, (0, []))
     header = [name.strip() for name in header]
-    rows = [cells for _, cells in islice(table, _ROWS if len(header) <= _MOST_COLUMNS else 2)]
+    rows = [cells for _, cells in islice(table, _SAMPLE_ROWS if len(header) <= _MAX_COLUMNS else 2)]
     columns = []
-    for index, name in enumerate(header[:_MOST_COLUMNS]):
+    for index, name in enumerate(header[:_MAX_COLUMNS]):
         plain, factor = _split_unit(name)
         columns.append(_Column(name, plain, factor, rows, index))
     return columns, header
@@ -152,7 +159,7 @@ def _numbers(rows: Sequence[Sequence[str]], index: int) -> np.ndarray:
 
 
 def _split_unit(name: str) -> tuple[str, float | None]:
-    """A name without its unit, in small letters, and the unit's factor where it has one."""
+    """A name in lower case without its unit, and the unit's factor; ``None`` without a unit."""
     text = name.lower()
     for pattern in (r"^(.+?)[\s_]*[\[(]\s*(.+?)\s*[\])]$", r"^(.+)[_\s]([a-zµ/]+)$"):
         match = re.match(pattern, text)
@@ -161,7 +168,7 @@ def _split_unit(name: str) -> tuple[str, float | None]:
     return text, None
 
 
-def _take(guess: Guess, quantity: str, names: Iterable[str], factor: float, why: str) -> None:
+def _assign(guess: Guess, quantity: str, names: Iterable[str], factor: float, why: str) -> None:
     columns = Columns(tuple(names), Decimal(f"{factor:.10g}"))
     guess.naming = replace(guess.naming, columns={**guess.naming.columns, quantity: columns})
     guess.guessed[quantity] = why
@@ -174,21 +181,26 @@ def _guess_stamp(guess: Guess, columns: Sequence[_Column]) -> None:
             if word in (column.plain, last):
                 factor = column.factor if column.factor is not None else _time_unit(column.values)
                 if factor is not None:
-                    why = "unit of its name" if column.factor is not None else "unit by its steps"
-                    return _take(guess, "stamp_s", [column.name], factor, why)
+                    why = "unit in its name" if column.factor is not None else "unit from the sampling period"
+                    return _assign(guess, "stamp_s", [column.name], factor, why)
     guess.missing.append("time stamps (--column stamp_s=NAME, with NAME*0.001 for ms)")
     return None
 
 
 def _time_unit(values: np.ndarray) -> float | None:
-    """Seconds in the unit of stamps (n,) with steps as sensors have; ``None``: in no unit they do."""
+    """Unit of stamps (n,) that gives a plausible sampling period, s; ``None`` if there is none."""
     values = values[np.isfinite(values)]
     if len(values) < 2:
         return None
     steps = np.abs(np.diff(values))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     return next(
-        (factor for factor in (1.0, *TIMES.values()) if _PERIODS_S[0] <= step * factor <= _PERIODS_S[1]), None
+        (
+            factor
+            for factor in (1.0, *TIMES.values())
+            if _SAMPLING_PERIODS_S[0] <= step * factor <= _SAMPLING_PERIODS_S[1]
+        ),
+        None,
     )
 
 
@@ -197,7 +209,7 @@ def _guess_sweep(guess: Guess, columns: Sequence[_Column]) -> None:
         words = re.split(r"[._ ]", column.plain)
         whole = np.isfinite(column.values).all() and (column.values == np.rint(column.values)).all()
         if words[0] in _SWEEP and whole and len(column.values):
-            return _take(guess, "sweep", [column.name], 1.0, "name")
+            return _assign(guess, "sweep", [column.name], 1.0, "name")
     return None
 
 
@@ -205,14 +217,14 @@ def _guess_axis(guess: Guess, axis: Axis, scene: Scene, columns: Sequence[_Colum
     alone = scene.dimension == 1
     for column in columns:
         if _is_position(column.plain, axis.name, alone):
-            factor, why = column.factor, "unit of its name"
+            factor, why = column.factor, "unit in its name"
             if factor is None:
                 factor, why = _length_unit(axis, column.values)
-            return _take(guess, axis.name, [column.name], factor, why)
+            return _assign(guess, axis.name, [column.name], factor, why)
     for column in columns if alone else ():
         values = column.values[np.isfinite(column.values)]
         mean = float(values.mean()) if len(values) else 0.0
-        constant = mean != 0.0 and values.std() <= _CONSTANT * abs(mean)
+        constant = mean != 0.0 and values.std() <= _CONSTANT_SPEED_VARIATION * abs(mean)
         if constant and re.split(r"[._ ]", column.plain)[0] in _SPEED:
             speeds = {**guess.naming.speed, axis.name: float(f"{mean * (column.factor or 1.0):.6g}")}
             guess.naming = replace(guess.naming, speed=speeds)
@@ -221,7 +233,7 @@ def _guess_axis(guess: Guess, axis: Axis, scene: Scene, columns: Sequence[_Colum
     speed = "M_PER_S" if alone else f"{axis.name}=M_PER_S"
     guess.missing.append(
         f"a position on {axis.name} (--column {axis.name}=NAME, with NAME*0.001 for mm; or --speed {speed} "
-        "where the hand moved at constant speed)"
+        "if the hand moved at constant speed)"
     )
     return None
 
@@ -241,16 +253,16 @@ def _is_position(plain: str, axis: str, alone: bool) -> bool:
 
 
 def _length_unit(axis: Axis, values: np.ndarray) -> tuple[float, str]:
-    """Factor of a position whose column states no unit: SI where it fits the bounds, else what does."""
+    """Factor for positions without a stated unit: 1 if they fit the bounds, else that of a fitting unit."""
     values = values[np.isfinite(values)]
-    if not len(values) or inside(axis, values) >= 0.5:
+    if not len(values) or inside(axis, values) >= SI_INSIDE_FRACTION:
         return 1.0, "name"
     found = fitting_unit(axis, values, ANGLES if axis.name == "yaw" else LENGTHS)
-    return (found[1], f"in {found[0]} it fits the bounds") if found else (1.0, "name")
+    return (found[1], f"fits the bounds in {found[0]}") if found else (1.0, "name")
 
 
 def _groups(columns: Sequence[_Column]) -> dict[str, list[_Column]]:
-    """Columns that belong together, by what their names have in common."""
+    """Groups of numbered columns and of wrench components, by the common part of their names."""
     numbered: dict[str, dict[int, _Column]] = defaultdict(dict)
     wrenches: dict[str, dict[str, _Column]] = defaultdict(dict)
     for column in columns:
@@ -277,19 +289,19 @@ def _guess_phalanges(guess: Guess, phalanges: Sequence[Phalanx], groups: dict[st
     for phalanx in phalanges:
         own = [prefix for prefix in left if phalanx.name.lower() in prefix]
         if len(own) == 1 and len(left[own[0]]) == phalanx.channels:
-            _take_group(guess, phalanx, left.pop(own[0]), "name")
+            _assign_group(guess, phalanx, left.pop(own[0]), "name")
         else:
             unnamed.append(phalanx)
     if len(unnamed) == 1:
         fitting = [prefix for prefix, group in left.items() if len(group) == unnamed[0].channels]
         if len(fitting) == 1:
-            return _take_group(guess, unnamed[0], left[fitting[0]], f"{unnamed[0].channels} of one name")
+            return _assign_group(guess, unnamed[0], left[fitting[0]], f"{unnamed[0].channels} of one name")
     total = sum(phalanx.channels for phalanx in unnamed)
     together = [group for group in left.values() if len(group) == total]
     if len(unnamed) > 1 and len(together) == 1:
         for phalanx, end in zip(unnamed, np.cumsum([each.channels for each in unnamed]), strict=True):
             part = together[0][end - phalanx.channels : end]
-            _take_group(guess, phalanx, part, f"its part of {total}, in the scene's order")
+            _assign_group(guess, phalanx, part, f"its part of {total}, in the scene's order")
         return None
     for phalanx in unnamed:
         n = phalanx.channels
@@ -304,7 +316,7 @@ def _guess_phalanges(guess: Guess, phalanges: Sequence[Phalanx], groups: dict[st
     return None
 
 
-def _take_group(guess: Guess, phalanx: Phalanx, group: Sequence[_Column], why: str) -> None:
+def _assign_group(guess: Guess, phalanx: Phalanx, group: Sequence[_Column], why: str) -> None:
     factors = {column.factor for column in group}
     factor = factors.pop() if len(factors) == 1 else None
-    _take(guess, phalanx.name, [column.name for column in group], factor or 1.0, why)
+    _assign(guess, phalanx.name, [column.name for column in group], factor or 1.0, why)

@@ -1,10 +1,10 @@
-"""Recordings in CSV: one row a sample, one sweep a file or as a column says.
+"""Reading CSV files as a recording: one row per sample, one sweep per file or per value of a column.
 
-Standard columns: ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units, and, where it is
-known, ``felt``: 1 from contact with a feature to its end. Other names and units by a
-:class:`~tactile_localizer.io.csv.columns.ColumnNaming`, position from constant speed where nothing recorded
-it. A row that cannot be used is counted and reported. Rows that run backwards in time are sorted by their
-stamps.
+Standard columns are ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units, and, where it
+is known, ``felt``: 1 from contact with a feature to its end. A
+:class:`~tactile_localizer.io.csv.columns.ColumnNaming` gives other names and units, and a constant speed
+for positions that were not recorded. Invalid rows are skipped, counted and reported. Rows in reverse order
+of time are sorted by their stamps.
 """
 
 from __future__ import annotations
@@ -22,7 +22,15 @@ import numpy as np
 
 from tactile_localizer.core.geometry.pose_buffer import near_bounds
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv.columns import ANGLES, LENGTHS, TIMES, ColumnNaming, fitting_unit, inside
+from tactile_localizer.io.csv.columns import (
+    ANGLES,
+    LENGTHS,
+    SI_INSIDE_FRACTION,
+    TIMES,
+    ColumnNaming,
+    fitting_unit,
+    inside,
+)
 from tactile_localizer.io.csv.table import listed, read_table
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
 from tactile_localizer.scene import Axis, Scene
@@ -32,11 +40,17 @@ _NOT_NUMBERS = "not numbers"
 _NOT_FINITE = "with a position that is not finite"
 _OUT_OF_ORDER = "with a stamp out of order"
 _TOO_LARGE = "with a stamp that is too large (in ms? --column stamp_s=NAME*0.001)"
-_MOST = 2**62
-_MOST_RADIANS = 4 * math.pi
-_BACKWARDS = 0.25
-"""Share of the steps between stamps that go back from which rows are sorted: one recording after another
-in a file has few such steps, rows in reverse or in no order have many."""
+_MAX_MAGNITUDE = 2**62
+"""Largest sweep number and stamp, ns: their differences fit into 64 bits."""
+
+_MAX_RADIANS = 4 * math.pi
+"""Largest yaw that is taken to be in rad: a hand turns less than two revolutions (judgement)."""
+
+_SORT_BACKWARD_FRACTION = 0.25
+"""Fraction of backward steps between stamps from which rows are sorted (judgement).
+
+Consecutive recordings in one file have few such steps; rows in reverse or arbitrary order have many.
+"""
 
 
 def read_csv(
@@ -50,21 +64,21 @@ def read_csv(
     Parameters
     ----------
     paths : the files; each is one sweep unless it has a column ``sweep``
-    scene : names the axes and phalanges that are read
-    naming : columns that do not have the standard names
-    speed : by axis, m/s (rad/s): position there is speed x (stamp - first stamp of the sweep); with a
-        negative speed, where the bounds lie above 0, the sweep runs back over the same stretch and ends at 0
+    scene : axes and phalanges to read
+    naming : columns with other than the standard names
+    speed : constant speed by axis, m/s (rad/s); the position is speed x (stamp - first stamp of the sweep).
+        A sweep with negative speed ends at position 0 if the centre of the bounds is positive
 
     Returns
     -------
     Recording
-        Positions as recorded; values that are not finite are NaN with status MISSING. The notes
-        count the rows that could not be read.
+        Recorded positions; strain that is not finite is NaN with status MISSING. The notes count the
+        skipped rows.
 
     Raises
     ------
     ScanError
-        A file cannot be read, lacks a column, or has no row that can be used.
+        A file cannot be read, lacks a column, or has no valid row.
     """
     naming = naming or ColumnNaming()
     naming = replace(naming, speed={**naming.speed, **(speed or {})})
@@ -90,7 +104,7 @@ def _read_file(path: Path, scene: Scene, naming: ColumnNaming) -> Recording:
 
 @dataclass(frozen=True)
 class _Sample:
-    """A row that could be read: positions that are columns, strain, in the order of the scene; felt."""
+    """A valid row: recorded positions, then strain, in the order of the scene; felt."""
 
     line: int
     stamp_ns: int
@@ -99,7 +113,7 @@ class _Sample:
 
 @dataclass
 class _Rows:
-    """The rows of one file that could be read, by sweep number."""
+    """Valid rows of one file by sweep number, and counts of the invalid ones by reason."""
 
     by_sweep: dict[int, list[_Sample]] = field(default_factory=dict)
     total: int = 0
@@ -111,16 +125,16 @@ class _Rows:
         self.bad[reason] += 1
         self.first.setdefault(reason, f"line {line}{what}")
 
-    def left_out(self) -> str:
+    def skipped(self) -> str:
         return ", ".join(
             f"{count} {reason} (first: {self.first[reason]})" for reason, count in self.bad.items()
         )
 
     def notes(self, path: Path) -> Iterator[str]:
         if self.bad:
-            yield f"{path}: left out {self.bad.total()} of {self.total} rows: {self.left_out()}"
+            yield f"{path}: skipped {self.bad.total()} of {self.total} rows: {self.skipped()}"
         if self.sorted_sweeps:
-            yield f"{path}: sorted {len(self.sorted_sweeps)} sweeps by their stamps, which run backwards"
+            yield f"{path}: sorted {len(self.sorted_sweeps)} sweeps with backward stamps by their stamps"
 
 
 def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> _Rows:
@@ -136,7 +150,7 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
             rows.reject(_TOO_LARGE, line)
             continue
         except (ValueError, ArithmeticError, IndexError):
-            rows.reject(_NOT_NUMBERS, line, picker.culprit(cells))
+            rows.reject(_NOT_NUMBERS, line, picker.invalid_cell(cells))
             continue
         if not all(map(math.isfinite, values[: picker.positions])):
             rows.reject(_NOT_FINITE, line)
@@ -145,11 +159,11 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
     if not rows.by_sweep:
         raise ScanError(
             f"{path}: expected rows of numbers, found none in {rows.total} rows"
-            + (f": {rows.left_out()}" if rows.bad else "")
+            + (f": {rows.skipped()}" if rows.bad else "")
         )
     for number, samples in rows.by_sweep.items():
         stamps = np.array([sample.stamp_ns for sample in samples])
-        if len(samples) > 1 and np.mean(np.diff(stamps) < 0) >= _BACKWARDS:
+        if len(samples) > 1 and np.mean(np.diff(stamps) < 0) >= _SORT_BACKWARD_FRACTION:
             samples = [samples[index] for index in np.argsort(stamps, kind="stable").tolist()]
             rows.sorted_sweeps.append(number)
         kept = _longest_in_order([sample.stamp_ns for sample in samples])
@@ -162,16 +176,18 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
 def _unit_notes(
     path: Path, rows: _Rows, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]
 ) -> Iterator[str]:
-    """Units in which the positions of an axis that mostly lie outside its bounds would lie inside."""
+    """Hints at units that would bring positions inside the bounds, for axes with most positions outside."""
     recorded = [axis for axis in scene.axis_names if axis not in speed]
     for axis in scene.axes:
         if axis.name in speed:
-            parts = [_travelled(own, speed[axis.name], axis) for own in rows.by_sweep.values()]
+            parts = [_travelled(samples, speed[axis.name], axis) for samples in rows.by_sweep.values()]
             found = fitting_unit(axis, np.concatenate(parts), TIMES)
             quantity, name = "stamp_s", naming.of("stamp_s")
         else:
             column = recorded.index(axis.name)
-            values = np.array([sample.values[column] for own in rows.by_sweep.values() for sample in own])
+            values = np.array(
+                [sample.values[column] for samples in rows.by_sweep.values() for sample in samples]
+            )
             if axis.name == "yaw" and _are_radians(axis, values):
                 continue
             found = fitting_unit(axis, values, ANGLES if axis.name == "yaw" else LENGTHS)
@@ -183,30 +199,30 @@ def _unit_notes(
 
 
 def _are_radians(axis: Axis, values: np.ndarray) -> bool:
-    """Whether angles (n,) lie within few turns and, but for whole turns, mostly inside the bounds."""
+    """Whether angles (n,) are of plausible size in rad and, modulo 2 pi, mostly inside the bounds."""
     wrapped = near_bounds((axis,), values[:, None])[:, 0]
-    return float(np.abs(values).max()) <= _MOST_RADIANS and inside(axis, wrapped) >= 0.5
+    return float(np.abs(values).max()) <= _MAX_RADIANS and inside(axis, wrapped) >= SI_INSIDE_FRACTION
 
 
 def _travelled(samples: Sequence[_Sample], speed: float, axis: Axis) -> np.ndarray:
-    """Positions from constant speed, (n,) m (rad): the lower end is 0 where the bounds lie above 0."""
+    """Positions at constant speed, (n,) m (rad), from 0 or, with negative speed, to 0."""
     stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
     ends_at_zero = speed < 0 < axis.lower + axis.upper
     return np.asarray(speed * (stamp_ns - stamp_ns[-1 if ends_at_zero else 0]) * 1e-9)
 
 
 def _longest_in_order(stamps: list[int]) -> list[int]:
-    """Indices of the longest rising sequence: so the fewest stamps that are not in order are left out."""
-    ends: list[int] = []  # the least stamp that a rising sequence of each length ends with, and its index
-    indices: list[int] = []
-    before: list[int] = []  # for each stamp, the index of the one before it in its sequence
+    """Indices of the longest increasing subsequence, which skips as few stamps as possible."""
+    ends: list[int] = []  # smallest last stamp of an increasing subsequence of each length
+    indices: list[int] = []  # index of that stamp
+    before: list[int] = []  # for each stamp, the index of its predecessor
     for index, stamp in enumerate(stamps):
         length = bisect_left(ends, stamp)
         before.append(indices[length - 1] if length else -1)
         if length == len(ends):
             ends.append(stamp)
             indices.append(index)
-        elif stamp < ends[length]:  # of equal ones the first stays
+        elif stamp < ends[length]:  # the first of equal stamps is kept
             ends[length], indices[length] = stamp, index
     kept = []
     index = indices[-1] if indices else -1
@@ -218,7 +234,7 @@ def _longest_in_order(stamps: list[int]) -> list[int]:
 
 @dataclass(frozen=True)
 class _Picker:
-    """Takes the wanted values out of a row."""
+    """Extracts the required values from a row."""
 
     columns: tuple[str, ...]
     stamp_index: int
@@ -245,7 +261,7 @@ class _Picker:
 
         stamp = naming.of("stamp_s")
         axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in speed}
-        wanted = {**axes, **{phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}}
+        required = {**axes, **{phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}}
         sweep = naming.of("sweep").names[0]
         has_sweep = sweep in header or "sweep" in naming.columns
         return cls(
@@ -254,27 +270,27 @@ class _Picker:
             nanoseconds=stamp.scale * 10**9,
             sweep_index=find("sweep", sweep) if has_sweep else None,
             indices=(
-                *(find(what, name) for what, columns in wanted.items() for name in columns.names),
+                *(find(what, name) for what, columns in required.items() for name in columns.names),
                 *((header.index(_FELT),) if header.count(_FELT) == 1 else ()),
             ),
-            scales=(*(float(columns.scale) for columns in wanted.values() for _ in columns.names), 1.0),
+            scales=(*(float(columns.scale) for columns in required.values() for _ in columns.names), 1.0),
             positions=len(axes),
         )
 
     def pick(self, row: list[str]) -> tuple[int, int, list[float]]:
-        """Sweep number, stamp in ns, values; raises what ``float`` and ``Decimal`` raise."""
-        # A binary float would lose up to 0.2 us of a stamp that counts from 1970.
+        """Sweep number, stamp (ns) and values; raises the exceptions of ``float`` and ``Decimal``."""
+        # A binary float would lose up to 0.2 µs of a stamp since 1970.
         stamp_ns = int((Decimal(row[self.stamp_index]) * self.nanoseconds).to_integral_value())
         number = 1.0 if self.sweep_index is None else float(row[self.sweep_index])
-        if not abs(number) <= _MOST:
+        if not abs(number) <= _MAX_MAGNITUDE:
             raise ValueError
-        if abs(stamp_ns) > _MOST:
+        if abs(stamp_ns) > _MAX_MAGNITUDE:
             raise OverflowError
         values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=False)]
         return int(number), stamp_ns, values
 
-    def culprit(self, row: list[str]) -> str:
-        """Which cell of a row that could not be picked is to blame."""
+    def invalid_cell(self, row: list[str]) -> str:
+        """Description of the first invalid cell of a row."""
         sweep = () if self.sweep_index is None else (self.sweep_index,)
         for index in (self.stamp_index, *sweep, *self.indices):
             if index >= len(row):

@@ -1,4 +1,4 @@
-"""Rows of a CSV file as people write them: commas, semicolons or tabs, decimal commas, comments, gzip."""
+"""Rows of CSV files in common dialects: commas, semicolons or tabs, decimal commas, comments, gzip."""
 
 from __future__ import annotations
 
@@ -14,30 +14,32 @@ from typing import TextIO
 
 from tactile_localizer.errors import ScanError
 
-_LONGEST_LINE = 1 << 25
-"""Characters of a line that are read: a million columns, and no file without line ends as a whole."""
-_SHOWN, _LONGEST_NAME = 20, 40
-"""Names that a message lists at most, and characters of each."""
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+_MAX_LINE_CHARACTERS = 1 << 25
+"""Longest line that is read: a million columns, but not a whole binary file without line ends."""
+
+_MAX_LISTED_NAMES, _MAX_NAME_CHARACTERS = 20, 40
+"""Most names listed in a message, and most characters of each."""
+
+_UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read_table(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each row, the header first, without blank lines and those that begin with #.
+    """Line number and cells of each row, header first; blank lines and lines that begin with # are skipped.
 
-    Columns are separated by what the header has most of: commas, semicolons or tabs. Where it is not commas,
-    a comma in a cell is that of a decimal fraction. A file may be compressed with gzip.
+    The delimiter is the most frequent one in the header: comma, semicolon or tab. Unless it is the comma,
+    a comma in a cell is a decimal comma. The file may be compressed with gzip.
 
     Raises
     ------
     ScanError
-        The file cannot be read, is not text in UTF-8, or has a row with more cells than the header.
+        The file cannot be read, is not UTF-8 text, or has a row with more cells than the header.
     """
     try:
         with _opened(path) as file:
             lines = _lines(path, file)
-            before, header = 0, next(lines, "")
+            skipped, header = 0, next(lines, "")
             while header and (header.isspace() or header.startswith("#")):
-                before += 1
+                skipped += 1
                 header = next(lines, "")
             delimiter = max(",;\t", key=header.count)
             reader = csv.reader(chain([header], lines), delimiter=delimiter, skipinitialspace=True)
@@ -46,11 +48,11 @@ def read_table(path: Path) -> Iterator[tuple[int, list[str]]]:
                 if cells and not cells[0].startswith("#"):
                     width = width or len(cells)
                     if len(cells) > width and any(map(str.strip, cells[width:])):
-                        raise _too_wide(path, before + reader.line_num, width, len(cells), delimiter)
+                        raise _too_wide(path, skipped + reader.line_num, width, len(cells), delimiter)
                     decimal = cells if delimiter == "," else [cell.replace(",", ".") for cell in cells]
-                    yield before + reader.line_num, decimal
+                    yield skipped + reader.line_num, decimal
     except UnicodeDecodeError:
-        raise ScanError(f"{path}: expected a CSV file, not text in UTF-8") from None
+        raise ScanError(f"{path}: expected a CSV file in UTF-8, found other bytes") from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ScanError(f"{path}: expected a CSV file in gzip, {error}") from None
     except (OSError, csv.Error) as error:
@@ -59,9 +61,10 @@ def read_table(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names of columns in one line of a message: the first of many, each cut where it is long."""
-    shown = [" ".join(name.split())[:_LONGEST_NAME] for name in names[:_SHOWN]]
-    rest = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    """Column names for a message, cut to a reasonable number and length."""
+    shown = [" ".join(name.split())[:_MAX_NAME_CHARACTERS] for name in names[:_MAX_LISTED_NAMES]]
+    more = len(names) - _MAX_LISTED_NAMES
+    rest = f" and {more} more" if more > 0 else ""
     return ", ".join(shown) + rest
 
 
@@ -70,16 +73,18 @@ def _opened(path: Path) -> Iterator[TextIO]:
     with path.open("rb") as stored:
         is_gzip = stored.peek(2)[:2] == b"\x1f\x8b"
         raw = gzip.GzipFile(fileobj=stored) if is_gzip else stored
-        if raw.peek(2)[:2] in _UTF_16:
+        if raw.peek(2)[:2] in _UTF_16_MARKS:
             raise ScanError(f"{path}: expected text in UTF-8, found UTF-16; save it as UTF-8")
         with io.TextIOWrapper(raw, encoding="utf-8-sig", newline="") as file:
             yield file
 
 
 def _lines(path: Path, file: TextIO) -> Iterator[str]:
-    while line := file.readline(_LONGEST_LINE):
-        if len(line) == _LONGEST_LINE:
-            raise ScanError(f"{path}: expected a CSV file, found a line of over {_LONGEST_LINE} characters")
+    while line := file.readline(_MAX_LINE_CHARACTERS):
+        if len(line) == _MAX_LINE_CHARACTERS:
+            raise ScanError(
+                f"{path}: expected a CSV file, found a line of over {_MAX_LINE_CHARACTERS} characters"
+            )
         yield line
 
 

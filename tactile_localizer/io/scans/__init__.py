@@ -1,1 +1,1 @@
-"""Parts of the scan file: rows and their checksums, reading, migration, repair, learned results."""
+"""The scan file: writing and reading, its rows and their checksums, import and export, repair."""

@@ -1,4 +1,4 @@
-"""A scan's pairs in forms that other programs read: CSV and numpy's npz."""
+"""Export of a scan's pairs to CSV and to numpy's npz."""
 
 from __future__ import annotations
 
@@ -19,20 +19,22 @@ FORMATS = (".csv", ".npz")
 
 
 def export_scan(store: ScanStore, path: str | Path) -> None:
-    """Write the pairs of all sweeps that are not dropped, in the form that the file's name asks for.
+    """Write the pairs of all sweeps that are not dropped, in the format given by the file's extension.
 
-    CSV has the standard columns, which ``import csv`` reads back to the same scan. The npz holds
+    The CSV file has the standard columns, so ``import csv`` reads the same scan back. The npz holds
     ``stamp_ns`` (N,), ``states`` (N, d), ``strain`` (N, C), ``sweep`` (N,), ``axes``, ``phalanges``,
     ``channels`` (F,), and ``scene`` as JSON.
 
     Raises
     ------
     ScanError
-        The name ends in neither, there are no pairs, or the file cannot be written.
+        The extension is neither, there are no pairs, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in FORMATS:
-        raise ScanError(f"{path}: expected a name that ends in {' or '.join(FORMATS)}")
+        raise ScanError(
+            f"{path}: expected the extension {' or '.join(FORMATS)}, found {path.suffix or 'none'}"
+        )
     recording = store.recording()
     if not len(recording):
         raise ScanError(f"{store.path}: expected at least one state-measurement pair, found none")
@@ -43,7 +45,7 @@ def export_scan(store: ScanStore, path: str | Path) -> None:
             else:
                 _write_npz(recording, json.dumps(scene_to_dict(store.scene)), unfinished)
     except OSError as error:
-        raise ScanError(f"{path}: expected a place to write to, {error.strerror}") from None
+        raise ScanError(f"{path}: expected a writable file, {error.strerror}") from None
 
 
 def _write_csv(recording: Recording, path: Path) -> None:
@@ -53,9 +55,11 @@ def _write_csv(recording: Recording, path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(["stamp_s", "sweep", *recording.axes, *strain])
         for sweep in recording.sweeps:
-            # Python's own numbers: their text is the shortest that gives the same number back.
+            # tolist() gives Python floats, whose repr is the shortest text that reads back exactly.
             rows = zip(sweep.stamp_ns.tolist(), sweep.position.tolist(), sweep.strain.tolist(), strict=True)
-            writer.writerows([_seconds(stamp), sweep.number, *place, *felt] for stamp, place, felt in rows)
+            writer.writerows(
+                [_seconds(stamp), sweep.number, *position, *values] for stamp, position, values in rows
+            )
 
 
 def _seconds(stamp_ns: int) -> str:

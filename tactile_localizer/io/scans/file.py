@@ -1,7 +1,7 @@
-"""The SQLite file that holds a scan: its tables, and opening it so that foreign files are refused.
+"""SQLite file of a scan: its tables, and opening it with a check that it is a scan.
 
-Pairs lie in batches, one batch a transaction: arrays as little-endian blobs, so that a million pairs
-load in well under a second and appending costs one row every quarter of a second.
+Pairs are stored in batches, one batch per transaction, as little-endian arrays in blobs. A million pairs
+load in well under a second, and appending costs one row every quarter of a second.
 """
 
 from __future__ import annotations
@@ -14,42 +14,42 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.scans.seals import contents_seal, header_seal
+from tactile_localizer.io.scans.rows import contents_seal, header_seal
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.scene import Scene
 
 APPLICATION_ID = 0x54_4C_53_43
-"""``TLSC``: marks a SQLite file as a scan (SQLite's ``application_id``)."""
+"""Marks an SQLite file as a scan (SQLite's ``application_id``): ``TLSC`` in ASCII."""
 
 SCHEMA_VERSION = 2
-"""Version of the tables below (SQLite's ``user_version``); version 1 has no seals."""
+"""Version of the tables below (SQLite's ``user_version``); version 1 has no checksums."""
 
 PAGE_SIZE = 4096
-"""Bytes of a page of the file: SQLite's default, which repairing relies on."""
+"""Bytes per page of the file: SQLite's default. Repair relies on it."""
 
-PATIENCE_S = 5.0
-"""How long another program's hold on the file is waited for, s."""
+BUSY_TIMEOUT_S = 5.0
+"""Longest wait for another program that has locked the file, s; Python's default for SQLite."""
 
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
-"""What Python's sqlite3 raises on a damaged file: names and messages in it need not be text."""
+"""Exceptions of Python's sqlite3 for damaged files, whose names and texts need not be valid UTF-8."""
 
-REPAIR_HINT = "`tactile-localizer scan repair` keeps what is whole"
+REPAIR_HINT = "`tactile-localizer scan repair` keeps the undamaged pairs"
 
-_LONGEST_REASON = 120
+_MAX_REASON_CHARACTERS = 120
 
 _TABLES = """
 CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE sweep (
     number INTEGER PRIMARY KEY,
-    ended INTEGER NOT NULL DEFAULT 0,     -- 0 after a crash: the recording was cut off
-    gaps INTEGER NOT NULL DEFAULT 0,      -- strain samples without a pose near enough
+    ended INTEGER NOT NULL DEFAULT 0,     -- 0 if the recording was interrupted
+    gaps INTEGER NOT NULL DEFAULT 0,      -- strain samples without a pose close enough in time
     skipped INTEGER NOT NULL DEFAULT 0,   -- strain samples missing, saturated or out of bounds
-    dropped INTEGER NOT NULL DEFAULT 0,   -- left out by a person; can be taken back
+    dropped INTEGER NOT NULL DEFAULT 0,   -- excluded by the user; can be restored
     batches INTEGER NOT NULL DEFAULT 0,
     pairs INTEGER NOT NULL DEFAULT 0,
     first_ns INTEGER NOT NULL DEFAULT 0,
     last_ns INTEGER NOT NULL DEFAULT 0,
-    revision INTEGER NOT NULL DEFAULT 0,  -- counts the changes of this row
+    revision INTEGER NOT NULL DEFAULT 0,  -- number of changes of this row
     seal BLOB NOT NULL DEFAULT x''        -- checksum of the other columns
 );
 CREATE TABLE batch (
@@ -68,13 +68,13 @@ CREATE TABLE history (id INTEGER PRIMARY KEY, at TEXT NOT NULL, what TEXT NOT NU
 
 LEARNED_TABLE = """
 CREATE TABLE IF NOT EXISTS learned (
-    key TEXT PRIMARY KEY,                 -- what was learned, by which algorithm and version
-    digest TEXT NOT NULL,                 -- of the scan and the scene that it was learned from
+    key TEXT PRIMARY KEY,                 -- name of the result, its algorithm and version
+    digest TEXT NOT NULL,                 -- of the scan and the scene that it was computed from
     payload BLOB NOT NULL,
     seal BLOB NOT NULL                    -- checksum of the other columns
 )
 """
-"""Table of results learned from the scan; files of any schema version may have it."""
+"""Table of cached results computed from the scan; files of any schema version may have it."""
 
 SEAL_COLUMNS = (
     "ALTER TABLE sweep ADD COLUMN batches INTEGER NOT NULL DEFAULT 0",
@@ -86,11 +86,11 @@ SEAL_COLUMNS = (
     "ALTER TABLE batch ADD COLUMN seal BLOB NOT NULL DEFAULT x''",
     "DROP INDEX batch_sweep",
 )
-"""What turns the tables of version 1 into those of version 2."""
+"""Statements that convert the tables of version 1 to those of version 2."""
 
 
 def create(path: Path, scene: Scene, strain_unit: str) -> sqlite3.Connection:
-    """Make an empty scan file and open it for writing.
+    """Create an empty scan file and open it for writing.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def create(path: Path, scene: Scene, strain_unit: str) -> sqlite3.Connection:
         A file of that name exists, or it cannot be written.
     """
     if _has_content(path):
-        raise ScanError(f"{path}: expected no file of this name yet, found one")
+        raise ScanError(f"{path}: expected no file of this name, found one")
     header = {
         "scene": json.dumps(scene_to_dict(scene)),
         "axes": json.dumps(scene.axis_names),
@@ -121,7 +121,7 @@ def create(path: Path, scene: Scene, strain_unit: str) -> sqlite3.Connection:
             _prepare_for_writing(connection)
             return connection
     except SQLITE_ERRORS as error:
-        raise ScanError(f"{path}: expected a place for a new scan file, {error}") from None
+        raise ScanError(f"{path}: expected a path where a scan file can be created, {error}") from None
 
 
 def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
@@ -130,7 +130,7 @@ def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
     Raises
     ------
     ScanError
-        There is no such file, it is not a scan, or it was made by a newer version.
+        There is no such file, it is not a scan, or it was written by a newer version.
     """
     if not _has_content(path):
         raise ScanError(f"{path}: expected a scan file, found {'an empty file' if path.exists() else 'none'}")
@@ -138,7 +138,7 @@ def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
         raise ScanError(f"{path}: expected a scan file, found a directory")
     uri = path.absolute().as_uri()
     try:
-        # For reading too: a connection that may only read leaves its log behind when it is the last to close.
+        # Read-write even for reading: a read-only connection leaves the write-ahead log behind on closing.
         with _connected(f"{uri}?mode=rw") as connection:
             _require_scan(connection, path)
             connection.execute(f"PRAGMA query_only = {int(not writable)}")
@@ -146,47 +146,47 @@ def open_existing(path: Path, *, writable: bool) -> sqlite3.Connection:
                 _prepare_for_writing(connection)
             return connection
     except SQLITE_ERRORS as error:
-        if not writable and _is_alone(path, error):
-            return _open_alone(path, uri)
+        if not writable and _can_open_immutable(path, error):
+            return _open_immutable(path, uri)
         raise ScanError(f"{path}: expected a scan file, {reason(error)}") from None
 
 
 def schema_of(connection: sqlite3.Connection) -> int:
-    """Version of the file's tables."""
+    """Schema version of the file."""
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     return int(version)
 
 
 def read_header(connection: sqlite3.Connection) -> dict[str, Any]:
-    """The scan file's header: scene, axes, phalanges and units, decoded.
+    """Decoded header of the scan file: scene, axes, phalanges and units.
 
     Raises
     ------
     ValueError
-        The header does not fit its seal, or is not JSON.
+        The header's checksum does not match, or an entry is not JSON.
     """
     rows: dict[str, str] = dict(connection.execute("SELECT key, value FROM header").fetchall())
     if schema_of(connection) > 1 and rows.pop("seal", None) != header_seal(rows):
-        raise ValueError(f"the checksum does not fit; {REPAIR_HINT}")
+        raise ValueError(f"the checksum does not match; {REPAIR_HINT}")
     rows.pop("contents", None)
     return {key: json.loads(value) for key, value in rows.items()}
 
 
-def in_words(error: Exception) -> str:
-    """What sqlite3 says, in one line; it may quote what is in the file."""
+def one_line(error: Exception) -> str:
+    """The message of an SQLite error in one line, cut to a reasonable length."""
     if isinstance(error, UnicodeDecodeError | MemoryError):
         return "database disk image is malformed"
-    return " ".join(str(error).split())[:_LONGEST_REASON]
+    return " ".join(str(error).split())[:_MAX_REASON_CHARACTERS]
 
 
 def reason(error: Exception) -> str:
-    """The same, with the way out where the file is damaged."""
-    text = in_words(error)
+    """The message of an SQLite error in one line, with a hint at ``scan repair`` for damaged files."""
+    text = one_line(error)
     return f"{text}; {REPAIR_HINT}" if "malformed" in text else text
 
 
 def _has_content(path: Path) -> bool:
-    # A creation that was killed before its first commit leaves an empty file, which may be written over.
+    # A process killed before its first commit leaves an empty file, which may be overwritten.
     try:
         return path.exists() and (path.is_dir() or path.stat().st_size > 0)
     except OSError as error:
@@ -195,10 +195,10 @@ def _has_content(path: Path) -> bool:
 
 @contextlib.contextmanager
 def _connected(uri: str) -> Iterator[sqlite3.Connection]:
-    """A connection that stays open when the block ends well, and is closed when it fails."""
-    # Transactions are begun by hand; the executor's threads take turns with one connection.
+    """A connection that is closed if the block raises, and stays open otherwise."""
+    # Transactions are explicit; the executor's threads use one connection in turn.
     connection = sqlite3.connect(
-        uri, uri=True, isolation_level=None, check_same_thread=False, timeout=PATIENCE_S
+        uri, uri=True, isolation_level=None, check_same_thread=False, timeout=BUSY_TIMEOUT_S
     )
     try:
         yield connection
@@ -217,21 +217,21 @@ def _require_scan(connection: sqlite3.Connection, path: Path) -> None:
             f"{path}: expected a scan file of schema version 1 to {SCHEMA_VERSION}, found {version}"
         )
     kinds = {kind for (kind,) in connection.execute("SELECT type FROM sqlite_master")}
-    if strange := kinds - {"table", "index"}:  # a view could compute for ever
-        raise ScanError(f"{path}: expected tables and indices only, found {min(map(ascii, strange))}")
+    if others := kinds - {"table", "index"}:  # a malicious view could run forever
+        raise ScanError(f"{path}: expected tables and indices only, found {min(map(ascii, others))}")
     columns = {name for _, name, *_ in connection.execute("PRAGMA table_info(sweep)")}
     if ("seal" in columns) != (version > 1):
-        raise ScanError(f"{path}: its schema version {version} does not fit its tables; {REPAIR_HINT}")
+        raise ScanError(f"{path}: schema version {version} does not match its tables; {REPAIR_HINT}")
 
 
-def _is_alone(path: Path, error: Exception) -> bool:
-    """Whether only sharing a log failed, for which the folder must be writable, and there is no log."""
+def _can_open_immutable(path: Path, error: Exception) -> bool:
+    """Whether opening failed only because the folder is read-only, and there is no write-ahead log."""
     log = Path(f"{path}-wal")
-    is_refused = isinstance(error, sqlite3.OperationalError) and "locked" not in str(error)
-    return is_refused and not (log.exists() and log.stat().st_size)
+    is_denied = isinstance(error, sqlite3.OperationalError) and "locked" not in str(error)
+    return is_denied and not (log.exists() and log.stat().st_size)
 
 
-def _open_alone(path: Path, uri: str) -> sqlite3.Connection:
+def _open_immutable(path: Path, uri: str) -> sqlite3.Connection:
     try:
         with _connected(f"{uri}?immutable=1") as connection:
             _require_scan(connection, path)
@@ -242,12 +242,12 @@ def _open_alone(path: Path, uri: str) -> sqlite3.Connection:
 
 def _prepare_for_writing(connection: sqlite3.Connection) -> None:
     connection.execute("PRAGMA journal_mode = WAL")
-    # FULL: a commit is on the disk when it returns, so that power loss costs no more than kill -9.
+    # FULL: a commit is on disk when it returns, so power loss costs no more than SIGKILL.
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
 
 
 def close(connection: sqlite3.Connection) -> None:
-    """Close the connection; what a full disk does not let it tidy up, it tidies up at the next opening."""
+    """Close the connection; cleanup that fails on a full disk is done at the next opening."""
     with contextlib.suppress(*SQLITE_ERRORS):
         connection.close()

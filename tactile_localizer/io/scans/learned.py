@@ -1,7 +1,7 @@
-"""Results learned from a scan, kept in the scan file for the next start.
+"""Cache of results computed from a scan, stored in the scan file for the next start.
 
-What was learned is a cache: it is only returned for the very data that it was learned from, and a failure
-to write it costs nothing but the time to learn it again.
+A result is returned only for exactly the data that it was computed from. A failure to store it costs only
+the time to compute it again.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _log = logging.getLogger(__name__)
 
 
 class LearnedResults:
-    """What was learned from one scan file, by key.
+    """Cached results of one scan file, by key.
 
     Parameters
     ----------
-    path : the scan file. It is opened for each call only
+    path : the scan file, which is opened for the duration of each call
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -40,12 +40,12 @@ class LearnedResults:
         self._is_reported = False
 
     def load_learned(self, key: str, digest: str) -> bytes | None:
-        """The payload stored under ``key``, if it was learned from the data with ``digest`` and is undamaged.
+        """The payload stored under ``key``; ``None`` if it is missing, damaged or computed from other data.
 
         Parameters
         ----------
-        key : names what was learned, by which algorithm and version
-        digest : of the data, from :func:`~tactile_localizer.core.scan.digest.digest_of`
+        key : name of the result, its algorithm and version
+        digest : digest of the data, from :func:`~tactile_localizer.core.scan.digest.digest_of`
         """
         try:
             connection = scan_file.open_existing(self.path, writable=False)
@@ -62,22 +62,22 @@ class LearnedResults:
         return bytes(row[0])
 
     def store_learned(self, key: str, digest: str, payload: bytes) -> bool:
-        """Store ``payload`` under ``key``, in place of what was there; whether that succeeded.
+        """Store ``payload`` under ``key``, replacing an earlier one; return whether that succeeded.
 
-        A file that cannot be written (read-only, on a full disk, or being recorded) is left as it is, and
+        A file that cannot be written (read-only, on a full disk, or being recorded) is left unchanged, and
         the first such failure is logged as a warning. Never raises a :class:`ScanError`.
 
         Parameters
         ----------
-        key : names what was learned, by which algorithm and version
-        digest : of the data that it was learned from
-        payload : any bytes, JSON or npz for instance
+        key : name of the result, its algorithm and version
+        digest : digest of the data that it was computed from
+        payload : any bytes, for instance JSON or npz
         """
         try:
             self._store(key, digest, payload)
         except (ScanError, *scan_file.SQLITE_ERRORS, OSError) as error:
             if not self._is_reported:
-                _log.warning("%s: %s is not kept for the next start: %s", self.path, key, error)
+                _log.warning("%s: %s could not be stored for the next start: %s", self.path, key, error)
             self._is_reported = True
             return False
         return True

@@ -1,4 +1,4 @@
-"""One writer a scan file: an advisory lock beside it that the system drops when its holder dies."""
+"""Advisory lock that gives one process the right to write a scan file, released when the process dies."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from pathlib import Path
 
 from tactile_localizer.errors import ScanError
 
-PATIENCE_S = 0.2
-"""How long another writer is waited for, s: a filter that stores what it learned is done in milliseconds."""
+LOCK_TIMEOUT_S = 0.2
+"""Longest wait for another writer, s; a filter that stores cached results holds the lock for milliseconds."""
 
-_RETRY_S = 0.01
+_RETRY_PERIOD_S = 0.01
 
 
 class ScanLock:
     """Exclusive right to write a scan file, held until :meth:`release` or the end of the process.
 
-    The lock is a file beside the scan file, not the scan file itself: closing a second descriptor of
-    a SQLite file would drop SQLite's own locks in this process.
+    The lock is a separate file beside the scan file: closing a second descriptor of an SQLite file would
+    release SQLite's own locks in this process.
 
     Parameters
     ----------
@@ -28,38 +28,38 @@ class ScanLock:
     Raises
     ------
     ScanError
-        Another writer holds the lock, or the folder cannot be written.
+        Another process holds the lock, or the folder is not writable.
     """
 
     def __init__(self, scan_path: Path) -> None:
-        self.path = Path(f"{scan_path.resolve()}.lock")  # the same by every name of the file
+        self.path = Path(f"{scan_path.resolve()}.lock")  # one lock for all links to the file
         try:
             self._descriptor = self._acquire(scan_path)
         except OSError as error:
-            raise ScanError(f"{scan_path}: expected a folder that can be written, {error.strerror}") from None
+            raise ScanError(f"{scan_path}: expected a writable folder, {error.strerror}") from None
 
     def release(self) -> None:
-        """Let the next writer in."""
+        """Release the lock and remove its file."""
         self.path.unlink(missing_ok=True)
         os.close(self._descriptor)
 
     def _acquire(self, scan_path: Path) -> int:
-        until = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + LOCK_TIMEOUT_S
         while True:
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                if time.monotonic() < until:
+                if time.monotonic() < deadline_s:
                     os.close(descriptor)
-                    time.sleep(_RETRY_S)
+                    time.sleep(_RETRY_PERIOD_S)
                     continue
                 holder = os.read(descriptor, 32).decode().strip() or "unknown"
                 os.close(descriptor)
                 raise ScanError(
-                    f"{scan_path}: expected to be its one writer, found process {holder} writing it"
+                    f"{scan_path}: expected no other writer, process {holder} is writing the file"
                 ) from None
-            # A writer that has just closed may have removed the file that was opened here.
+            # Another writer may have removed the lock file between opening and locking it.
             if self._is_current(descriptor):
                 break
             os.close(descriptor)

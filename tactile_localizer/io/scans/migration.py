@@ -1,4 +1,4 @@
-"""Migration of scan files to the present schema version, with a copy of the old file kept beside it."""
+"""Migration of scan files to the current schema version, with a backup of the original."""
 
 from __future__ import annotations
 
@@ -8,36 +8,35 @@ from pathlib import Path
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
-from tactile_localizer.io.scans.batch import COLUMNS
 from tactile_localizer.io.scans.reader import ScanReader
-from tactile_localizer.io.scans.seals import contents_seal, header_seal, seal_of, sweep_seal
+from tactile_localizer.io.scans.rows import BATCH_COLUMNS, contents_seal, header_seal, seal_of, sweep_seal
 from tactile_localizer.io.whole_file import whole_file
 
 BACKUP_SUFFIX = ".schema1"
 
 
 def migrate(path: Path, connection: sqlite3.Connection) -> None:
-    """Give a file of schema version 1 its checksums; a file of the present version is left as it is.
+    """Add checksums to a file of schema version 1; a file of the current version is left unchanged.
 
-    The old file is kept as ``<name>.schema1``. The migration is one transaction: what fails, or is killed,
-    leaves the file as it was.
+    The original is kept as ``<name>.schema1``. The migration is one transaction, so a failure or a killed
+    process leaves the file unchanged.
 
     Parameters
     ----------
-    path : the scan file, for messages and for the copy
-    connection : open for writing; closed where this fails
+    path : the scan file
+    connection : connection to it, open for writing; closed on failure
 
     Raises
     ------
     ScanError
-        The file is damaged, or it or its copy cannot be written.
+        The file is damaged, or the file or its backup cannot be written.
     """
     if scan_file.schema_of(connection) > 1:
         return
     try:
         reader = ScanReader(path, connection)
-        for _ in reader.checked_batches(of_dropped=True):
-            pass  # a damaged file is not sealed
+        for _ in reader.checked_batches(include_dropped=True):
+            pass  # refuse to add checksums to damaged data
         with (
             whole_file(f"{path}{BACKUP_SUFFIX}") as unfinished,
             contextlib.closing(sqlite3.connect(unfinished)) as backup,
@@ -46,7 +45,7 @@ def migrate(path: Path, connection: sqlite3.Connection) -> None:
         _seal_all(reader, connection)
     except (*scan_file.SQLITE_ERRORS, OSError) as error:
         scan_file.close(connection)
-        raise ScanError(f"{path}: could not migrate it to checksums: {error}") from None
+        raise ScanError(f"{path}: could not migrate the file to the current schema: {error}") from None
     except ScanError:
         scan_file.close(connection)
         raise
@@ -60,12 +59,14 @@ def _seal_all(reader: ScanReader, connection: sqlite3.Connection) -> None:
             connection.execute(statement)
         ids = [number for (number,) in connection.execute("SELECT id FROM batch")]
         for number in ids:
-            (*row, _) = connection.execute(f"SELECT {COLUMNS} FROM batch WHERE id = ?", (number,)).fetchone()
+            (*row, _) = connection.execute(
+                f"SELECT {BATCH_COLUMNS} FROM batch WHERE id = ?", (number,)
+            ).fetchone()
             connection.execute("UPDATE batch SET seal = ? WHERE id = ?", (seal_of(*row), number))
         seals = [sweep_seal(sweep) for sweep in sweeps]
-        marks = ", ".join("?" * (len(sweeps[0].row) + 1)) if sweeps else ""
+        placeholders = ", ".join("?" * (len(sweeps[0].row) + 1)) if sweeps else ""
         for sweep, seal in zip(sweeps, seals, strict=True):
-            connection.execute(f"INSERT OR REPLACE INTO sweep VALUES ({marks})", (*sweep.row, seal))
+            connection.execute(f"INSERT OR REPLACE INTO sweep VALUES ({placeholders})", (*sweep.row, seal))
         header = dict(connection.execute("SELECT key, value FROM header").fetchall())
         entries = {"contents": contents_seal(seals), "seal": header_seal(header)}
         connection.executemany("INSERT OR REPLACE INTO header VALUES (?, ?)", entries.items())

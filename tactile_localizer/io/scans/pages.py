@@ -1,9 +1,8 @@
-"""Rows of a damaged SQLite file, read from its pages without the tree that leads to them.
+"""Rows of a damaged SQLite file, read page by page without the B-tree.
 
-SQLite reads a table from its root page down, so that one damaged page hides all rows below it. Here every
-page is looked at by itself: the rows of a table's leaf pages are decoded wherever they lie (the file format
-is described at https://www.sqlite.org/fileformat2.html). Rows may be damaged, stale, or of any table; only
-the caller can know which are good.
+SQLite reads a table from its root page down, so one damaged page hides all rows below it. Here the rows of
+every leaf page are decoded independently (file format: https://www.sqlite.org/fileformat2.html). They may
+be damaged, stale, or belong to any table; the caller has to validate them.
 """
 
 from __future__ import annotations
@@ -18,25 +17,27 @@ from typing import Any
 from tactile_localizer.io.scans.file import PAGE_SIZE
 
 _TABLE_LEAF = 13
+"""Type of a leaf page of a table, the first byte of its header."""
+
 _LOG_MAGIC = (0x377F0682, 0x377F0683)
-_INTEGERS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
-"""Bytes of the integers of a record, by serial type."""
+"""First four bytes of a write-ahead log with little-endian and with big-endian checksums."""
+
+_INTEGER_BYTES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
+"""Size of an integer in a record, by serial type."""
 
 Place = tuple[int, int]
-"""Number of a page and offset of a row in it."""
+"""Page number, and offset of a row in the page."""
 
 Row = tuple[int, tuple[Any, ...]]
-"""A row's id and its columns; a column that is the id itself is ``None``."""
+"""Row id and columns; ``None`` stands for the column that is the row id."""
 
 
 class Pages:
-    """The pages of a SQLite file, those in its write-ahead log in place of the older ones.
-
-    Use it as a context.
+    """Pages of an SQLite file, with newer versions from its write-ahead log; a context manager.
 
     Parameters
     ----------
-    path : the database file; a log beside it is read as well
+    path : the database file; a write-ahead log beside it is read as well
 
     Raises
     ------
@@ -57,7 +58,7 @@ class Pages:
         self._stack.close()
 
     def rows(self) -> Iterator[tuple[Place, Row]]:
-        """The rows of all leaf pages of tables, as far as they can be decoded, and where they are."""
+        """Location and content of every row of a table's leaf page that can be decoded."""
         last = max(len(self._file) // PAGE_SIZE, *self._logged, 0)
         for number in range(1, last + 1):
             page = self._page(number)
@@ -71,12 +72,12 @@ class Pages:
                     yield (number, offset), self.row((number, offset))
 
     def row(self, place: Place) -> Row:
-        """The row at a place that :meth:`rows` gave.
+        """The row at a location from :meth:`rows`.
 
         Raises
         ------
         ValueError, IndexError
-            It cannot be decoded.
+            The row cannot be decoded.
         """
         number, offset = place
         page = self._page(number)
@@ -96,7 +97,7 @@ class Pages:
         return self._file[(number - 1) * PAGE_SIZE : number * PAGE_SIZE]
 
     def _pages_of_log(self, path: Path) -> dict[int, bytes]:
-        """The newest page of each number in the log. Its checksums are not needed: rows have seals."""
+        """Newest version of each page in the log. Its checksums are ignored because rows have seals."""
         if not path.exists():
             return {}
         log = self._mapped(path)
@@ -105,14 +106,14 @@ class Pages:
         pages = {}
         for start in range(32, len(log) - PAGE_SIZE - 24 + 1, PAGE_SIZE + 24):
             if log[start + 8 : start + 16] != log[16:24]:
-                break  # left over from before the log began anew
+                break  # salt of an earlier log: the rest was written before the last checkpoint
             pages[int.from_bytes(log[start : start + 4], "big")] = log[start + 24 : start + 24 + PAGE_SIZE]
         return pages
 
     def _payload(self, page: bytes, offset: int, length: int) -> bytes:
-        """A row's bytes: the first in the page, the others in a chain of overflow pages."""
+        """Bytes of a row: the first are in the page, the rest in a chain of overflow pages."""
         if length > len(self._file) + len(self._logged) * PAGE_SIZE:
-            raise ValueError("longer than the file")
+            raise ValueError("row longer than the file")
         local = length
         if length > PAGE_SIZE - 35:
             least = (PAGE_SIZE - 12) * 32 // 255 - 23
@@ -124,7 +125,7 @@ class Pages:
         while missing > 0:
             page = self._page(following) if following else b""
             if len(page) < PAGE_SIZE:
-                raise ValueError("cut off")
+                raise ValueError("row is truncated")
             parts.append(page[4 : 4 + min(missing, PAGE_SIZE - 4)])
             missing -= PAGE_SIZE - 4
             following = int.from_bytes(page[:4], "big")
@@ -132,7 +133,7 @@ class Pages:
 
 
 def _varint(data: bytes, offset: int) -> tuple[int, int]:
-    """SQLite's variable-length integer at ``offset``, and where it ends."""
+    """SQLite's variable-length integer at ``offset``, and the offset after it."""
     value = 0
     for index in range(8):
         byte = data[offset + index]
@@ -156,16 +157,16 @@ def _columns(record: bytes) -> tuple[Any, ...]:
 
 
 def _value(record: bytes, start: int, kind: int) -> tuple[Any, int]:
-    """One column, and where the next begins."""
+    """A column, and the offset of the next one."""
     if kind == 0:
         return None, start
     if kind in (8, 9):
         return kind - 8, start
-    size = _INTEGERS.get(kind, 8 if kind == 7 else (kind - 12) // 2)
+    size = _INTEGER_BYTES.get(kind, 8 if kind == 7 else (kind - 12) // 2)
     data = record[start : start + size]
     if size < 0 or len(data) < size:
-        raise ValueError("cut off")
-    if kind in _INTEGERS:
+        raise ValueError("column is truncated")
+    if kind in _INTEGER_BYTES:
         return int.from_bytes(data, "big", signed=True), start + size
     if kind == 7:
         return struct.unpack(">d", data)[0], start + size

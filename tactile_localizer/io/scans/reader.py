@@ -1,4 +1,4 @@
-"""Reading a scan file: its sweeps, its pairs and its history, every row checked against its seal."""
+"""Reading a scan file: its sweeps, pairs and history, with the checksum of every row verified."""
 
 from __future__ import annotations
 
@@ -15,18 +15,22 @@ import numpy as np
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
-from tactile_localizer.io.scans import batch as batch_rows
 from tactile_localizer.io.scans import file as scan_file
-from tactile_localizer.io.scans.batch import Batch
-from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
-from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scans.rows import (
+    BATCH_COLUMNS,
+    UNSEALED_BATCH_COLUMNS,
+    Batch,
+    SweepInfo,
+    contents_seal,
+    sweep_seal,
+)
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[float], None]
 
-_NAMED = 8
-"""Most damaged sweeps that a message names."""
+_MAX_NAMED_SWEEPS = 8
+"""Most damaged sweeps named in a message."""
 
 _SWEEPS_OF_SCHEMA_1 = (
     "SELECT number, ended, gaps, skipped, dropped, count(batch.id), coalesce(sum(pairs), 0),"
@@ -36,17 +40,17 @@ _SWEEPS_OF_SCHEMA_1 = (
 
 
 class ScanReader:
-    """A scan file, open for reading.
+    """A scan file that is open for reading.
 
     Parameters
     ----------
-    path : for messages
-    connection : to the file, from :mod:`~tactile_localizer.io.scans.file`; closed where this fails
+    path : the file's path, for error messages
+    connection : connection to the file, from :mod:`~tactile_localizer.io.scans.file`; closed on failure
 
     Attributes
     ----------
-    scene : what the scan was recorded for
-    units : of stamps, states and strain, for people
+    scene : scene that the scan was recorded for
+    units : units of stamps, states and strain, for display
 
     Raises
     ------
@@ -78,7 +82,7 @@ class ScanReader:
 
     @property
     def has_checksums(self) -> bool:
-        """Whether damage of the file would be noticed: from schema version 2 on."""
+        """Whether the file has checksums that detect damage (schema version 2 and later)."""
         return self._schema > 1
 
     def close(self) -> None:
@@ -86,7 +90,7 @@ class ScanReader:
         scan_file.close(self._db)
 
     def sweeps(self) -> list[SweepInfo]:
-        """The sweeps, by number, dropped ones included.
+        """Entries of all sweeps in the order of their numbers, including dropped sweeps.
 
         Raises
         ------
@@ -100,7 +104,7 @@ class ScanReader:
             try:
                 sweeps.append(SweepInfo.from_row(row[:10]))
                 if sealed and row[10] != sweep_seal(sweeps[-1]):
-                    raise ValueError("the checksum does not fit")
+                    raise ValueError("the checksum does not match")
             except ValueError as error:
                 what = f"the entry of sweep {row[0]!r:.20} is damaged, {error}"
                 raise ScanError(f"{self.path}: {what}; {scan_file.REPAIR_HINT}") from None
@@ -114,7 +118,7 @@ class ScanReader:
         return sweeps
 
     def history(self) -> list[tuple[str, str, dict[str, Any]]]:
-        """The file's history, oldest first: time (ISO 8601, UTC), what was done, its details."""
+        """The file's history, oldest first: time (ISO 8601, UTC), action, details."""
         entries = []
         for at, what, text in self._fetch("SELECT at, what, detail FROM history ORDER BY id"):
             try:
@@ -127,17 +131,17 @@ class ScanReader:
         return entries
 
     def load(self, at_most: int | None = None, progress: Progress | None = None) -> Scan:
-        """The pairs of the sweeps that are not dropped, in the order in which they were recorded.
+        """Pairs of the sweeps that are not dropped, in order of recording.
 
         Parameters
         ----------
-        at_most : of a longer scan, load each second, third, ... pair, so that it is no more pairs than this
-        progress : called with the share that is loaded, 0 to 1
+        at_most : maximum number of pairs; of a longer scan every second, third, ... pair is loaded
+        progress : called with the loaded fraction, 0 to 1
 
         Raises
         ------
         ScanError
-            A sweep is damaged (names it), or the file holds no pairs.
+            A sweep is damaged (the message names it), or the file holds no pairs.
         """
         _, states, strain, sweep = self._arrays(at_most, progress)
         if not len(states):
@@ -146,12 +150,12 @@ class ScanReader:
         return Scan(states, strain, sweep, scene.axis_names, scene.phalanx_names, scene.layout.counts)
 
     def batches(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
-        """The same pairs in parts, so that a long scan takes no more memory than a short one.
+        """The same pairs batch by batch, so that memory use does not depend on the scan's length.
 
         Yields
         ------
         sweep : int
-            Its number.
+            Number of the sweep.
         stamp_ns : numpy.ndarray, (n,)
         states : numpy.ndarray, (n, d)
         strain : numpy.ndarray, (n, C)
@@ -159,66 +163,66 @@ class ScanReader:
         Raises
         ------
         ScanError
-            A sweep is damaged; names it.
+            A sweep is damaged; the message names it.
         """
         for batch in self.checked_batches():
             yield batch.sweep, batch.stamp_ns, batch.states, batch.strain
 
-    def checked_batches(self, *, of_dropped: bool = False) -> Iterator[Batch]:
-        """The rows of pairs, in the order in which they were recorded, each checked.
+    def checked_batches(self, *, include_dropped: bool = False) -> Iterator[Batch]:
+        """Validated rows of the table ``batch``, in order of recording.
 
         Parameters
         ----------
-        of_dropped : those of dropped sweeps too
+        include_dropped : whether to include the batches of dropped sweeps
 
         Raises
         ------
         ScanError
-            A sweep is damaged; names it.
+            A sweep is damaged; the message names it.
         """
         with self._snapshot():
             sweeps = {info.number: info for info in self.sweeps()}
-            wanted = {number for number, info in sweeps.items() if of_dropped or not info.dropped}
+            wanted = {number for number, info in sweeps.items() if include_dropped or not info.dropped}
             found = dict.fromkeys(wanted, 0)
             last, reason = -1, None
             try:
                 for row in self._db.execute(f"SELECT {self._columns} FROM batch ORDER BY id"):
                     if row[1] not in sweeps:
-                        raise ValueError(f"expected pairs of a known sweep, found some of {row[1]!r:.20}")
+                        raise ValueError(f"expected a batch of a known sweep, found sweep {row[1]!r:.20}")
                     if row[1] in wanted:
                         batch = self._batch(row)
-                        if batch.id <= last:  # SQLite believes that the pages of its tree are in order
-                            raise ValueError(f"expected parts in order, found {batch.id} after {last}")
+                        if batch.id <= last:  # SQLite does not verify the order of pages in its tree
+                            raise ValueError(f"expected batches in order, found {batch.id} after {last}")
                         last = batch.id
                         found[batch.sweep] += 1
                         yield batch
             except (*scan_file.SQLITE_ERRORS, ValueError) as error:
-                reason = scan_file.in_words(error)
+                reason = scan_file.one_line(error)
             lost = {number: sweeps[number].batches - found[number] for number in wanted}
             if reason is not None or any(lost.values()):
                 damage = " ".join(filter(None, (self._damage(sweeps, wanted), reason and f"({reason})")))
                 raise ScanError(f"{self.path}: {damage}; {scan_file.REPAIR_HINT}")
 
     def recording(self) -> Recording:
-        """The same pairs by sweep and with their stamps, as any other recording.
+        """The same pairs as a recording, by sweep and with their stamps.
 
         Raises
         ------
         ScanError
-            A sweep is damaged; names it.
+            A sweep is damaged; the message names it.
         """
         stamp_ns, states, strain, sweep = self._arrays()
         infos = {info.number: info for info in self.sweeps()}
         sweeps = []
         for number in np.unique(sweep):
-            mine = sweep == number
+            rows = sweep == number
             sweeps.append(
                 RecordedSweep(
                     number=int(number),
-                    stamp_ns=stamp_ns[mine],
-                    position=states[mine],
-                    strain=strain[mine],
-                    status=missing_status(strain[mine], self.scene.layout),
+                    stamp_ns=stamp_ns[rows],
+                    position=states[rows],
+                    strain=strain[rows],
+                    status=missing_status(strain[rows], self.scene.layout),
                     gaps=infos[int(number)].gaps,
                 )
             )
@@ -229,21 +233,21 @@ class ScanReader:
 
     @property
     def _channels(self) -> int:
-        """Channels of a strain vector."""
+        """Number of channels of a strain vector, C."""
         return self.scene.layout.size
 
     @property
     def _columns(self) -> str:
-        return batch_rows.COLUMNS if self.has_checksums else batch_rows.UNSEALED_COLUMNS
+        return BATCH_COLUMNS if self.has_checksums else UNSEALED_BATCH_COLUMNS
 
     def _batch(self, row: tuple[Any, ...]) -> Batch:
         return Batch.from_row(row, self.scene.dimension, self._channels)
 
     def _damage(self, sweeps: dict[int, SweepInfo], wanted: set[int]) -> str:
-        """Names the damaged sweeps, after a look at every row that can be read from either end."""
-        whole = self._whole_batches("ASC") | self._whole_batches("DESC")
+        """Description of the damaged sweeps, from all rows that can be read from either end of the table."""
+        undamaged = self._undamaged_batches("ASC") | self._undamaged_batches("DESC")
         found = dict.fromkeys(wanted, 0)
-        for _, sweep in whole:
+        for _, sweep in undamaged:
             if sweep in found:
                 found[sweep] += 1
         damaged = sorted(number for number in wanted if found[number] != sweeps[number].batches)
@@ -251,23 +255,25 @@ class ScanReader:
             return "pairs damaged"
         lost = sum(abs(sweeps[number].batches - found[number]) for number in damaged)
         total = sum(sweeps[number].batches for number in damaged)
-        names = ", ".join(map(str, damaged[:_NAMED])) + (", ..." if len(damaged) > _NAMED else "")
+        names = ", ".join(map(str, damaged[:_MAX_NAMED_SWEEPS])) + (
+            ", ..." if len(damaged) > _MAX_NAMED_SWEEPS else ""
+        )
         plural = "sweep" if len(damaged) == 1 else "sweeps"
-        return f"{plural} {names} damaged, {lost} of {total} parts cannot be read"
+        return f"{plural} {names} damaged, {lost} of {total} batches cannot be read"
 
-    def _whole_batches(self, direction: str) -> set[tuple[int, int]]:
-        """Ids and sweeps of the rows that fit their seals, read until the file cannot be read further."""
-        whole = set()
+    def _undamaged_batches(self, direction: str) -> set[tuple[int, int]]:
+        """Ids and sweeps of the rows with matching checksums, up to the first unreadable page."""
+        undamaged = set()
         with contextlib.suppress(*scan_file.SQLITE_ERRORS):
             for row in self._db.execute(f"SELECT {self._columns} FROM batch ORDER BY id {direction}"):
                 with contextlib.suppress(ValueError):
                     batch = self._batch(row)
-                    whole.add((batch.id, batch.sweep))
-        return whole
+                    undamaged.add((batch.id, batch.sweep))
+        return undamaged
 
     @contextlib.contextmanager
     def _snapshot(self) -> Iterator[None]:
-        """Everything that is read in the block is as of one moment, whatever is appended meanwhile."""
+        """Read transaction: all reads in the block see the same state of the file."""
         if self._db.in_transaction:
             yield
             return
@@ -286,7 +292,7 @@ class ScanReader:
             loaded = math.ceil(n / step)
             dimension, channels = self.scene.dimension, self._channels
             if 8 * n * (1 + dimension + channels) > self._bytes():
-                raise ScanError(f"{self.path}: expected {n} pairs, found a file too small for them")
+                raise ScanError(f"{self.path}: expected {n} pairs, the file is too small for them")
             stamp_ns = np.empty(loaded, dtype=np.int64)
             states = np.empty((loaded, dimension))
             strain = np.empty((loaded, channels))
@@ -294,10 +300,10 @@ class ScanReader:
             read = 0
             for number, *batch in self.batches():
                 pairs = len(batch[0])
-                mine = slice(-read % step, None, step)
+                chosen = slice(-read % step, None, step)
                 rows = slice(math.ceil(read / step), math.ceil((read + pairs) / step))
                 sweep[rows] = number
-                stamp_ns[rows], states[rows], strain[rows] = (part[mine] for part in batch)
+                stamp_ns[rows], states[rows], strain[rows] = (column[chosen] for column in batch)
                 read += pairs
                 if progress is not None:
                     progress(read / n)
@@ -315,5 +321,5 @@ class ScanReader:
             return self._db.execute(query).fetchall()
         except scan_file.SQLITE_ERRORS as error:
             raise ScanError(
-                f"{self.path}: expected a scan file that can be read, {scan_file.reason(error)}"
+                f"{self.path}: expected a readable scan file, {scan_file.reason(error)}"
             ) from None

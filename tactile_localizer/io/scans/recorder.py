@@ -1,4 +1,4 @@
-"""Recording sweeps live: pairs as they come, by stamps, into a scan file."""
+"""Live recording of sweeps: assigns incoming pairs to sweeps by their stamps and stores them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import screen
 from tactile_localizer.io.scans.store import ScanStore
 
-Felt = tuple[np.ndarray, np.ndarray]
+StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""
 
 _BEFORE_ALL_NS = -1
+"""A stamp earlier than that of any sample, ns."""
+
 _BATCH = 256
+"""Pairs collected before they are screened and passed on together: 0.26 s at 1 kHz."""
 
 
 @dataclass
 class _Sweep:
-    """A sweep that is asked for: samples after ``after_ns`` up to ``until_ns`` (``None``: still open)."""
+    """A planned sweep: samples after ``after_ns`` up to ``until_ns`` (``None``: still open)."""
 
     number: int
     after_ns: int
@@ -33,23 +36,23 @@ class _Sweep:
 
 
 class SweepRecorder:
-    """Puts pairs into the sweeps that were asked for, or that the motion shows.
+    """Records sweeps that are requested, or that are detected in the motion.
 
-    Sweeps begin and end at stamps, not at the moment of asking, so that samples that still wait for
-    their poses when a sweep is ended belong to it, and a bag of the same topics makes the same file.
+    Sweeps begin and end at stamps, not at the time of the request. Samples that still wait for their pose
+    when a sweep ends belong to it, and importing a bag of the same topics gives the same file.
 
     Parameters
     ----------
-    store : open for writing
-    detector : finds the sweeps; ``None``: they are asked for by :meth:`start` and :meth:`end`
-    coverage : counts the recorded pairs
-    on_change : called with the stamp, ns, after which a sweep was opened or closed
+    store : scan file, open for writing
+    detector : detects the sweeps; ``None``: :meth:`start` and :meth:`end` begin and end them
+    coverage : updated with the recorded pairs
+    on_change : called with the stamp, ns, after which a sweep begins or ends
 
     Attributes
     ----------
-    sweeps : sweeps in the file
-    gaps : samples of sweeps that had no pose near enough in time
-    skipped : samples of sweeps left out because they were missing, saturated or out of bounds
+    sweeps : number of sweeps in the file
+    gaps : samples in sweeps without a pose close enough in time
+    skipped : samples in sweeps that were missing, saturated or out of bounds
     """
 
     def __init__(
@@ -71,7 +74,7 @@ class SweepRecorder:
         self._last_number = max((sweep.number for sweep in known), default=0)
         self._detected = 0
         self._newest_ns = _BEFORE_ALL_NS
-        self._batch: list[Pair[Felt]] = []
+        self._batch: list[Pair[StrainSample]] = []
         self._sweep_gaps = 0
         self._sweep_skipped = 0
 
@@ -82,7 +85,7 @@ class SweepRecorder:
 
     @property
     def number(self) -> int:
-        """Number of the open or, without one, the last sweep; 0 before the first."""
+        """Number of the open sweep, or of the last one if none is open; 0 before the first."""
         return self._last_number
 
     def start(self, after_ns: int) -> int:
@@ -94,7 +97,7 @@ class SweepRecorder:
             A sweep is open, or the file cannot be written.
         """
         if self.is_active:
-            raise ScanError(f"start sweep: expected none under way, found sweep {self._last_number}")
+            raise ScanError(f"start sweep: expected no active sweep, found sweep {self._last_number}")
         sweep = _Sweep(self._last_number + 1, after_ns)
         if self.store.active_sweep is None:
             self.store.begin_sweep(sweep.number)
@@ -113,23 +116,23 @@ class SweepRecorder:
             No sweep is open.
         """
         if not self.is_active:
-            raise ScanError("end sweep: expected one under way, found none")
+            raise ScanError("end sweep: expected an active sweep, found none")
         self._planned[-1].until_ns = until_ns
         self._on_change(until_ns)
         return self._last_number
 
-    def take(self, pairs: Sequence[Pair[Felt]]) -> None:
-        """Take the pairs that belong to a sweep; :meth:`settle` writes them.
+    def take(self, pairs: Sequence[Pair[StrainSample]]) -> None:
+        """Collect the pairs that belong to a sweep; :meth:`settle` writes them.
 
         Parameters
         ----------
-        pairs : in the order of their stamps. A stamp that goes back ends the sweep and, where sweeps
-            are asked for, opens another
+        pairs : in the order of their stamps. A backward jump of the stamps ends the sweep and, without a
+            detector, opens another
 
         Raises
         ------
         ScanError
-            The file cannot be written. The sweep is given up; what was committed of it is kept.
+            The file cannot be written. The sweep is abandoned; pairs already committed are kept.
         """
         try:
             for pair in pairs:
@@ -137,22 +140,22 @@ class SweepRecorder:
             if len(self._batch) >= _BATCH:
                 self._flush()
         except ScanError:
-            self._give_up()
+            self._abandon()
             raise
 
     def settle(self, waiting_ns: int | None) -> None:
-        """Commit, and end in the file each closed sweep of which no sample waits for its pose any more.
+        """Commit, and finish each closed sweep of which no sample waits for its pose.
 
-        To be called every quarter of a second or more often.
+        Call this at least every 0.25 s.
 
         Parameters
         ----------
-        waiting_ns : stamp of the oldest sample that waits; ``None``: none waits
+        waiting_ns : stamp of the oldest sample that waits for its pose; ``None`` if there is none
 
         Raises
         ------
         ScanError
-            The file cannot be written. The sweep is given up; what was committed of it is kept.
+            The file cannot be written. The sweep is abandoned; pairs already committed are kept.
         """
         try:
             while self._planned and (until_ns := self._planned[0].until_ns) is not None:
@@ -162,11 +165,11 @@ class SweepRecorder:
             self._flush()
             self.store.commit()
         except ScanError:
-            self._give_up()
+            self._abandon()
             raise
 
     def close(self) -> None:
-        """End every sweep, with what it has.
+        """End every sweep, without waiting for further poses.
 
         Raises
         ------
@@ -177,9 +180,9 @@ class SweepRecorder:
             self.end(self._newest_ns)
         self.settle(None)
 
-    def _place(self, pair: Pair[Felt]) -> None:
+    def _place(self, pair: Pair[StrainSample]) -> None:
         if pair.stamp_ns < self._newest_ns:
-            self._begin_anew()
+            self._restart()
         self._newest_ns = pair.stamp_ns
         if self._detector is not None and pair.position is not None:
             self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
@@ -195,7 +198,7 @@ class SweepRecorder:
                 self._batch.append(pair)
 
     def _follow(self, detected: int, stamp_ns: int) -> None:
-        """End and start sweeps as the motion shows, from the sample at ``stamp_ns`` on."""
+        """End and start sweeps as detected in the motion, from the sample at ``stamp_ns`` on."""
         if detected != self._detected:
             self._detected = detected
             if self.is_active:
@@ -203,8 +206,8 @@ class SweepRecorder:
             if detected:
                 self.start(stamp_ns - 1)
 
-    def _begin_anew(self) -> None:
-        """Time was set back: what follows is another sweep."""
+    def _restart(self) -> None:
+        """Start another sweep after a backward jump of the stamps."""
         was_active = self.is_active
         self.close()
         if self._detector is not None:
@@ -230,7 +233,7 @@ class SweepRecorder:
             self.store.append(stamp_ns[keep], states[keep], strain[keep])
 
     def _finish(self) -> None:
-        """End the oldest sweep in the file and begin the next one that is waiting."""
+        """End the oldest sweep in the file and begin the next planned one."""
         self._flush()
         self._planned.popleft()
         gaps, skipped = self._sweep_gaps, self._sweep_skipped
@@ -239,7 +242,7 @@ class SweepRecorder:
         if self._planned:
             self.store.begin_sweep(self._planned[0].number)
 
-    def _give_up(self) -> None:
+    def _abandon(self) -> None:
         self._planned.clear()
         self._batch = []
         self._detected = 0

@@ -1,4 +1,4 @@
-"""Repair of damaged scan files: a new file of everything that is whole, the damaged one kept beside it."""
+"""Repair of damaged scan files: undamaged rows go to a new file, and the damaged file is kept beside it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io.scans.batch import Batch
 from tactile_localizer.io.scans.lock import ScanLock
 from tactile_localizer.io.scans.pages import Pages, Place
-from tactile_localizer.io.scans.seals import header_seal, sweep_seal
+from tactile_localizer.io.scans.rows import Batch, SweepInfo, header_seal, sweep_seal
 from tactile_localizer.io.scans.store import ScanStore, new_scan
-from tactile_localizer.io.scans.sweep_info import SweepInfo
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import Scene
 
@@ -26,13 +24,13 @@ _HEADER_KEYS = ("scene", "axes", "phalanges", "units", "contents", "seal")
 
 @dataclass(frozen=True)
 class RepairReport:
-    """What a repair kept.
+    """Result of a repair.
 
     Parameters
     ----------
-    sweeps, pairs : how many the repaired file holds
-    notes : one line for each sweep that lost pairs, and for everything else that was lost
-    damaged : where the damaged file is now; ``None``: nothing was damaged, the file is as it was
+    sweeps, pairs : numbers of sweeps and pairs in the repaired file
+    notes : one line per sweep that lost pairs, and per other loss
+    damaged : path of the damaged file; ``None`` if the file was undamaged and is unchanged
     """
 
     sweeps: int
@@ -43,9 +41,9 @@ class RepairReport:
 
 @dataclass
 class _Found:
-    """Rows of a damaged file that are whole.
+    """Undamaged rows of a damaged file.
 
-    ``entries`` by number of the sweep; ``batches`` by id, each as the number of its sweep and its place;
+    ``entries`` by sweep number; ``batches`` by id, each as its sweep number and its location in the file;
     ``history`` by id.
     """
 
@@ -64,15 +62,15 @@ class _Found:
 
 
 def repair(path: str | Path, scene: Scene | None = None) -> RepairReport:
-    """Put a new scan file with everything that is whole in the place of a damaged one.
+    """Replace a damaged scan file by a new one with all undamaged rows.
 
-    The damaged file is kept as ``<name>.damaged``. Files of schema version 1, which have no checksums, are
-    repaired as far as the shape of their rows tells what is whole.
+    The damaged file is kept as ``<name>.damaged``. In files of schema version 1, which have no checksums,
+    a row counts as undamaged if its shape is valid.
 
     Parameters
     ----------
     path : the scan file
-    scene : what the scan was recorded for; used where the file's own header is damaged
+    scene : scene of the scan, used if the header in the file is damaged
 
     Raises
     ------
@@ -85,18 +83,17 @@ def repair(path: str | Path, scene: Scene | None = None) -> RepairReport:
         raise ScanError(f"{path}: expected a scan file, found {'a directory' if path.is_dir() else 'none'}")
     lock = ScanLock(path)
     try:
-        whole = _report_if_whole(path)
-        return whole or _repair(path, scene)
+        return _report_if_undamaged(path) or _repair(path, scene)
     except OSError as error:
-        raise ScanError(f"{path}: expected a file that can be repaired, {error.strerror}") from None
+        raise ScanError(f"{path}: could not repair the file, {error.strerror}") from None
     finally:
         lock.release()
 
 
-def _report_if_whole(path: Path) -> RepairReport | None:
+def _report_if_undamaged(path: Path) -> RepairReport | None:
     try:
         with ScanStore.open(path) as store:
-            pairs = sum(len(batch) for batch in store.checked_batches(of_dropped=True))
+            pairs = sum(len(batch) for batch in store.checked_batches(include_dropped=True))
             return RepairReport(len(store.sweeps()), pairs, (), None)
     except ScanError:
         return None
@@ -105,19 +102,19 @@ def _report_if_whole(path: Path) -> RepairReport | None:
 def _repair(path: Path, scene: Scene | None) -> RepairReport:
     damaged = path.with_name(path.name + DAMAGED_SUFFIX)
     if damaged.exists():
-        raise ScanError(f"{damaged}: expected no file of this name yet, found one")
+        raise ScanError(f"{damaged}: expected no file of this name, found one")
     repaired = path.with_name(f"{path.name}.repaired")
     with Pages(path) as pages:
         found = _search(path, pages, scene)
         with new_scan(repaired, found.scene, strain_unit=found.unit) as store:
             numbers = {sweep for sweep, _ in found.batches.values()}
             entries = [found.entries.get(number, SweepInfo(number)) for number in sorted(numbers)]
-            store.take_over(entries, _batches(pages, found))
+            store.copy_sweeps(entries, _batches(pages, found))
             notes = tuple(found.notes)
             history = [found.history[key] for key in sorted(found.history)]
             store.note("repair", {"file": str(damaged), "notes": notes, "history": history})
             report = RepairReport(len(entries), store.pairs, notes, damaged)
-    # Whoever still reads the damaged file does so through its own log and shared memory.
+    # Processes that still read the damaged file need its log and shared memory under matching names.
     for suffix in ("-wal", "-shm", ""):
         with contextlib.suppress(FileNotFoundError):
             Path(f"{path}{suffix}").rename(f"{damaged}{suffix}")
@@ -126,12 +123,12 @@ def _repair(path: Path, scene: Scene | None) -> RepairReport:
 
 
 def _search(path: Path, pages: Pages, scene: Scene | None) -> _Found:
-    """Every row that is whole, and notes of what is lost.
+    """Find all undamaged rows, and note the losses.
 
     Raises
     ------
     ScanError
-        No scene is known, or no pairs are whole.
+        No scene is known, or no pairs are undamaged.
     """
     found = _header(path, pages, scene)
     for place, (key, columns) in pages.rows():
@@ -147,7 +144,7 @@ def _search(path: Path, pages: Pages, scene: Scene | None) -> _Found:
             with contextlib.suppress(ValueError):
                 _keep_entry(found, (key, *columns[1:]))
     if not found.batches:
-        raise ScanError(f"{path}: expected pairs that are whole, found none")
+        raise ScanError(f"{path}: expected undamaged pairs, found none")
     found.notes += _losses(found)
     return found
 
@@ -155,26 +152,26 @@ def _search(path: Path, pages: Pages, scene: Scene | None) -> _Found:
 def _header(path: Path, pages: Pages, scene: Scene | None) -> _Found:
     rows = (columns for _, (_, columns) in pages.rows() if len(columns) == 2)
     header = {key: value for key, value in rows if key in _HEADER_KEYS and isinstance(value, str)}
-    # A schema of version 1 has no seals; that of a later one may be lost, the rows show it.
+    # Schema version 1 has no seals. The header's seal may be lost in later versions; then the rows decide.
     is_sealed = bool({"seal", "contents"} & header.keys()) or any(
         len(columns) == 11 for _, (_, columns) in pages.rows()
     )
     try:
         if is_sealed and header.get("seal") != header_seal(header):
-            raise ValueError("the checksum does not fit")
+            raise ValueError("the checksum does not match")
         own, unit = scene_from_dict(json.loads(header["scene"])), str(json.loads(header["units"])["strain"])
         return _Found(own, unit, is_sealed)
     except (KeyError, TypeError, ValueError, RecursionError, SceneError):
         if scene is None:
             raise ScanError(
-                f"{path}: expected a header that is whole, found none; give the scan's scene (--scene)"
+                f"{path}: expected an undamaged header, found none; give the scan's scene (--scene)"
             ) from None
-        lost = "the header was damaged: the scene is the given one, the unit of strain is taken for V"
+        lost = "the header was damaged: used the given scene, and assumed V as the unit of strain"
         return _Found(scene, "V", is_sealed, notes=[lost])
 
 
 def _keep_entry(found: _Found, row: tuple[Any, ...]) -> None:
-    """Keep the entry of a sweep, the last written of several copies."""
+    """Keep the entry of a sweep; of several copies, the one written last."""
     if found.is_sealed:
         entry = SweepInfo.from_row(row[:10])
         if row[10] != sweep_seal(entry):
@@ -187,27 +184,27 @@ def _keep_entry(found: _Found, row: tuple[Any, ...]) -> None:
 
 
 def _losses(found: _Found) -> Iterator[str]:
-    """What is lost, one line each."""
+    """One line per loss."""
     if not found.is_sealed:
-        yield "the file had no checksums: damage within its pairs cannot be found"
+        yield "the file had no checksums: damage within its pairs cannot be detected"
         lost = len(set(range(1, max(found.batches) + 1)) - found.batches.keys())
         if lost:
-            yield f"lost {lost} parts or more"
+            yield f"lost at least {lost} batches"
     counts: dict[int, int] = dict.fromkeys(found.entries, 0)
     for sweep, _ in found.batches.values():
         counts[sweep] = counts.get(sweep, 0) + 1
     for number, count in sorted(counts.items()):
         entry = found.entries.get(number)
         if entry is None:
-            yield f"sweep {number}: its entry is lost, and whether it was dropped; kept {count} parts"
+            yield f"sweep {number}: lost its entry, which held whether it was dropped; kept {count} batches"
         elif found.is_sealed and count < entry.batches:
-            yield f"sweep {number}: lost {entry.batches - count} of {entry.batches} parts"
+            yield f"sweep {number}: lost {entry.batches - count} of {entry.batches} batches"
         elif not found.is_sealed and not count:
-            yield f"sweep {number}: no part is left"
+            yield f"sweep {number}: lost all batches"
 
 
 def _batches(pages: Pages, found: _Found) -> Iterator[Batch]:
-    """The batches, sweep by sweep, in the order in which they were recorded."""
+    """Batches in order of recording, sweep by sweep."""
     first: dict[int, int] = {}
     for key, (sweep, _) in sorted(found.batches.items()):
         first.setdefault(sweep, key)

@@ -1,8 +1,8 @@
-"""The scan file: state-measurement pairs that survive whatever happens to the process that records them.
+"""Crash-safe storage of state-measurement pairs in a scan file.
 
 One :class:`ScanStore` writes or reads one SQLite file. Appended pairs are committed at least every
-0.25 s of wall time; a process killed at any moment loses no more than that, the file opens again, and
-recording goes on as a new sweep.
+0.25 s of wall time, so a process killed at any moment loses no more than that. The file opens again
+afterwards, and recording continues with a new sweep.
 """
 
 from __future__ import annotations
@@ -25,26 +25,33 @@ import numpy as np
 from tactile_localizer import __version__
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
-from tactile_localizer.io.scans.batch import COLUMNS, Batch, require_possible
 from tactile_localizer.io.scans.lock import ScanLock
 from tactile_localizer.io.scans.migration import migrate
 from tactile_localizer.io.scans.reader import ScanReader
-from tactile_localizer.io.scans.seals import contents_seal, sweep_seal
-from tactile_localizer.io.scans.sweep_info import SweepInfo
+from tactile_localizer.io.scans.rows import (
+    BATCH_COLUMNS,
+    Batch,
+    SweepInfo,
+    contents_seal,
+    require_plausible,
+    sweep_seal,
+)
 from tactile_localizer.scene import Scene
 
 COMMIT_PERIOD_S = 0.25
-"""Longest wall time for which appended pairs may stay uncommitted."""
+"""Longest wall time for which appended pairs stay uncommitted, s."""
 
 _BATCH_PAIRS = 8192
+"""Most pairs in one row of the table ``batch``: about 1.2 MB with two phalanges of 8 channels."""
 
 Statement = tuple[str, tuple[Any, ...]]
+"""An SQL statement and the values of its placeholders."""
 
 
 class ScanStore(ScanReader):
-    """A scan file, open. Use :meth:`create`, :meth:`open`, or :meth:`open_or_create`; close it after use.
+    """An open scan file, made by :meth:`create`, :meth:`open` or :meth:`open_or_create`.
 
-    Not safe for several threads at once; threads may take turns.
+    Close it after use. Calls from several threads must not overlap.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, lock: ScanLock | None) -> None:
@@ -63,13 +70,13 @@ class ScanStore(ScanReader):
 
     @classmethod
     def create(cls, path: str | Path, scene: Scene, *, strain_unit: str = "V") -> ScanStore:
-        """Make a new scan file and open it for writing.
+        """Create a scan file and open it for writing.
 
         Parameters
         ----------
         path : must not exist yet
-        scene : what is modelled; kept inside the file
-        strain_unit : what the strain values are, for people
+        scene : axes, phalanges and feature of the scan; stored in the file
+        strain_unit : unit of the strain values, for display
 
         Raises
         ------
@@ -91,13 +98,13 @@ class ScanStore(ScanReader):
         Raises
         ------
         ScanError
-            The file is missing, is not a scan, is damaged, was made by a newer version, or, when it is
-            to be written, is being written by another process.
+            The file is missing, is not a scan, is damaged, was written by a newer version, or, with
+            ``writable``, is being written by another process.
 
         Notes
         -----
-        A file of schema version 1, which has no checksums, is read as it is; it is migrated when it is
-        opened for writing, and a copy of it is kept (:mod:`~tactile_localizer.io.scans.migration`).
+        A file of schema version 1, which has no checksums, is read as it is. Opening it for writing
+        migrates it and keeps a copy of the original (:mod:`~tactile_localizer.io.scans.migration`).
         """
         path = Path(path)
         if not writable:
@@ -113,12 +120,12 @@ class ScanStore(ScanReader):
 
     @classmethod
     def open_or_create(cls, path: str | Path, scene: Scene) -> ScanStore:
-        """Open a scan file for writing, making it if there is none.
+        """Open a scan file for writing, creating it if there is none.
 
         Raises
         ------
         ScanError
-            As :meth:`open`; or the file holds a scan of other axes, bounds or phalanges.
+            As :meth:`open`; or the file holds a scan with different axes, bounds or phalanges.
         """
         path = Path(path)
         if not path.exists() or path.stat().st_size == 0:
@@ -140,12 +147,12 @@ class ScanStore(ScanReader):
         self.close()
 
     def close(self) -> None:
-        """Commit what is pending, end the sweep, close the file and let another writer in.
+        """Commit pending pairs, end the sweep, close the file and release the write lock.
 
         Raises
         ------
         ScanError
-            The last pairs could not be written; the file is closed all the same.
+            The last pairs could not be written; the file is closed nevertheless.
         """
         try:
             if self._sweep is not None:
@@ -160,20 +167,20 @@ class ScanStore(ScanReader):
 
     @property
     def active_sweep(self) -> int | None:
-        """Number of the sweep that is being recorded, if one is."""
+        """Number of the sweep being recorded; ``None`` if there is none."""
         return self._sweep
 
     @property
     def pairs(self) -> int:
-        """Pairs in the file, dropped sweeps and pending pairs included."""
+        """Number of pairs, including dropped sweeps and pairs not yet committed."""
         return sum(entry.pairs for entry in self._entries.values()) + self._pending_pairs
 
     def begin_sweep(self, number: int | None = None) -> int:
-        """Begin to record a sweep.
+        """Begin recording a sweep.
 
         Parameters
         ----------
-        number : its number; by default, or where the number is taken, one more than the highest
+        number : its number; by default, or if the number is in use, one more than the highest
 
         Returns
         -------
@@ -183,10 +190,10 @@ class ScanStore(ScanReader):
         Raises
         ------
         ScanError
-            A sweep is being recorded already, or the file cannot be written.
+            A sweep is already being recorded, or the file cannot be written.
         """
         if self._sweep is not None:
-            raise ScanError(f"{self.path}: expected no sweep under way, found sweep {self._sweep}")
+            raise ScanError(f"{self.path}: expected no active sweep, found sweep {self._sweep}")
         if number is None or number in self._entries:
             number = max(self._entries, default=0) + 1
         self._write([], f"sweep {number}", SweepInfo(number))
@@ -195,7 +202,7 @@ class ScanStore(ScanReader):
         return number
 
     def append(self, stamp_ns: np.ndarray, states: np.ndarray, strain: np.ndarray) -> None:
-        """Append pairs to the sweep that is being recorded.
+        """Append pairs to the active sweep.
 
         Parameters
         ----------
@@ -206,16 +213,16 @@ class ScanStore(ScanReader):
         Raises
         ------
         ScanError
-            No sweep is being recorded, shapes or values are wrong, or the file cannot be written.
+            There is no active sweep, shapes or values are invalid, or the file cannot be written.
         """
         if self._sweep is None:
-            raise ScanError(f"{self.path}: expected a sweep under way, found none")
+            raise ScanError(f"{self.path}: expected an active sweep, found none")
         n = len(stamp_ns)
         shapes = (n, self.scene.dimension), (n, self._channels)
         if (states.shape, strain.shape) != shapes:
             raise ScanError(f"pairs: expected shapes {shapes}, got {states.shape} and {strain.shape}")
         try:
-            require_possible(states, strain)
+            require_plausible(states, strain)
         except ValueError as error:
             raise ScanError(f"pairs: {error}") from None
         self._pending.append((stamp_ns, states, strain))
@@ -225,7 +232,7 @@ class ScanStore(ScanReader):
             self.commit()
 
     def commit(self) -> None:
-        """Write the pending pairs in one transaction. A recorder calls this on a timer as well.
+        """Write the pending pairs in one transaction. Recorders also call this on a timer.
 
         Raises
         ------
@@ -247,22 +254,22 @@ class ScanStore(ScanReader):
         self._pending, self._pending_pairs = [], 0
 
     def end_sweep(self, *, gaps: int = 0, skipped: int = 0) -> None:
-        """Commit and end the sweep that is being recorded.
+        """Commit and end the active sweep.
 
         Parameters
         ----------
-        gaps : strain samples that had no pose near enough in time
+        gaps : strain samples without a pose close enough in time
         skipped : strain samples that were missing, saturated or out of bounds
 
         Raises
         ------
         ScanError
-            The file cannot be written. The sweep counts as ended all the same: what was pending is
-            lost, what was committed is not, and another sweep can begin.
+            The file cannot be written. The sweep ends nevertheless: pending pairs are lost, committed
+            pairs are kept, and another sweep can begin.
         """
         number, self._sweep = self._sweep, None
         if number is None:
-            raise ScanError(f"{self.path}: expected a sweep under way, found none")
+            raise ScanError(f"{self.path}: expected an active sweep, found none")
         try:
             self._sweep = number
             self.commit()
@@ -273,7 +280,7 @@ class ScanStore(ScanReader):
             self._pending, self._pending_pairs = [], 0
 
     def drop_sweep(self, number: int, *, dropped: bool = True) -> None:
-        """Leave a sweep out of :meth:`load`, or take it back in. Its pairs stay in the file.
+        """Exclude a sweep from :meth:`load`, or include it again. Its pairs stay in the file.
 
         Raises
         ------
@@ -285,36 +292,38 @@ class ScanStore(ScanReader):
                 f"{self.path}: expected a sweep of {_ranges(sorted(self._entries))}, got {number}"
             )
         self._write([], f"sweep {number}", replace(self._entries[number], dropped=dropped))
-        self.note("drop sweep" if dropped else "take sweep back", {"sweep": number})
+        self.note("drop sweep" if dropped else "restore sweep", {"sweep": number})
 
-    def absorb(self, other: ScanStore) -> None:
-        """Take over another file's sweeps, dropped ones too; a taken number gets the next that is free.
+    def merge(self, other: ScanStore) -> None:
+        """Copy all sweeps of another file, including dropped ones.
+
+        A sweep whose number is in use gets the next free number.
 
         Raises
         ------
         ScanError
-            The other file is of another scene or unit, or one of the files fails.
+            The other file has a different scene or unit, or one of the files cannot be read or written.
         """
         require_same_scene(other.scene, self.scene, str(other.path))
         if other.units != self.units:
             raise ScanError(
                 f"{other.path}: expected strain in {self.units['strain']}, found {other.units['strain']}"
             )
-        self.take_over(other.sweeps(), other.checked_batches(of_dropped=True))
+        self.copy_sweeps(other.sweeps(), other.checked_batches(include_dropped=True))
         self.note("merge", {"file": str(other.path), "history": other.history()})
 
-    def take_over(self, sweeps: Iterable[SweepInfo], batches: Iterable[Batch]) -> None:
-        """Write the sweeps of another file; a number that is taken gets the next that is free.
+    def copy_sweeps(self, sweeps: Iterable[SweepInfo], batches: Iterable[Batch]) -> None:
+        """Write the sweeps of another file; a sweep whose number is in use gets the next free number.
 
         Parameters
         ----------
-        sweeps : their entries
-        batches : their pairs, those of a sweep one after the other
+        sweeps : entries of the sweeps
+        batches : pairs of the sweeps, consecutive for each sweep
 
         Raises
         ------
         ScanError
-            The file cannot be written, or ``batches`` fails.
+            The file cannot be written, or iterating over ``batches`` fails.
         """
         renumbered: dict[int, int] = {}
         for info in sweeps:
@@ -323,11 +332,11 @@ class ScanStore(ScanReader):
             self._write([], f"sweep {number}", replace(info, number=number, pairs=0, batches=0, revision=0))
         for sweep, group in itertools.groupby(batches, lambda batch: batch.sweep):
             number = renumbered[sweep]
-            taken = [replace(batch, id=self._next_batch + i, sweep=number) for i, batch in enumerate(group)]
-            self._write_batches(taken, f"pairs of sweep {number}")
+            copies = [replace(batch, id=self._next_batch + i, sweep=number) for i, batch in enumerate(group)]
+            self._write_batches(copies, f"pairs of sweep {number}")
 
     def note(self, what: str, detail: dict[str, Any]) -> None:
-        """Add an entry to the file's history: where its pairs came from and what was done to them."""
+        """Add an entry to the file's history, which records the origin of the pairs and every change."""
         at = datetime.now(timezone.utc).isoformat(timespec="seconds")
         insert = "INSERT INTO history (at, what, detail) VALUES (?, ?, ?)"
         entry = json.dumps({**detail, "version": __version__})
@@ -336,32 +345,32 @@ class ScanStore(ScanReader):
     def _write_batches(self, batches: list[Batch], what: str) -> None:
         """Write consecutive batches of one sweep."""
         entry = self._entries[batches[0].sweep]
-        insert = f"INSERT INTO batch ({COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+        insert = f"INSERT INTO batch ({BATCH_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
         rows = [batch.row for batch in batches]
-        known = [(entry.first_ns, entry.last_ns)] if entry.batches else []
-        ends = [*known, *((first_ns, last_ns) for _, _, _, first_ns, last_ns, *_ in rows)]
-        changed = replace(
+        stored = [(entry.first_ns, entry.last_ns)] if entry.batches else []
+        spans = [*stored, *((first_ns, last_ns) for _, _, _, first_ns, last_ns, *_ in rows)]
+        updated = replace(
             entry,
             batches=entry.batches + len(batches),
             pairs=entry.pairs + sum(map(len, batches)),
-            first_ns=min(first_ns for first_ns, _ in ends),
-            last_ns=max(last_ns for _, last_ns in ends),
+            first_ns=min(first_ns for first_ns, _ in spans),
+            last_ns=max(last_ns for _, last_ns in spans),
         )
-        self._write([(insert, row) for row in rows], what, changed)
+        self._write([(insert, row) for row in rows], what, updated)
         self._next_batch += len(batches)
 
     def _write(self, statements: list[Statement], what: str, entry: SweepInfo | None = None) -> None:
-        """Write in one transaction, together with the ``entry`` of the sweep that it changes."""
+        """Write in one transaction, together with the ``entry`` of the modified sweep."""
         if self._lock is None:
-            raise ScanError(f"{self.path}: expected to be open for writing, it is open for reading")
+            raise ScanError(f"{self.path}: expected a scan file opened for writing, it is opened for reading")
         entries = self._entries
         if entry is not None:
             entry = replace(entry, revision=entry.revision + 1)
             entries = {**entries, entry.number: entry}
             seals = [sweep_seal(entries[number]) for number in sorted(entries)]
-            marks = ", ".join("?" * (len(entry.row) + 1))
+            placeholders = ", ".join("?" * (len(entry.row) + 1))
             statements = [
-                (f"INSERT OR REPLACE INTO sweep VALUES ({marks})", (*entry.row, sweep_seal(entry))),
+                (f"INSERT OR REPLACE INTO sweep VALUES ({placeholders})", (*entry.row, sweep_seal(entry))),
                 *statements,
                 ("UPDATE header SET value = ? WHERE key = 'contents'", (contents_seal(seals),)),
             ]
@@ -382,14 +391,14 @@ def _ranges(numbers: list[int]) -> str:
 
 
 def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
-    """Check that pairs of both scenes can lie in one file: the same axes, bounds, phalanges and name.
+    """Require that pairs of both scenes can share one file: same axes, bounds, phalanges and name.
 
     Raises
     ------
     ScanError
-        They cannot; says what differs.
+        The scenes differ; the message names the difference.
     """
-    for what, mine, theirs in (
+    for what, found_values, expected_values in (
         ("axes", found.axis_names, expected.axis_names),
         ("lower bounds", tuple(found.lower), tuple(expected.lower)),
         ("upper bounds", tuple(found.upper), tuple(expected.upper)),
@@ -398,8 +407,8 @@ def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
         ("phalanx offsets", _offsets(found), _offsets(expected)),
         ("name", (found.name,), (expected.name,)),
     ):
-        if mine != theirs:
-            raise ScanError(f"{where}: expected {what} {_text(theirs)}, found {_text(mine)}")
+        if found_values != expected_values:
+            raise ScanError(f"{where}: expected {what} {_text(expected_values)}, found {_text(found_values)}")
 
 
 def _offsets(scene: Scene) -> tuple[tuple[float, ...], ...]:
@@ -412,32 +421,34 @@ def _text(values: tuple[Any, ...]) -> str:
 
 @contextmanager
 def new_scan(path: str | Path, scene: Scene, *, strain_unit: str = "V") -> Iterator[ScanStore]:
-    """A scan file to be filled: it becomes ``path`` when the block ends well, and is gone when it fails.
+    """Context that creates a scan file under a temporary name and renames it to ``path`` on success.
+
+    If the block raises, no file is left behind.
 
     Parameters
     ----------
-    path : must not exist yet; its folder is made where there is none
-    scene : kept in the file
-    strain_unit : what the strain values are, for people
+    path : must not exist yet; missing parent folders are created
+    scene : stored in the file
+    strain_unit : unit of the strain values, for display
 
     Raises
     ------
     ScanError
-        The file exists, or not all of it could be written.
+        The file exists, or could not be written completely.
     """
     path = Path(path)
     if path.exists():
-        raise ScanError(f"{path}: expected no file of this name yet, found one; name another, or remove it")
+        raise ScanError(f"{path}: expected no file of this name, found one; choose another or remove it")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         folder = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
     except OSError as error:
-        raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
+        raise ScanError(f"{path}: expected a writable folder, {error.strerror}") from None
     with folder:
         unfinished = Path(folder.name, path.name)
         with ScanStore.create(unfinished, scene, strain_unit=strain_unit) as store:
             yield store
-        # On a full disk SQLite keeps in its log what it could not put into the file.
+        # On a full disk SQLite leaves in its write-ahead log what did not fit into the file.
         if Path(f"{unfinished}-wal").exists():
-            raise ScanError(f"{path}: expected room for all of the scan, could write a part")
+            raise ScanError(f"{path}: expected enough disk space, only part of the scan could be written")
         unfinished.rename(path)

@@ -1,4 +1,4 @@
-"""Bytes of many messages are decoded as rosbags decodes each."""
+"""Decoding many messages at once gives the same values as rosbags does for each."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def felt_by(phalanges: list[str], counts: list[int]) -> Scene:
 
 @pytest.mark.parametrize("channels", [(), (19, 1, 6, 400)])
 @given(names.filter(bool), st.lists(st.tuples(stamps, frames, st.integers(-1, 1)), max_size=12))
-def test_strains_are_what_was_written_whatever_they_are_among(
+def test_strains_decode_among_other_messages(
     channels: tuple[int, ...], phalanges: list[str], written: list[tuple[tuple[int, int], str, int]]
 ) -> None:
     n = len(phalanges)
@@ -69,7 +69,7 @@ def test_strains_are_what_was_written_whatever_they_are_among(
     scene = felt_by(phalanges, counts)
     found = StrainDecoder(scene).of_bytes(raws)
     fits = np.array([odd == 0 for _, _, odd in written], dtype=bool)
-    np.testing.assert_array_equal(found.fits, fits)
+    np.testing.assert_array_equal(found.valid, fits)
     expected = values[:, scene.channels(phalanges, counts)]
     np.testing.assert_array_equal(found.values[fits], expected[fits])
     np.testing.assert_array_equal(found.stamp_ns[fits], [nanoseconds(s) for s, _, odd in written if not odd])
@@ -87,7 +87,7 @@ def test_strains_are_what_was_written_whatever_they_are_among(
         max_size=9,
     )
 )
-def test_poses_are_what_the_palms_frame_makes_of_each(
+def test_poses_decode_as_one_by_one(
     written: list[tuple[tuple[int, int], str, list[float]]],
 ) -> None:
     frame = PalmFrame(AXES, "material", "base", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
@@ -103,28 +103,28 @@ def test_poses_are_what_the_palms_frame_makes_of_each(
         try:
             expected = frame.position(name, numbers[:3], numbers[3:])
         except MeasurementError:
-            assert not found.fits[row]
-            assert found.refused
+            assert not found.valid[row]
+            assert found.reason
         else:
-            assert found.fits[row]
+            assert found.valid[row]
             np.testing.assert_allclose(found.position[row], expected, rtol=1e-12, atol=1e-12)
         alone = PoseDecoder(frame).of_message(STORE.deserialize_cdr(raws[row], POSE))
-        assert alone.fits[0] == found.fits[row]
-    assert found.fits.all() == (not found.refused)
+        assert alone.valid[0] == found.valid[row]
+    assert found.valid.all() == (not found.reason)
 
 
-def test_messages_that_end_early_are_left_out_and_the_others_kept() -> None:
+def test_truncated_messages_are_skipped() -> None:
     raw = bytes(STORE.serialize_cdr(pose(50), POSE))
     raws = [raw, b"", *(raw[:cut] for cut in (2, 9, 20, 40)), b"\x00\x00" + raw[2:], raw]
     found = PoseDecoder(PalmFrame(SCENE.axes)).of_bytes(raws)
-    assert found.fits.tolist() == [True, *[False] * 6, True]
+    assert found.valid.tolist() == [True, *[False] * 6, True]
     raw = bytes(STORE.serialize_cdr(strain(50), STRAIN))
     raws = [raw, b"", *(raw[:cut] for cut in range(2, len(raw) - 16, 7)), raw]
     found_strain = StrainDecoder(SCENE).of_bytes(raws)
-    assert found_strain.fits.tolist() == [True, *[False] * (len(raws) - 2), True]
+    assert found_strain.valid.tolist() == [True, *[False] * (len(raws) - 2), True]
 
 
-def test_another_type_under_a_topics_name_is_not_taken_for_the_expected_one(tmp_path: Path) -> None:
+def test_other_definitions_are_not_decoded_from_bytes(tmp_path: Path) -> None:
     class Kind:
         kind = STRAIN
 

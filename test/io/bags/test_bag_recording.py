@@ -1,4 +1,4 @@
-"""Bags are read as they were felt: whatever their storage, and damaged ones as far as they go."""
+"""Bags are read whatever their storage, and damaged ones up to the damage."""
 
 import dataclasses
 import shutil
@@ -51,7 +51,7 @@ def assert_felt(sweep, felt_ms=FELT_MS):
     ],
 )
 @pytest.mark.parametrize("form", ["directory", "file", "directory without metadata"])
-def test_every_kind_of_bag_gives_the_same_recording(tmp_path, storage, compression, form):
+def test_all_storages_give_the_same_recording(tmp_path, storage, compression, form):
     bag = whole(tmp_path / "bag", storage, compression)
     if form == "directory without metadata":
         (bag / "metadata.yaml").unlink()
@@ -98,7 +98,7 @@ def truncated(bag, share):
     ],
 )
 @pytest.mark.parametrize("share", [0.3, 0.7])
-def test_a_bag_that_was_cut_short_is_read_up_to_the_cut_and_says_so(tmp_path, storage, compression, share):
+def test_a_truncated_bag_is_read_up_to_the_damage(tmp_path, storage, compression, share):
     rng = np.random.default_rng(0)
     happened = [
         (topic, ms, strain(ms, strain=rng.normal(size=16)) if topic == "strain" else message)
@@ -119,7 +119,7 @@ def test_a_bag_that_was_cut_short_is_read_up_to_the_cut_and_says_so(tmp_path, st
     assert all("\n" not in note for note in recording.notes)
 
 
-def test_what_a_recorder_that_died_left_in_its_log_is_read(tmp_path):
+def test_the_write_ahead_log_is_read(tmp_path):
     bag = whole(tmp_path / "bag", "sqlite3")
     (file,) = bag.glob("*.db3")
     connection = sqlite3.connect(file)
@@ -137,7 +137,7 @@ def test_what_a_recorder_that_died_left_in_its_log_is_read(tmp_path):
     assert_felt(read_bag(dead, SCENE).sweeps[0])
 
 
-def test_files_of_a_split_bag_are_read_in_their_order(tmp_path):
+def test_split_bags_are_read_in_order(tmp_path):
     bag = tmp_path / "split"
     bag.mkdir()
     for part, (first, last) in {2: (0, 1000), 10: (1000, 2000)}.items():
@@ -146,7 +146,7 @@ def test_files_of_a_split_bag_are_read_in_their_order(tmp_path):
     assert_felt(read_bag(bag, SCENE).sweeps[0])
 
 
-def test_truth_is_interpolated_where_the_bag_has_it(tmp_path):
+def test_truth_is_interpolated(tmp_path):
     truths = [("simulator/ground_truth", ms, pose(ms, x=0.02 + ms * 1e-6)) for ms in range(1000, 1501, 10)]
     happened = sorted(slide(0, 2000) + truths, key=lambda entry: entry[1])
     sweep = read_bag(write_bag(tmp_path / "bag", happened), SCENE).sweeps[0]
@@ -155,7 +155,7 @@ def test_truth_is_interpolated_where_the_bag_has_it(tmp_path):
     np.testing.assert_allclose(sweep.truth[known, 0], 0.02 + FELT_MS[known] * 1e-6, atol=1e-12)
 
 
-def test_the_mapping_nodes_status_shows_the_sweeps(tmp_path):
+def test_sweeps_follow_the_mapping_status(tmp_path):
     statuses = [
         status(0, False, 0),
         status(100, True, 1),
@@ -175,18 +175,18 @@ def test_the_mapping_nodes_status_shows_the_sweeps(tmp_path):
     assert len(read_bag(bag, SCENE, by_status=False).sweeps) == 1
 
 
-def test_a_replay_begins_anew_where_the_filter_nodes_belief_was_spread(tmp_path):
+def test_sweeps_follow_global_localizations(tmp_path):
     travels = {100: 0.0, 200: 0.0, 300: 0.001, 400: 0.0009, 1000: 0.0, 1200: 0.004, 1600: 0.0, 1800: 0.0}
     told = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
     bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + told, key=lambda entry: entry[1]))
     recording = read_bag(bag, SCENE, by_status=False)
     ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in recording.sweeps]
     assert ranges == [(100, 995), (1000, 1595), (1600, 2000)]
-    assert recording.notes == ("left out 19 of 400 strain vectors from before the first /filter/posterior",)
+    assert recording.notes == ("skipped 19 of 400 strain vectors from before the first /filter/posterior",)
     assert len(read_bag(bag, SCENE).sweeps) == 1
 
 
-def test_sweeps_can_be_found_in_the_motion(tmp_path):
+def test_bag_sweeps_are_detected_in_the_motion(tmp_path):
     happened = [
         (topic, ms, pose(ms, x=0.01 + 0.03 * abs(1000 - ms) / 1000) if topic == "palm_pose" else message)
         for topic, ms, message in slide(0, 2000)
@@ -196,7 +196,7 @@ def test_sweeps_can_be_found_in_the_motion(tmp_path):
     assert abs((sweeps[1].stamp_ns[0] - START) // MS - 1000) < 100
 
 
-def test_a_hand_that_never_moves_makes_no_sweep(tmp_path):
+def test_a_resting_hand_makes_no_sweep(tmp_path):
     happened = [
         (topic, ms, pose(ms, x=0.01) if topic == "palm_pose" else message)
         for topic, ms, message in slide(0, 200)
@@ -207,15 +207,15 @@ def test_a_hand_that_never_moves_makes_no_sweep(tmp_path):
     assert read_bag(write_bag(tmp_path / "lost", lost), SCENE, detector=detector).sweeps == ()
 
 
-def test_messages_that_are_cut_short_cost_themselves_alone(tmp_path):
+def test_a_truncated_message_costs_only_itself(tmp_path):
     short = [("strain", 201, b"\0\1\0\0"), ("strain", 202, b""), ("palm_pose", 203, b"\0\1")]
     recording = read_bag(write_bag(tmp_path / "bag", slide(0, 200) + short), SCENE)
     assert len(recording) == 37
-    assert recording.notes[0] == "left out 2 of 42 strain vectors whose lengths do not fit"
-    assert recording.notes[1].startswith("left out 1 of 11 poses of /palm_pose")
+    assert recording.notes[0] == "skipped 2 of 42 strain vectors with contradictory lengths"
+    assert recording.notes[1].startswith("skipped 1 of 11 poses of /palm_pose")
 
 
-def test_gaps_late_samples_and_poses_in_other_frames_are_counted(tmp_path):
+def test_skipped_messages_are_counted(tmp_path):
     happened = slide(0, 500) + slide(800, 1000)
     happened.insert(60, ("strain", 250, strain(100)))
     happened.insert(61, ("palm_pose", 250, pose(100)))
@@ -225,14 +225,14 @@ def test_gaps_late_samples_and_poses_in_other_frames_are_counted(tmp_path):
     recording = read_bag(bag, SCENE)
     assert recording.sweeps[0].gaps == 3 + 3
     assert recording.notes == (
-        "left out 1 of 142 strain vectors whose lengths do not fit",
-        "left out 1 of 141 strain vectors whose stamps go back",
-        "left out 1 of 37 poses of /palm_pose: palm pose frame 'map': expected 'material' or 'base_link'",
-        "left out 1 of 36 poses of /palm_pose whose stamps go back",
+        "skipped 1 of 142 strain vectors with contradictory lengths",
+        "skipped 1 of 141 strain vectors whose stamps go back",
+        "skipped 1 of 37 poses of /palm_pose: palm pose frame 'map': expected 'material' or 'base_link'",
+        "skipped 1 of 36 poses of /palm_pose whose stamps go back",
     )
 
 
-def test_topics_and_frames_can_be_named(tmp_path):
+def test_topics_and_frames_are_configurable(tmp_path):
     happened = [
         ("palm_pose", ms, pose(ms, frame="robot")) if t == "palm_pose" else (t, ms, m)
         for t, ms, m in slide(0, 200)
@@ -280,7 +280,7 @@ def empty_file(path):
     [lambda path: path, foreign_file, zip_file, foreign_database, empty_directory, empty_file],
     ids=["nothing", "foreign file", "zip file", "foreign database", "empty directory", "empty file"],
 )
-def test_what_is_not_a_bag_is_refused_in_one_line(tmp_path, make):
+def test_other_files_than_bags_are_refused(tmp_path, make):
     path = make(tmp_path / "bag")
     with pytest.raises(ScanError) as refusal:
         read_bag(path, SCENE)
@@ -291,13 +291,13 @@ def test_what_is_not_a_bag_is_refused_in_one_line(tmp_path, make):
         assert str(refusal.value).endswith("or a directory of them), found a directory without")
 
 
-def test_a_phalanx_that_the_bag_lacks_is_named(tmp_path):
+def test_a_missing_phalanx_is_named(tmp_path):
     thumb = Scene("sheet", (Axis("x", 0.0, 1.0),), (Phalanx("thumb", (0.0,)),))
     with pytest.raises(SceneError, match="phalanx 'thumb' of scene 'sheet': expected one of middle, index"):
         read_bag(whole(tmp_path / "bag"), thumb)
 
 
-def test_messages_from_before_channel_counts_are_read_from_their_bytes(tmp_path, monkeypatch):
+def test_messages_without_channel_counts_are_decoded(tmp_path, monkeypatch):
     text = resource_path("msg/StrainVectors.msg").read_text(encoding="utf-8")
     earlier = get_typestore(Stores.ROS2_JAZZY)
     kind = "tactile_localizer/msg/StrainVectors"
@@ -323,7 +323,7 @@ def _of(message):
     return {name: getattr(message, name) for name in ("header", "strain", "sequence")}
 
 
-def test_phalanges_with_other_channels_are_read_and_kept_in_a_scan(tmp_path):
+def test_channel_counts_reach_the_scan(tmp_path):
     scene = dataclasses.replace(
         SCENE, phalanges=(Phalanx("index", (0.0, 0.01), 19), Phalanx("middle", (0.0, -0.01), 6))
     )
@@ -344,7 +344,7 @@ def test_phalanges_with_other_channels_are_read_and_kept_in_a_scan(tmp_path):
         np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)
 
 
-def test_a_bag_of_other_messages_is_read_by_an_adapter(tmp_path):
+def test_an_adapter_reads_other_messages(tmp_path):
     kind = "std_msgs/msg/Float64MultiArray"
     types = STORE.types
     bag = tmp_path / "bag"
@@ -368,7 +368,7 @@ def test_a_bag_of_other_messages_is_read_by_an_adapter(tmp_path):
     np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
     np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms), atol=1e-12)
     assert recording.notes == (
-        "left out 1 messages of other form: taxels: expected 16 channels for phalanx index, got 15",
+        "skipped 1 invalid messages: taxels: expected 16 channels for phalanx index, got 15",
     )
     with pytest.raises(SceneError, match="expected 8 channels, got 16"):
         read_bag(bag, dataclasses.replace(SCENE, phalanges=SCENE.phalanges[:1]), adapter=adapter)

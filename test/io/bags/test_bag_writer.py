@@ -1,4 +1,4 @@
-"""Messages that were serialised elsewhere are written into a bag as they are."""
+"""Serialised messages are written to a bag unchanged."""
 
 import pytest
 from support.bags import MS, START, STORE, TYPES, pose, strain
@@ -14,7 +14,7 @@ def raw(topic, message):
     return bytes(STORE.serialize_cdr(message, TYPES[topic]))
 
 
-def test_what_was_written_is_read_back(tmp_path):
+def test_written_messages_are_read_back(tmp_path):
     with BagWriter(tmp_path / "bag", TOPICS) as bag:
         for stamp_ms in (5, 10, 15):
             bag.write("/strain", START + stamp_ms * MS, raw("strain", strain(stamp_ms)))
@@ -25,7 +25,7 @@ def test_what_was_written_is_read_back(tmp_path):
     assert read.by_topic["/palm_pose"][1].pose.position.x == pose(10).pose.position.x
 
 
-def test_the_bag_is_closed_whatever_happens(tmp_path):
+def test_the_bag_is_closed_on_errors(tmp_path):
     def interrupted():
         with BagWriter(tmp_path / "bag", TOPICS) as bag:
             bag.write("/strain", START, raw("strain", strain(5)))
@@ -38,7 +38,7 @@ def test_the_bag_is_closed_whatever_happens(tmp_path):
     assert read.notes == []
 
 
-def test_a_bag_that_exists_is_not_overwritten(tmp_path):
+def test_an_existing_bag_is_not_overwritten(tmp_path):
     BagWriter(tmp_path / "bag", TOPICS).__exit__(None, None, None)
-    with pytest.raises(ScanError, match="bag: expected to write a bag, "):
+    with pytest.raises(ScanError, match="bag: could not create the bag, "):
         BagWriter(tmp_path / "bag", TOPICS)

@@ -1,4 +1,4 @@
-"""Frames of one cycle become one strain vector; what is missing is marked and counted, never mixed."""
+"""Frames are assembled into cycles; missing parts are marked and counted, and cycles never mixed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def without_counter(tmp_path: Path) -> LoadCellProtocol:
 
 
 @pytest.mark.parametrize("batch", [1, 3, 4, 1000])
-def test_the_frames_of_a_cycle_become_one_strain_vector_with_the_first_frames_stamp(batch: int) -> None:
+def test_a_cycle_has_the_stamp_of_its_first_frame(batch: int) -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     frames = [frame for n in range(40) for frame in cycle(HAND, n)]
     made = [
@@ -52,7 +52,7 @@ def test_the_frames_of_a_cycle_become_one_strain_vector_with_the_first_frames_st
     assert assembler.counts.incomplete == 0
 
 
-def test_a_missing_half_is_marked_and_counted_and_its_other_half_is_not_used() -> None:
+def test_a_partial_sample_is_missing() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     frames = cycle(HAND, 0) + cycle(HAND, 1)[1:] + cycle(HAND, 2)
     made = feed(assembler, frames)
@@ -63,7 +63,7 @@ def test_a_missing_half_is_marked_and_counted_and_its_other_half_is_not_used() -
     assert (index.samples, index.missing, index.gaps, index.drops) == (2, 1, 0, 1)
 
 
-def test_an_incomplete_cycle_is_published_once_its_wait_is_over() -> None:
+def test_an_incomplete_cycle_is_published_after_the_timeout() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     assert feed(assembler, sample(HAND, 0, 0)) == []
     assert assembler.remaining_ns(START_NS) == pytest.approx(WAIT_S * 1e9, abs=1000)
@@ -73,14 +73,14 @@ def test_an_incomplete_cycle_is_published_once_its_wait_is_over() -> None:
     assert assembler.remaining_ns(START_NS) is None
 
 
-def test_garbage_that_keeps_coming_does_not_hold_an_incomplete_cycle_back() -> None:
+def test_garbage_does_not_delay_an_incomplete_cycle() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     feed(assembler, sample(HAND, 0, 0))
     garbage = can.Message(arbitration_id=0x7FF, is_extended_id=False, timestamp=START_NS * 1e-9 + 0.005)
     assert len(feed(assembler, [garbage])) == 1
 
 
-def test_a_frame_after_its_cycle_has_closed_is_dropped_and_counted() -> None:
+def test_a_late_frame_is_dropped_and_counted() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     feed(assembler, cycle(HAND, 0) + sample(HAND, 0, 1) + sample(HAND, 1, 1)[:1])
     assert len(assembler.flush(START_NS + PERIOD_NS + 4_100_000)) == 1
@@ -92,7 +92,7 @@ def test_a_frame_after_its_cycle_has_closed_is_dropped_and_counted() -> None:
     assert assembler.counts.phalanges[1].drops == 1
 
 
-def test_a_whole_sample_that_is_late_is_not_put_into_the_next_cycle() -> None:
+def test_a_late_sample_does_not_join_the_next_cycle() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     feed(assembler, cycle(HAND, 0) + sample(HAND, 0, 1))
     assembler.flush(START_NS + 2 * PERIOD_NS)
@@ -103,7 +103,7 @@ def test_a_whole_sample_that_is_late_is_not_put_into_the_next_cycle() -> None:
     assert assembler.counts.frames[FrameKind.OUT_OF_ORDER] == 2
 
 
-def test_duplicates_and_old_frames_are_dropped_each_under_its_own_name() -> None:
+def test_duplicate_and_old_frames_are_counted_by_kind() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     zero, one = cycle(HAND, 0, START_NS), cycle(HAND, 1, START_NS + 1_000_000)
     made = feed(assembler, [*zero, zero[1], *one[:2], one[0], zero[0], *one[2:]])
@@ -112,7 +112,7 @@ def test_duplicates_and_old_frames_are_dropped_each_under_its_own_name() -> None
     assert (frames[FrameKind.DATA], frames[FrameKind.DUPLICATE], frames[FrameKind.OUT_OF_ORDER]) == (8, 2, 1)
 
 
-def test_frames_of_one_cycle_may_come_in_any_order() -> None:
+def test_frames_of_a_cycle_may_come_in_any_order() -> None:
     assembler = CycleAssembler(HAND, WAIT_S)
     rng = np.random.default_rng(3)
     made: list[Cycle] = []
@@ -126,7 +126,7 @@ def test_frames_of_one_cycle_may_come_in_any_order() -> None:
 
 
 @pytest.mark.parametrize("dbc", ["loadcells.dbc", "loadcells_fd.dbc"])
-def test_a_silent_phalanx_is_missing_until_it_is_back(dbc: str) -> None:
+def test_a_silent_phalanx_is_missing_until_it_returns(dbc: str) -> None:
     hand = protocol(dbc=dbc)
     assembler = warm_up(CycleAssembler(hand, WAIT_S), hand)
     frames = [f for n in range(300) for f in (sample(hand, 0, n) if 100 <= n < 203 else cycle(hand, n))]
@@ -142,7 +142,7 @@ def test_a_silent_phalanx_is_missing_until_it_is_back(dbc: str) -> None:
 
 @pytest.mark.parametrize("phalanx", [0, 1])
 @pytest.mark.parametrize("wait_s", [WAIT_S, 0.03])  # within the period, and six periods long
-def test_a_phalanx_that_is_back_is_not_put_into_the_cycle_before(phalanx: int, wait_s: float) -> None:
+def test_a_returning_phalanx_does_not_join_the_previous_cycle(phalanx: int, wait_s: float) -> None:
     assembler = CycleAssembler(HAND, wait_s)
     made: list[Cycle] = []
     for n in range(300):
@@ -158,7 +158,7 @@ def test_a_phalanx_that_is_back_is_not_put_into_the_cycle_before(phalanx: int, w
 
 @pytest.mark.parametrize("phalanx", [0, 1])
 @pytest.mark.parametrize("outage", [0, 5, 40])
-def test_a_restarted_load_cell_is_missing_until_it_is_aligned_again(phalanx: int, outage: int) -> None:
+def test_a_restarted_load_cell_is_missing_until_aligned(phalanx: int, outage: int) -> None:
     assembler = CycleAssembler(HAND, WAIT_S)
     made: list[Cycle] = []
     for n in range(1000, 1200):
@@ -177,7 +177,7 @@ def test_a_restarted_load_cell_is_missing_until_it_is_aligned_again(phalanx: int
 
 
 @pytest.mark.parametrize("lost", [1, 5, 8, 9, 12, 13])
-def test_whole_cycles_lost_are_counted_by_the_counter(lost: int) -> None:
+def test_lost_cycles_are_counted(lost: int) -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     numbers = [0, 1, 2, *range(3 + lost, 3 + lost + CONFIRMATION + 1)]
     made = feed(assembler, [frame for n in numbers for frame in cycle(HAND, n)])
@@ -188,7 +188,7 @@ def test_whole_cycles_lost_are_counted_by_the_counter(lost: int) -> None:
 
 
 @pytest.mark.parametrize("jump_ns", [-3_600 * 10**9, -(10**9), 3_600 * 10**9])
-def test_a_step_of_the_clock_costs_nothing(jump_ns: int) -> None:
+def test_a_clock_step_between_cycles_costs_nothing(jump_ns: int) -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     made = feed(assembler, [frame for n in range(20) for frame in cycle(HAND, n)])
     stamps = [START_NS + jump_ns + n * PERIOD_NS for n in range(20, 40)]
@@ -198,7 +198,7 @@ def test_a_step_of_the_clock_costs_nothing(jump_ns: int) -> None:
     assert assembler.counts.phalanges[0].drops == 0
 
 
-def test_a_step_of_the_clock_within_a_cycle_breaks_that_cycle_alone() -> None:
+def test_a_clock_step_within_a_cycle_costs_that_cycle() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     frames = [frame for n in range(5) for frame in cycle(HAND, n)]
     for frame in frames[9:]:
@@ -210,7 +210,7 @@ def test_a_step_of_the_clock_within_a_cycle_breaks_that_cycle_alone() -> None:
         assert_of_one_sample(one)
 
 
-def test_load_cells_whose_clocks_drift_lose_a_few_samples_at_each_slip_and_go_on() -> None:
+def test_drifting_clocks_cost_few_samples() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     events = [(START_NS + n * PERIOD_NS, 0, n) for n in range(4000)]
     events += [(START_NS + 1_000_000 + int(n * PERIOD_NS * 1.001), 1, n) for n in range(3995)]
@@ -233,7 +233,7 @@ def spread(number: int, pause_s: float = 0.0001) -> list[can.Message]:
 
 
 @pytest.mark.parametrize("received", [1, 2, 3, 4])
-def test_reading_that_begins_within_a_cycle_joins_no_two_halves(received: int) -> None:
+def test_starting_within_a_cycle_joins_no_halves(received: int) -> None:
     assembler = CycleAssembler(HAND, wait_s=0.02)  # longer than the period: only the pause tells
     made = feed(assembler, spread(0)[4 - received :] + [frame for n in range(1, 40) for frame in spread(n)])
     assert all(one.status.tolist() == [OK, OK] for one in made[15:])
@@ -243,7 +243,7 @@ def test_reading_that_begins_within_a_cycle_joins_no_two_halves(received: int) -
 
 
 @pytest.mark.parametrize("every", [4, 10, 1000])
-def test_a_sender_that_pauses_within_its_first_cycles_and_later_misleads_nothing(every: int) -> None:
+def test_pauses_of_a_sender_do_not_misalign(every: int) -> None:
     assembler = CycleAssembler(HAND, wait_s=0.03)
     made: list[Cycle] = []
     for n in range(300):
@@ -258,7 +258,7 @@ def test_a_sender_that_pauses_within_its_first_cycles_and_later_misleads_nothing
         assert_of_one_sample(one)
 
 
-def test_frames_held_up_now_and_then_raise_no_doubt() -> None:
+def test_delayed_frames_keep_the_alignment() -> None:
     assembler = warm_up(CycleAssembler(HAND, wait_s=0.02), HAND)
     made: list[Cycle] = []
     for n in range(200):
@@ -267,7 +267,7 @@ def test_frames_held_up_now_and_then_raise_no_doubt() -> None:
 
 
 @pytest.mark.parametrize("jitter", [0.05, 1.0])
-def test_without_a_pause_between_cycles_only_the_first_load_cell_is_used(jitter: float) -> None:
+def test_without_pauses_only_one_load_cell_is_used(jitter: float) -> None:
     rng = np.random.default_rng(6)
     assembler = CycleAssembler(HAND, wait_s=0.02)
     now_s = START_NS * 1e-9
@@ -282,7 +282,7 @@ def test_without_a_pause_between_cycles_only_the_first_load_cell_is_used(jitter:
     assert assembler.aligned == [True, False]
 
 
-def test_without_a_counter_time_tells_cycles_apart(tmp_path: Path) -> None:
+def test_without_a_counter_time_separates_cycles(tmp_path: Path) -> None:
     plain = without_counter(tmp_path)
     assembler = CycleAssembler(plain, wait_s=0.02)  # four periods: the learned period must do
     rng = np.random.default_rng(4)
@@ -302,7 +302,7 @@ def test_without_a_counter_time_tells_cycles_apart(tmp_path: Path) -> None:
     assert [one.sequence[0] for one in made if one.status[0] == OK][-1] >= 597
 
 
-def test_saturation_and_faults_are_told_by_phalanx() -> None:
+def test_saturation_and_faults_are_marked_by_phalanx() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     stamp_s = START_NS * 1e-9
     frames = HAND.encode(0, np.full(8, 9.9), 0, stamp_s=stamp_s)
@@ -313,7 +313,7 @@ def test_saturation_and_faults_are_told_by_phalanx() -> None:
     assert assembler.counts.phalanges[1].faults == 1
 
 
-def test_after_a_reset_nothing_is_compared_with_before() -> None:
+def test_reset_forgets_the_counters() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     feed(assembler, cycle(HAND, 0) + cycle(HAND, 1)[:3])
     assembler.reset()
@@ -324,7 +324,7 @@ def test_after_a_reset_nothing_is_compared_with_before() -> None:
     assert [p.gaps for p in assembler.counts.phalanges] == [0, 0]
 
 
-def test_two_samples_of_one_counter_value_are_not_joined() -> None:
+def test_equal_counters_do_not_join_samples() -> None:
     """A load cell restarts with the counter value that it had, and each of the two samples is half lost."""
     assembler = warm_up(CycleAssembler(HAND, 0.02), HAND)
     first, second = sample(HAND, 0, 0), sample(HAND, 0, 16)
@@ -352,7 +352,7 @@ def assert_of_one_sample(made: Cycle) -> None:
     garbage=st.sampled_from([0.0, 0.1]),
     batch=st.integers(1, 20),
 )
-def test_whatever_is_lost_doubled_or_garbage_no_cycle_is_mixed_and_every_frame_is_counted(
+def test_random_faults_never_mix_cycles(
     seed: int, loss: float, duplicates: float, garbage: float, batch: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -394,7 +394,7 @@ def unknown_frame(rng: np.random.Generator, stamp_s: float) -> can.Message:
     return can.Message(arbitration_id=identifier, is_extended_id=False, data=data, timestamp=stamp_s)
 
 
-def test_random_frames_are_counted_and_good_data_goes_on() -> None:
+def test_random_frames_are_counted() -> None:
     """Fuzz: random identifiers, flags, lengths, bytes and stamps, between good cycles."""
     rng = np.random.default_rng(5)
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)

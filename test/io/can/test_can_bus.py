@@ -30,15 +30,13 @@ from tactile_localizer.io.can.bus import (
         ("udp_multicast", "239.74.163.2", {"hop_limit": "many"}),
     ],
 )
-def test_an_interface_that_does_not_open_is_refused_in_one_line(
-    interface: str, channel: str, options: dict[str, Any]
-) -> None:
+def test_an_unusable_interface_is_refused(interface: str, channel: str, options: dict[str, Any]) -> None:
     with pytest.raises(CanError, match=f"CAN bus {interface} {channel}: expected") as refusal:
         open_bus(BusSettings(interface, channel, options), protocol())
     assert "\n" not in str(refusal.value)
 
 
-def test_options_are_read_as_yaml() -> None:
+def test_options_are_parsed_as_yaml() -> None:
     assert parse_options(["port=43113", "fd=true", "serial=A7"]) == {
         "port": 43113,
         "fd": True,
@@ -72,7 +70,7 @@ class FilteringBus(VirtualBus):
         self.applied = [*getattr(self, "applied", []), filters]
 
 
-def test_filters_are_left_to_the_kernel_where_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernel_filters_are_set(monkeypatch: pytest.MonkeyPatch) -> None:
     hand = protocol()
     monkeypatch.setattr(can, "Bus", lambda interface, channel: FilteringBus(channel))
     bus = open_bus(BusSettings("socketcan", "filters"), hand)
@@ -80,7 +78,7 @@ def test_filters_are_left_to_the_kernel_where_it_can(monkeypatch: pytest.MonkeyP
     bus.shutdown()
 
 
-def test_a_bus_that_does_not_take_its_filters_is_closed_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bus_that_refuses_filters_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     closed = []
 
     class Refusing(FilteringBus):
@@ -93,9 +91,7 @@ def test_a_bus_that_does_not_take_its_filters_is_closed_and_refused(monkeypatch:
             super().shutdown()
 
     monkeypatch.setattr(can, "Bus", lambda interface, channel: Refusing(channel))
-    with pytest.raises(
-        CanError, match="CAN bus socketcan refusing: expected it to take its options, got: no f"
-    ):
+    with pytest.raises(CanError, match="CAN bus socketcan refusing: could not set its options: no f"):
         open_bus(BusSettings("socketcan", "refusing"), protocol())
     assert len(closed) == 1
 
@@ -108,7 +104,7 @@ def test_a_bus_that_does_not_take_its_filters_is_closed_and_refused(monkeypatch:
         ("kvaser", {"bitrte": 500_000}, "did you mean bitrate"),
     ],
 )
-def test_an_unknown_option_is_refused_with_the_one_that_may_be_meant(
+def test_an_unknown_option_suggests_a_similar_one(
     interface: str, options: dict[str, Any], reason: str
 ) -> None:
     with pytest.raises(CanError, match=reason) as refusal:
@@ -116,7 +112,7 @@ def test_an_unknown_option_is_refused_with_the_one_that_may_be_meant(
     assert not isinstance(refusal.value, AbsentBusError)
 
 
-def test_every_interface_of_python_can_knows_its_common_options() -> None:
+def test_common_options_are_known_for_every_interface() -> None:
     assert {"port", "hop_limit", "fd", "receive_own_messages"} <= known_options("udp_multicast")
     assert {"fd", "local_loopback", "receive_own_messages"} <= known_options("socketcan")
     assert {"bitrate", "fd", "data_bitrate", "receive_own_messages"} <= known_options("kvaser")
@@ -124,7 +120,7 @@ def test_every_interface_of_python_can_knows_its_common_options() -> None:
     assert known_options("no_such_interface") == set()
 
 
-def test_an_interface_that_is_absent_is_told_apart_from_one_that_cannot_be() -> None:
+def test_an_absent_interface_differs_from_an_unknown_one() -> None:
     with pytest.raises(AbsentBusError):
         open_bus(BusSettings("socketcan", "can7"))
     with pytest.raises(CanError) as refusal:
@@ -132,7 +128,7 @@ def test_an_interface_that_is_absent_is_told_apart_from_one_that_cannot_be() -> 
     assert not isinstance(refusal.value, AbsentBusError)
 
 
-def test_frames_of_other_devices_are_let_through_where_it_cannot(simulated_can: dict[str, Any]) -> None:
+def test_without_kernel_filters_all_frames_pass(simulated_can: dict[str, Any]) -> None:
     options = {"port": simulated_can["port"]}
     bus = open_bus(BusSettings("udp_multicast", simulated_can["channel"], options), protocol())
     sender = can.Bus(**simulated_can, hop_limit=0)
@@ -142,7 +138,7 @@ def test_frames_of_other_devices_are_let_through_where_it_cannot(simulated_can: 
     bus.shutdown()
 
 
-def test_the_receive_buffer_is_as_large_as_asked_for_and_its_drops_are_counted(
+def test_the_receive_buffer_has_the_given_size(
     simulated_can: dict[str, Any],
 ) -> None:
     options = {"port": simulated_can["port"]}
@@ -162,7 +158,7 @@ def test_the_receive_buffer_is_as_large_as_asked_for_and_its_drops_are_counted(
     bus.shutdown()
 
 
-def test_a_bus_that_is_no_socket_has_no_queue() -> None:
+def test_a_bus_without_socket_has_no_queue() -> None:
     bus = open_bus(BusSettings("virtual", "no socket", receive_buffer=1000))
     assert receive_queue(bus) is None
     bus.shutdown()

@@ -30,11 +30,11 @@ def mixed(tmp_path):
     return protocol(tmp_path, message(16, "index", 19), message(17, "thumb", 3))
 
 
-def test_a_dbc_says_how_many_channels_each_phalanx_has(mixed):
+def test_the_dbc_determines_channel_counts(mixed):
     assert mixed.channels.counts == (19, 3)
 
 
-def test_cycles_have_the_channels_of_each_phalanx_and_nan_where_one_is_missing(mixed):
+def test_missing_phalanges_are_nan_in_their_channels(mixed):
     assembler = CycleAssembler(mixed, 0.004)
     strain = 0.001 * np.arange(22.0)
     made = []
@@ -53,7 +53,7 @@ def test_cycles_have_the_channels_of_each_phalanx_and_nan_where_one_is_missing(m
     assert np.isnan(silent.strain[19:]).all()
 
 
-def test_channels_must_follow_each_other(tmp_path):
+def test_channels_must_be_consecutive(tmp_path):
     with pytest.raises(CanError, match="expected the signal 'ch_4' once in thumb, found 0"):
         protocol(
             tmp_path,

@@ -167,7 +167,7 @@ def test_no_vector_mixes_cycles(first: int) -> None:
 
 
 @pytest.mark.parametrize("dbc", [CLASSIC, FD])
-def test_what_the_test_above_draws_is_what_the_load_cells_send(dbc: str) -> None:
+def test_the_random_traffic_is_realistic(dbc: str) -> None:
     hand, data = hand_of(dbc, 2)
     count = 9 if dbc == CLASSIC else 0x1234
     sent = [list(frame.data) for frame in hand.encode(1, strain_of(1, 7), count)]

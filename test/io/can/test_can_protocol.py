@@ -1,4 +1,4 @@
-"""Bytes become the volts that the DBC says, whatever the layout; what is no sample is told apart."""
+"""Frames are decoded to volts for any layout, and classified."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def write(path: Path, text: str) -> Path:
 
 
 @given(text=layouts(), seed=st.integers(0, 2**32 - 1))
-def test_any_layout_is_decoded_as_cantools_does_bit_for_bit(
+def test_decoding_agrees_with_cantools(
     tmp_path_factory: pytest.TempPathFactory, text: str, seed: int
 ) -> None:
     path = write(tmp_path_factory.mktemp("dbc") / "random.dbc", text)
@@ -112,7 +112,7 @@ def test_any_layout_is_decoded_as_cantools_does_bit_for_bit(
 
 
 @pytest.mark.parametrize(("dbc", "resolution"), [("loadcells.dbc", 0.00025), ("loadcells_fd.dbc", 0.0000625)])
-def test_what_is_encoded_is_decoded_to_the_resolution_of_the_layout(dbc: str, resolution: float) -> None:
+def test_encoding_and_decoding_are_inverse(dbc: str, resolution: float) -> None:
     hand = protocol(PHALANGES_OF_A_HAND, dbc)
     rng = np.random.default_rng(1)
     for phalanx in range(14):
@@ -130,7 +130,7 @@ def test_what_is_encoded_is_decoded_to_the_resolution_of_the_layout(dbc: str, re
 
 
 @pytest.mark.parametrize("dbc", ["loadcells.dbc", "loadcells_fd.dbc"])
-def test_a_voltage_beyond_the_range_is_cut_and_marked_as_saturated(dbc: str) -> None:
+def test_voltages_beyond_the_range_are_saturated(dbc: str) -> None:
     hand = protocol(["index"], dbc)
     strain = np.zeros(8)
     strain[6] = 5.0
@@ -141,12 +141,12 @@ def test_a_voltage_beyond_the_range_is_cut_and_marked_as_saturated(dbc: str) -> 
     assert hand.saturated(voltages).tolist() == [False] * 6 + [True, False]
 
 
-def test_a_status_other_than_zero_is_a_fault() -> None:
+def test_nonzero_status_is_a_fault() -> None:
     hand = protocol(["index"])
     assert hand.decode(hand.batch(hand.encode(0, np.zeros(8), sequence=0, status=3))).fault.all()
 
 
-def test_every_frame_is_of_the_kind_that_it_is() -> None:
+def test_frames_are_classified() -> None:
     hand = protocol()
     key = hand.encode(0, np.zeros(8), sequence=0)[0].arbitration_id
     frames = {
@@ -162,7 +162,7 @@ def test_every_frame_is_of_the_kind_that_it_is() -> None:
     assert kinds.tolist() == list(frames)
 
 
-def test_no_bytes_whatever_upset_the_decoder() -> None:
+def test_arbitrary_bytes_decode_without_error() -> None:
     hand = protocol(PHALANGES_OF_A_HAND)
     rng = np.random.default_rng(2)
     count = 20_000
@@ -176,7 +176,7 @@ def test_no_bytes_whatever_upset_the_decoder() -> None:
     assert len(hand.decode(hand.batch([])).kind) == 0
 
 
-def test_the_filters_pass_the_messages_in_use_and_no_other() -> None:
+def test_filters_pass_exactly_the_messages_in_use() -> None:
     hand = protocol(["middle"])
     passed = {
         (identifier, extended)
@@ -189,7 +189,7 @@ def test_the_filters_pass_the_messages_in_use_and_no_other() -> None:
     assert passed == {(0x104, False), (0x105, False)}
 
 
-def test_millivolts_become_volts(tmp_path: Path) -> None:
+def test_millivolts_are_converted_to_volts(tmp_path: Path) -> None:
     text = resource_path("config/loadcells.dbc").read_text()
     text = text.replace('(0.00025,0) [-2.048|2.04775] "V"', '(0.25,0) [-2048|2047.75] "mV"')
     hand = LoadCellProtocol.from_dbc(write(tmp_path / "mv.dbc", text), ["index"])
@@ -197,7 +197,7 @@ def test_millivolts_become_volts(tmp_path: Path) -> None:
     np.testing.assert_allclose(decoded.voltage, 1.25)
 
 
-def test_signals_and_messages_may_have_other_names(tmp_path: Path) -> None:
+def test_names_of_signals_and_messages_are_configurable(tmp_path: Path) -> None:
     text = resource_path("config/loadcells.dbc").read_text()
     text = text.replace("gauge_", "index_sg").replace("index_a", "LC_LOW").replace("index_b", "LC_HIGH")
     names = SignalNames(tuple(f"{{phalanx}}_sg{i}" for i in range(1, 9)))
@@ -209,7 +209,7 @@ def test_signals_and_messages_may_have_other_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(decoded.voltage.ravel(), strain)
 
 
-def test_the_example_of_the_documentation_is_a_database(tmp_path: Path) -> None:
+def test_the_documented_example_is_a_dbc(tmp_path: Path) -> None:
     text = Path(__file__).parents[3].joinpath("docs", "can.md").read_text()
     begin = text.index('VERSION ""')
     path = write(tmp_path / "own.dbc", text[begin : text.index("```", begin)])
@@ -263,7 +263,7 @@ IMPOSSIBLE_SIZES = {
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE_SIZES)
-def test_sizes_are_checked_before_anything_is_allocated(tmp_path: Path, name: str) -> None:
+def test_sizes_are_checked_before_allocation(tmp_path: Path, name: str) -> None:
     old, new, reason = IMPOSSIBLE_SIZES[name]
     text = CLASSIC.replace(old, new, 1) if old in CLASSIC else CLASSIC + new + "\n"
     path = write(tmp_path / "large.dbc", text)
@@ -282,7 +282,7 @@ def test_sizes_are_checked_before_anything_is_allocated(tmp_path: Path, name: st
 
 
 @pytest.mark.parametrize("name", BAD_DATABASES)
-def test_a_database_that_cannot_serve_is_refused_in_one_line_that_says_why(tmp_path: Path, name: str) -> None:
+def test_unusable_databases_are_refused(tmp_path: Path, name: str) -> None:
     text, reason = BAD_DATABASES[name]
     path = tmp_path / "bad.dbc"
     if text is not None:
@@ -292,7 +292,7 @@ def test_a_database_that_cannot_serve_is_refused_in_one_line_that_says_why(tmp_p
     assert "\n" not in str(refusal.value)
 
 
-def test_a_message_serves_one_phalanx_only() -> None:
+def test_a_message_belongs_to_one_phalanx() -> None:
     path = resource_path("config/loadcells.dbc")
     with pytest.raises(CanError, match="'index_a': expected one phalanx, found 'index' and 'other'"):
         LoadCellProtocol.from_dbc(path, ["index", "other"], {"other": ["index_a"]})

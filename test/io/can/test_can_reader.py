@@ -1,4 +1,4 @@
-"""The receive thread delivers in order, outlives every failure of the bus, and ends when told to."""
+"""The receive thread delivers frames in order, survives failures of the bus, and stops on request."""
 
 from __future__ import annotations
 
@@ -74,20 +74,20 @@ def line(request: pytest.FixtureRequest) -> Iterator[Callable[..., Line]]:
         one.close()
 
 
-def test_frames_arrive_in_order_and_together(line: Callable[..., Line]) -> None:
+def test_frames_arrive_in_order(line: Callable[..., Line]) -> None:
     one = line(batch=4)
     one.send(*range(100))
     one.wait_for(*range(100))
     assert max(len(batch) for batch in one.batches) >= 4
 
 
-def test_a_bus_that_is_idle_is_well_and_is_not_opened_again(line: Callable[..., Line]) -> None:
+def test_an_idle_bus_stays_open(line: Callable[..., Line]) -> None:
     one = line()
     wait_until(lambda: one.batches.count([]) >= 3, "three waits without a frame", 5.0)
     assert (one.reader.status.state, one.reader.status.reconnects, one.log) == (OPEN, 0, [])
 
 
-def test_a_bus_that_cannot_be_opened_at_first_is_refused(request: pytest.FixtureRequest) -> None:
+def test_start_raises_if_the_bus_cannot_be_opened(request: pytest.FixtureRequest) -> None:
     one = Line(request.node.name)
     one.up = False
     with pytest.raises(CanError, match="interface is down"):
@@ -95,7 +95,7 @@ def test_a_bus_that_cannot_be_opened_at_first_is_refused(request: pytest.Fixture
     one.close()
 
 
-def test_a_bus_closed_under_the_reader_is_opened_again_and_good_data_goes_on(
+def test_a_closed_bus_is_reopened(
     line: Callable[..., Line],
 ) -> None:
     one = line(backoff_s=0.01)
@@ -112,7 +112,7 @@ def test_a_bus_closed_under_the_reader_is_opened_again_and_good_data_goes_on(
     assert one.notes == ["CAN bus: receiving"] + ["CAN bus: receiving again"] * 3
 
 
-def test_an_interface_that_is_down_opens_and_is_back_only_when_it_can_be_read(
+def test_a_bus_is_open_after_the_first_read(
     line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one = line(backoff_s=0.01)
@@ -138,9 +138,7 @@ def test_an_interface_that_is_down_opens_and_is_back_only_when_it_can_be_read(
     assert one.notes == ["CAN bus: receiving again"]
 
 
-def test_waits_between_attempts_double_up_to_the_limit(
-    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_backoff_doubles_up_to_the_limit(line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch) -> None:
     one = line(backoff_s=0.01, backoff_limit_s=0.04)
     waits: list[float] = []
     wait = one.reader._wake.wait
@@ -158,7 +156,7 @@ def test_waits_between_attempts_double_up_to_the_limit(
     assert one.reader._delay_s == 0.01  # after good data it begins anew
 
 
-def test_without_backoff_a_failed_bus_stays_closed_until_a_reconnect_is_asked_for(
+def test_without_backoff_only_reconnect_reopens(
     line: Callable[..., Line],
 ) -> None:
     one = line(backoff_s=0.0)
@@ -170,7 +168,7 @@ def test_without_backoff_a_failed_bus_stays_closed_until_a_reconnect_is_asked_fo
     assert len(one.opened) == 2
 
 
-def test_a_reconnect_closes_a_bus_that_is_well_and_opens_it_again(line: Callable[..., Line]) -> None:
+def test_reconnect_reopens_a_working_bus(line: Callable[..., Line]) -> None:
     one = line()
     one.reader.reconnect()
     wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be back", 5.0)
@@ -180,7 +178,7 @@ def test_a_reconnect_closes_a_bus_that_is_well_and_opens_it_again(line: Callable
         one.opened[0].send(can.Message())
 
 
-def test_bus_off_opens_the_bus_again_and_is_told_until_a_good_frame_arrives(
+def test_bus_off_lasts_until_the_next_data_frame(
     line: Callable[..., Line],
 ) -> None:
     one = line(backoff_s=0.01)
@@ -192,14 +190,14 @@ def test_bus_off_opens_the_bus_again_and_is_told_until_a_good_frame_arrives(
     assert one.received == [0x40, 3]
 
 
-def test_other_error_frames_are_delivered_and_do_no_harm(line: Callable[..., Line]) -> None:
+def test_other_error_frames_are_delivered(line: Callable[..., Line]) -> None:
     one = line()
     one.send(0x04, 0x80, is_error_frame=True)
     one.wait_for(0x04, 0x80)
     assert (one.reader.status.state, one.reader.status.reconnects) == (OPEN, 0)
 
 
-def test_error_frames_are_counted_by_what_they_report(line: Callable[..., Line]) -> None:
+def test_error_frames_are_counted_by_kind(line: Callable[..., Line]) -> None:
     one = line()
     one.send(0x20, 0x20, is_error_frame=True)  # no acknowledgement
     controller = can.Message(
@@ -212,7 +210,7 @@ def test_error_frames_are_counted_by_what_they_report(line: Callable[..., Line])
     assert one.notes == []
 
 
-def test_an_absent_interface_is_waited_for_where_that_is_wanted(request: pytest.FixtureRequest) -> None:
+def test_the_reader_can_wait_for_an_absent_interface(request: pytest.FixtureRequest) -> None:
     one = Line(request.node.name, wait=True, backoff_s=0.01)
     one.up = False
     one.reader.start()
@@ -230,7 +228,7 @@ def test_an_absent_interface_is_waited_for_where_that_is_wanted(request: pytest.
         one.close()
 
 
-def test_a_mistake_in_the_receiver_is_told_and_the_thread_goes_on(line: Callable[..., Line]) -> None:
+def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -> None:
     one = line(backoff_s=0.01)
     take, mistakes = one.reader._deliver, ["a mistake"]
 
@@ -247,7 +245,7 @@ def test_a_mistake_in_the_receiver_is_told_and_the_thread_goes_on(line: Callable
     one.wait_for(2)
 
 
-def test_a_bus_that_cannot_be_closed_is_told_and_another_is_opened(line: Callable[..., Line]) -> None:
+def test_a_failing_close_is_reported(line: Callable[..., Line]) -> None:
     one = line(backoff_s=0.01)
     bus, closed = one.opened[-1], one.opened[-1].shutdown
 
@@ -265,7 +263,7 @@ def test_a_bus_that_cannot_be_closed_is_told_and_another_is_opened(line: Callabl
 
 
 @pytest.mark.parametrize("state", ["reading", "waiting to open again"])
-def test_it_ends_well_within_a_second_whatever_it_does(line: Callable[..., Line], state: str) -> None:
+def test_stop_takes_less_than_a_second(line: Callable[..., Line], state: str) -> None:
     one = line(backoff_s=30.0)
     if state != "reading":
         one.up = False
@@ -280,7 +278,7 @@ def test_it_ends_well_within_a_second_whatever_it_does(line: Callable[..., Line]
         one.opened[-1].recv(0)
 
 
-def test_it_can_be_started_again(line: Callable[..., Line]) -> None:
+def test_the_reader_can_be_restarted(line: Callable[..., Line]) -> None:
     one = line()
     assert one.reader.stop()
     one.reader.start()
@@ -288,7 +286,7 @@ def test_it_can_be_started_again(line: Callable[..., Line]) -> None:
     one.wait_for(5)
 
 
-def test_stamps_of_an_adapters_own_clock_are_replaced_by_the_time_of_receipt(
+def test_adapter_stamps_are_replaced(
     line: Callable[..., Line],
 ) -> None:
     one = line()

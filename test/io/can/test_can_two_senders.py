@@ -1,4 +1,4 @@
-"""Two load cells that send with the same identifiers are told apart from one that loses samples."""
+"""Two senders with the same identifiers are distinguished from lost samples."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def frames_of_two_senders(
 
 
 @pytest.mark.parametrize("ahead", range(3, 14))
-def test_two_senders_that_change_places_are_told_apart_too(ahead: int) -> None:
+def test_two_senders_that_change_order_are_detected(ahead: int) -> None:
     rng = np.random.default_rng(ahead)
     assembler = CycleAssembler(HAND, 0.02)
     for n in range(200):
@@ -86,7 +86,7 @@ def test_two_senders_that_change_places_are_told_apart_too(ahead: int) -> None:
         assert phalanx.interleaved > 80
 
 
-def test_no_strain_is_used_of_a_phalanx_with_two_senders() -> None:
+def test_strain_of_two_senders_is_not_used() -> None:
     assembler = CycleAssembler(HAND, 0.02)
     made: list[Cycle] = []
     for frame in frames_of_two_senders(HAND, (1,), 6, 32, 2.5e-3, 1e-4):

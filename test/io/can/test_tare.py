@@ -1,4 +1,4 @@
-"""A tare is the average of a hand at rest, refused for one that moves, and kept in a file."""
+"""Tare: the average of a hand at rest, stored in a file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def average_of(vectors: np.ndarray, spread_limit: float = 0.02) -> np.ndarray:
     return average.offset()
 
 
-def test_it_is_the_average_of_a_hand_at_rest_whatever_is_missing() -> None:
+def test_tare_averages_a_hand_at_rest() -> None:
     rng = np.random.default_rng(0)
     offset = rng.uniform(-1, 1, 16)
     vectors = offset + rng.normal(0, 0.001, (200, 16))
@@ -29,7 +29,7 @@ def test_it_is_the_average_of_a_hand_at_rest_whatever_is_missing() -> None:
     np.testing.assert_allclose(average_of(vectors), offset, atol=0.0005)
 
 
-def test_a_hand_that_moves_is_refused_with_the_gauge_that_shows_it() -> None:
+def test_a_moving_hand_is_refused() -> None:
     vectors = np.zeros((200, 16))
     vectors[:, 10] = np.linspace(0, 0.2, 200)
     with pytest.raises(MeasurementError, match=r"at rest.*gauge 3 of middle"):
@@ -37,7 +37,7 @@ def test_a_hand_that_moves_is_refused_with_the_gauge_that_shows_it() -> None:
 
 
 @pytest.mark.parametrize("heard", [0, 9])
-def test_a_phalanx_that_sends_too_little_is_refused_by_name(heard: int) -> None:
+def test_too_few_samples_are_refused(heard: int) -> None:
     vectors = np.zeros((200, 16))
     vectors[heard:, 8:] = np.nan
     with pytest.raises(MeasurementError, match=f"samples of middle, got {heard}"):
@@ -46,14 +46,14 @@ def test_a_phalanx_that_sends_too_little_is_refused_by_name(heard: int) -> None:
         average_of(np.zeros((0, 16)))
 
 
-def test_what_is_not_finite_does_not_count() -> None:
+def test_values_that_are_not_finite_are_ignored() -> None:
     vectors = np.ones((20, 16))
     vectors[3, 5] = np.inf
     np.testing.assert_array_equal(average_of(vectors), np.ones(16))
 
 
 @pytest.mark.parametrize("status", [MISSING, SATURATED, FAULT])
-def test_a_phalanx_that_is_not_well_is_refused_by_name(status: int) -> None:
+def test_phalanges_with_bad_status_are_refused(status: int) -> None:
     average = TareAverage(HAND, 0.02)
     for _ in range(20):
         average.add(np.zeros(16), np.array([0, status]))
@@ -61,7 +61,7 @@ def test_a_phalanx_that_is_not_well_is_refused_by_name(status: int) -> None:
         average.offset()
 
 
-def test_it_is_kept_by_phalanx_and_leaves_others_alone(tmp_path: Path) -> None:
+def test_offsets_are_stored_by_phalanx(tmp_path: Path) -> None:
     path = tmp_path / "kept" / "tare.yaml"
     assert not load_tare(path, HAND).any()
     both = np.arange(16) / 7
@@ -73,7 +73,7 @@ def test_it_is_kept_by_phalanx_and_leaves_others_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["index: [1, 2]\n", "- 1\n", "index: [a, 0, 0, 0, 0, 0, 0, 0]\n", "{", "\0"])
-def test_a_file_that_is_none_of_ours_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+def test_other_files_than_tare_files_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "tare.yaml"
     path.write_text(text)
     with pytest.raises(ParameterError, match=r"tare\.yaml: expected ") as refusal:
@@ -81,7 +81,7 @@ def test_a_file_that_is_none_of_ours_is_refused_in_one_line(tmp_path: Path, text
     assert "\n" not in str(refusal.value)
 
 
-def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_an_unwritable_tare_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ParameterError, match="tare file"):
         store_tare(tmp_path / "file" / "tare.yaml", HAND, np.ones(16))

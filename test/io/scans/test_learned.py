@@ -1,4 +1,4 @@
-"""What was learned from a scan is reused for the same data, and storing it never fails a localization."""
+"""Cached results are reused for the same data only, and storing them never fails."""
 
 import logging
 import sqlite3
@@ -35,7 +35,7 @@ def loaded(path) -> Scan:
         return store.load()
 
 
-def test_what_was_stored_is_loaded_for_the_same_data_only(path):
+def test_results_are_loaded_for_the_same_data_only(path):
     learned = LearnedResults(path)
     assert learned.load_learned("widths 1", "a") is None
     assert learned.store_learned("widths 1", "a", b"first")
@@ -48,14 +48,14 @@ def test_what_was_stored_is_loaded_for_the_same_data_only(path):
     assert again.load_learned("widths 2", "b") is None
 
 
-def test_the_pairs_stay_as_they_are(path):
+def test_storing_a_result_keeps_the_pairs(path):
     before = digest_of(loaded(path), SCENE)
     LearnedResults(path).store_learned("widths 1", before, PAYLOAD)
     assert digest_of(loaded(path), SCENE) == before
     assert [file.name for file in path.parent.iterdir()] == ["scan.db"]
 
 
-def test_a_file_from_before_there_was_such_a_table_gets_it(path):
+def test_the_table_is_added_to_older_files(path):
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("DROP TABLE IF EXISTS learned")
     learned = LearnedResults(path)
@@ -65,7 +65,7 @@ def test_a_file_from_before_there_was_such_a_table_gets_it(path):
 
 
 @pytest.mark.parametrize("column", ["payload", "digest", "key"])
-def test_a_damaged_result_is_not_used(path, column):
+def test_a_damaged_result_is_ignored(path, column):
     learned = LearnedResults(path)
     learned.store_learned("widths 1", "a", PAYLOAD)
     with closing(sqlite3.connect(path)) as connection, connection:
@@ -74,20 +74,20 @@ def test_a_damaged_result_is_not_used(path, column):
     assert learned.load_learned(asked["key"], asked["digest"]) is None
 
 
-def test_a_file_that_is_being_recorded_is_left_alone_with_one_warning(path, caplog, monkeypatch):
-    monkeypatch.setattr(scan_lock, "PATIENCE_S", 0.0)
+def test_a_locked_file_gives_one_warning(path, caplog, monkeypatch):
+    monkeypatch.setattr(scan_lock, "LOCK_TIMEOUT_S", 0.0)
     learned = LearnedResults(path)
     with caplog.at_level(logging.WARNING), ScanStore.open(path, writable=True) as recorder:
         recorder.begin_sweep()
         assert not learned.store_learned("widths 1", "a", PAYLOAD)
         assert not learned.store_learned("widths 1", "a", PAYLOAD)
     assert len(caplog.messages) == 1
-    assert "widths 1 is not kept for the next start" in caplog.text
-    assert "expected to be its one writer" in caplog.text
+    assert "widths 1 could not be stored for the next start" in caplog.text
+    assert "expected no other writer" in caplog.text
     assert learned.load_learned("widths 1", "a") is None
 
 
-def test_nothing_is_raised_where_the_file_cannot_be_used(tmp_path, caplog):
+def test_unusable_files_raise_nothing(tmp_path, caplog):
     text = tmp_path / "text.db"
     text.write_text("no database" * 1000)
     for path in (text, tmp_path / "none.db", tmp_path, tmp_path / "none" / "scan.db"):
@@ -97,15 +97,15 @@ def test_nothing_is_raised_where_the_file_cannot_be_used(tmp_path, caplog):
     assert len(caplog.messages) == 4
 
 
-def test_a_recorder_waits_for_the_moment_that_storing_takes(path, monkeypatch):
-    monkeypatch.setattr(scan_lock, "PATIENCE_S", 10.0)
+def test_a_recorder_waits_for_the_lock(path, monkeypatch):
+    monkeypatch.setattr(scan_lock, "LOCK_TIMEOUT_S", 10.0)
     release = threading.Timer(0.05, scan_lock.ScanLock(path).release)
     release.start()
     ScanStore.open(path, writable=True).close()
     release.join()
 
 
-def test_the_digest_tells_every_change_of_scan_and_scene(path):
+def test_the_digest_changes_with_scan_and_scene(path):
     scan = loaded(path)
     digest = digest_of(scan, SCENE)
     strain = scan.strain.copy()

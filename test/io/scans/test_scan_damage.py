@@ -1,4 +1,4 @@
-"""Damage of a scan file is noticed, named, and repaired as far as its rows are whole."""
+"""Damage of scan files is detected and reported, and repair keeps the undamaged rows."""
 
 import random
 import sqlite3
@@ -56,7 +56,7 @@ def pairs_of(scan: Scan) -> set[bytes]:
     return {row.tobytes() for row in np.column_stack([scan.states, scan.strain])}
 
 
-def test_no_flipped_byte_loads_a_different_map(path, tmp_path):
+def test_no_flipped_byte_changes_the_map(path, tmp_path):
     whole, digest = path.read_bytes(), digest_of(loaded(path), SCENE)
     rng, flipped, messages, refused = random.Random(2), tmp_path / "flipped.db", set(), 0
     for position in rng.sample(range(len(whole)), 400):
@@ -74,7 +74,7 @@ def test_no_flipped_byte_loads_a_different_map(path, tmp_path):
     assert not any("\n" in message for message in messages)
 
 
-def test_exchanged_pages_do_not_load_as_another_order_of_pairs(path, tmp_path):
+def test_swapped_pages_are_detected(path, tmp_path):
     whole, digest = path.read_bytes(), digest_of(loaded(path), SCENE)
     pages = [whole[start : start + 4096] for start in range(0, len(whole), 4096)]
     rng, exchanged, refused = random.Random(4), tmp_path / "exchanged.db", 0
@@ -90,7 +90,7 @@ def test_exchanged_pages_do_not_load_as_another_order_of_pairs(path, tmp_path):
     assert refused > 80
 
 
-def test_a_repaired_file_holds_only_pairs_that_were_recorded(path, tmp_path):
+def test_repair_invents_no_pairs(path, tmp_path):
     whole, recorded = path.read_bytes(), pairs_of(loaded(path))
     rng, kept = random.Random(3), []
     for trial, position in enumerate(rng.sample(range(len(whole)), 60)):
@@ -107,9 +107,11 @@ def test_a_repaired_file_holds_only_pairs_that_were_recorded(path, tmp_path):
     assert np.mean(kept) > 0.9
 
 
-def test_damage_names_the_sweep_and_a_dropped_one_does_not_matter(path):
+def test_the_damaged_sweep_is_named(path):
     execute(path, "UPDATE batch SET strain = zeroblob(length(strain)) WHERE sweep = 4 AND id % 4 = 1")
-    message = r"sweep 4 damaged, 1 of 4 parts cannot be read \(the checksum does not fit\); `.* scan repair`"
+    message = (
+        r"sweep 4 damaged, 1 of 4 batches cannot be read \(the checksum does not match\); `.* scan repair`"
+    )
     with pytest.raises(ScanError, match=r"scan\.db: " + message):
         loaded(path)
     with ScanStore.open(path, writable=True) as store:
@@ -121,38 +123,38 @@ def test_damage_names_the_sweep_and_a_dropped_one_does_not_matter(path):
 @pytest.mark.parametrize(
     ("statement", "message"),
     [
-        ("DELETE FROM batch WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
-        ("DELETE FROM batch WHERE sweep = 3", "sweep 3 damaged, 4 of 4 parts"),
-        ("UPDATE batch SET sweep = 5 WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
-        ("UPDATE batch SET sweep = 2 WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
-        ("UPDATE batch SET sweep = 77 WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
-        ("UPDATE batch SET id = 99 WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
-        ("UPDATE batch SET strain = 'text' WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
-        ("UPDATE batch SET pairs = 1e300 WHERE id = 9", "sweep 3 damaged, 1 of 4 parts"),
+        ("DELETE FROM batch WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
+        ("DELETE FROM batch WHERE sweep = 3", "sweep 3 damaged, 4 of 4 batches"),
+        ("UPDATE batch SET sweep = 5 WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
+        ("UPDATE batch SET sweep = 2 WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
+        ("UPDATE batch SET sweep = 77 WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
+        ("UPDATE batch SET id = 99 WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
+        ("UPDATE batch SET strain = 'text' WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
+        ("UPDATE batch SET pairs = 1e300 WHERE id = 9", "sweep 3 damaged, 1 of 4 batches"),
         ("UPDATE sweep SET dropped = 0", "the entry of sweep 2 is damaged"),
         ("UPDATE sweep SET gaps = 'many' WHERE number = 3", "the entry of sweep 3 is damaged"),
         ("DELETE FROM sweep WHERE number = 3", "an entry of a sweep is lost, found 5"),
-        ("UPDATE header SET value = '{}' WHERE key = 'units'", "the checksum does not fit"),
+        ("UPDATE header SET value = '{}' WHERE key = 'units'", "the checksum does not match"),
         ("DELETE FROM header WHERE key = 'contents'", "an entry of a sweep is lost"),
-        ("PRAGMA user_version = 1", "schema version 1 does not fit its tables"),
+        ("PRAGMA user_version = 1", "schema version 1 does not match its tables"),
         (
             "CREATE VIEW endless AS SELECT 1",
             "expected tables and indices only, found 'view'",
         ),
     ],
 )
-def test_what_was_done_to_a_row_is_reported(path, statement, message):
+def test_modified_rows_are_detected(path, statement, message):
     execute(path, "PRAGMA foreign_keys = OFF", statement)
     with pytest.raises(ScanError, match=message):
         loaded(path)
 
 
-def test_repair_keeps_everything_but_the_damaged_part_and_the_damaged_file(path):
+def test_repair_keeps_undamaged_rows(path):
     before = loaded(path)
     execute(path, "UPDATE batch SET states = zeroblob(length(states)) WHERE id = 14")
     damaged = path.read_bytes()
     report = repair(path)
-    assert report.notes == ("sweep 4: lost 1 of 4 parts",)
+    assert report.notes == ("sweep 4: lost 1 of 4 batches",)
     assert (report.sweeps, report.pairs) == (SWEEPS, (SWEEPS * COMMITS - 1) * PAIRS)
     assert report.damaged.read_bytes() == damaged
     with ScanStore.open(path) as store:
@@ -166,7 +168,7 @@ def test_repair_keeps_everything_but_the_damaged_part_and_the_damaged_file(path)
     assert not list(path.parent.glob("*.lock"))
 
 
-def test_repair_leaves_a_whole_file_as_it_is(path):
+def test_repair_leaves_an_undamaged_file_unchanged(path):
     before = path.read_bytes()
     report = repair(path)
     assert (report.damaged, report.pairs, report.sweeps) == (None, SWEEPS * COMMITS * PAIRS, SWEEPS)
@@ -175,7 +177,7 @@ def test_repair_leaves_a_whole_file_as_it_is(path):
 
 @pytest.mark.parametrize("old", [False, True])
 @pytest.mark.parametrize("share", [0.4, 0.7, 0.95])
-def test_the_batches_of_a_truncated_file_that_are_whole_are_kept(tmp_path, old, share):
+def test_repair_keeps_batches_of_a_truncated_file(tmp_path, old, share):
     path = tmp_path / "long.db"
     record(path, sweeps=30)
     if old:
@@ -192,15 +194,15 @@ def test_the_batches_of_a_truncated_file_that_are_whole_are_kept(tmp_path, old, 
         assert pairs_of(store.load()) <= recorded
 
 
-def test_without_its_header_a_file_is_repaired_for_a_given_scene(path):
+def test_a_file_without_header_needs_a_scene(path):
     execute(path, "UPDATE header SET value = 'lost'")
-    with pytest.raises(ScanError, match=r"expected a header that is whole, found none; give .*--scene"):
+    with pytest.raises(ScanError, match=r"expected an undamaged header, found none; give .*--scene"):
         repair(path)
     assert repair(path, SCENE).pairs == SWEEPS * COMMITS * PAIRS
     assert len(loaded(path)) == (SWEEPS - 1) * COMMITS * PAIRS
 
 
-def test_nothing_is_repaired_where_nothing_is_whole(path, tmp_path):
+def test_repair_refuses_a_file_without_pairs(path, tmp_path):
     (tmp_path / "text.db").write_text("x, y\n" * 5000)
     for scene in (None, SCENE):
         with pytest.raises(ScanError, match=r"text\.db: expected"):
@@ -210,7 +212,7 @@ def test_nothing_is_repaired_where_nothing_is_whole(path, tmp_path):
     assert not list(tmp_path.glob("*.damaged"))
 
 
-def test_what_a_killed_recorder_left_in_the_log_is_repaired_too(path):
+def test_repair_reads_the_write_ahead_log(path):
     log = Path(f"{path}-wal")
     with closing(sqlite3.connect(path)) as held:
         held.execute("SELECT count(*) FROM sweep").fetchone()  # keeps the log
@@ -225,7 +227,7 @@ def test_what_a_killed_recorder_left_in_the_log_is_repaired_too(path):
     assert report.pairs >= 3
 
 
-def test_a_file_without_checksums_is_read_as_it_is_and_gets_them_when_it_is_written_to(path):
+def test_schema_1_is_read_and_migrated_on_writing(path):
     before = digest_of(loaded(path), SCENE)
     with ScanStore.open(path) as store:
         sweeps = store.sweeps()
@@ -252,14 +254,14 @@ def test_a_file_without_checksums_is_read_as_it_is_and_gets_them_when_it_is_writ
 @pytest.mark.parametrize(
     ("statement", "message"),
     [
-        ("UPDATE batch SET sweep = 77 WHERE id = 9", "expected pairs of a known sweep, found some of 77"),
+        ("UPDATE batch SET sweep = 77 WHERE id = 9", "expected a batch of a known sweep, found sweep 77"),
         ("UPDATE batch SET strain = 'text' WHERE id = 9", "expected arrays of 12 pairs"),
-        ("UPDATE batch SET pairs = 4000000000 WHERE id = 9", "found a file too small"),
+        ("UPDATE batch SET pairs = 4000000000 WHERE id = 9", "the file is too small"),
         ("UPDATE batch SET pairs = 1e300 WHERE id = 9", "the entry of sweep 3 is damaged"),
         ("UPDATE sweep SET dropped = 'no'", "the entry of sweep 1 is damaged"),
     ],
 )
-def test_a_file_without_checksums_with_impossible_rows_is_refused_and_not_migrated(path, statement, message):
+def test_damaged_schema_1_is_not_migrated(path, statement, message):
     make_old(path)
     execute(path, "PRAGMA foreign_keys = OFF", statement)
     with pytest.raises(ScanError, match=message):
@@ -269,18 +271,18 @@ def test_a_file_without_checksums_with_impossible_rows_is_refused_and_not_migrat
     assert not list(path.parent.glob("*.schema1"))
 
 
-def test_a_migration_that_cannot_write_its_copy_leaves_the_file_as_it_was(path):
+def test_failed_migration_leaves_the_file_unchanged(path):
     make_old(path)
     path.with_name("scan.db.schema1").mkdir()
     before = path.read_bytes()
-    with pytest.raises(ScanError, match="could not migrate it to checksums"):
+    with pytest.raises(ScanError, match="could not migrate"):
         ScanStore.open(path, writable=True)
     assert path.read_bytes() == before
     assert len(loaded(path)) == 5 * COMMITS * PAIRS
 
 
 @pytest.mark.parametrize(("states", "strain"), [(2e3, 0.1), (0.01, 1e300), (0.01, -2e10), (-np.inf, 0.1)])
-def test_values_of_impossible_size_are_refused_on_writing_and_on_loading(path, states, strain):
+def test_implausible_values_are_refused(path, states, strain):
     with ScanStore.open(path, writable=True) as store:
         store.begin_sweep()
         with pytest.raises(ScanError, match=r"(position|strain): expected finite values of at most 1"):

@@ -1,4 +1,4 @@
-"""An import keeps what recording live would have kept, and says what it left out."""
+"""Imports keep the same pairs as live recording, and report skipped samples."""
 
 import resource
 import signal
@@ -31,7 +31,7 @@ def recording_of(*sweeps: RecordedSweep) -> Recording:
     return Recording("source", ("x",), ("index",), sweeps, ("one note",))
 
 
-def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp_path):
+def test_unusable_samples_are_skipped_and_counted(tmp_path):
     status = np.array([[0], [MISSING], [SATURATED], [0], [SATURATED | MISSING]], dtype=np.uint8)
     strain = np.zeros((5, 8))
     strain[3, 2] = np.nan
@@ -42,11 +42,11 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
     assert (report.sweeps, report.pairs) == (2, 4)
     assert report.notes == (
         "one note",
-        "left out 2 of 14 samples with a palm position outside the scene's bounds"
+        "skipped 2 of 14 samples with a palm position outside the scene's bounds"
         " (x is -0.1 to 1.1, bounds 0 to 1)",
-        "left out 3 of 14 samples with missing strain, or strain of impossible size",
-        "left out 1 of 14 samples with saturated strain",
-        "left out 4 of 14 samples without a palm pose near enough in time",
+        "skipped 3 of 14 samples with missing or implausibly large strain",
+        "skipped 1 of 14 samples with saturated strain",
+        "skipped 4 of 14 samples without a palm pose close enough in time",
     )
     with ScanStore.open(tmp_path / "scan.db") as store:
         assert [(s.number, s.pairs, s.gaps, s.skipped) for s in store.sweeps()] == [
@@ -58,38 +58,38 @@ def test_samples_out_of_bounds_missing_or_saturated_are_left_out_and_counted(tmp
         assert (what, tuple(detail["notes"])) == ("test", report.notes)
 
 
-def test_a_sweep_of_which_nothing_is_left_is_not_in_the_file(tmp_path):
+def test_empty_sweeps_are_skipped(tmp_path):
     recording = recording_of(sweep_of(1, [2.0, 3.0]), sweep_of(2, [0.5]))
     report = import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={}, force=True)
     assert report.sweeps == 1
-    assert report.notes[-1] == "left out 1 of 2 sweeps whole: 1"
+    assert report.notes[-1] == "skipped 1 of 2 sweeps completely: 1"
 
 
-def test_an_import_without_any_pair_is_refused_and_leaves_no_file(tmp_path):
-    with pytest.raises(ScanError, match="source: expected samples for a scan; one note; left out 2 of 2"):
+def test_an_empty_import_leaves_no_file(tmp_path):
+    with pytest.raises(ScanError, match="source: expected usable samples; one note; skipped 2 of 2"):
         import_recording(
             recording_of(sweep_of(1, [2.0, 3.0])), SCENE, tmp_path / "a.db", what="test", detail={}
         )
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_exists_is_not_written_over(tmp_path):
+def test_import_does_not_overwrite(tmp_path):
     (tmp_path / "scan.db").write_text("precious")
-    with pytest.raises(ScanError, match="expected no file of this name yet"):
+    with pytest.raises(ScanError, match="expected no file of this name"):
         import_recording(
             recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / "scan.db", what="test", detail={}
         )
     assert (tmp_path / "scan.db").read_text() == "precious"
 
 
-def test_an_import_for_which_there_is_no_room_is_refused_and_leaves_no_file(tmp_path):
+def test_import_on_a_full_disk_leaves_no_file(tmp_path):
     recording = recording_of(*(sweep_of(number, [0.5] * 5000) for number in range(1, 19)))
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         # Room for SQLite's log, which is begun anew now and then, but not for the file at the end.
         resource.setrlimit(resource.RLIMIT_FSIZE, (5_200_000, limit[1]))
-        with pytest.raises(ScanError, match=r"scan\.db: expected room for all of the scan"):
+        with pytest.raises(ScanError, match=r"scan\.db: expected enough disk space"):
             import_recording(recording, SCENE, tmp_path / "scan.db", what="test", detail={})
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
@@ -97,13 +97,13 @@ def test_an_import_for_which_there_is_no_room_is_refused_and_leaves_no_file(tmp_
     assert list(tmp_path.iterdir()) == []
 
 
-def test_two_imports_of_one_name_do_not_disturb_each_other(tmp_path):
+def test_simultaneous_imports_do_not_interfere(tmp_path):
     first = new_scan(tmp_path / "scan.db", SCENE)
     store = first.__enter__()
     store.begin_sweep()
     store.append(np.arange(3), np.zeros((3, 1)), np.zeros((3, 8)))
     import_recording(recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / "other.db", what="test", detail={})
-    with pytest.raises(ScanError, match="expected samples"):
+    with pytest.raises(ScanError, match="expected usable samples"):
         import_recording(
             recording_of(sweep_of(1, [2.0])), SCENE, tmp_path / "scan.db", what="test", detail={}
         )

@@ -1,4 +1,4 @@
-"""The scan file keeps what was committed, whatever happens to the process that records it."""
+"""The scan file keeps all committed pairs whatever happens to the recording process."""
 
 import os
 import resource
@@ -49,7 +49,7 @@ def record(path: Path, sweeps: int = 2, n: int = 10) -> list[tuple[np.ndarray, n
     return recorded
 
 
-def test_what_was_appended_is_loaded_bit_for_bit(tmp_path):
+def test_pairs_are_loaded_bit_for_bit(tmp_path):
     recorded = record(tmp_path / "scan.db")
     with ScanStore.open(tmp_path / "scan.db") as store:
         scan = store.load()
@@ -62,7 +62,7 @@ def test_what_was_appended_is_loaded_bit_for_bit(tmp_path):
 
 
 @pytest.mark.parametrize(("at_most", "step"), [(1000, 1), (56, 1), (55, 2), (20, 3), (10, 6), (1, 56)])
-def test_of_a_long_scan_each_second_or_third_pair_is_loaded_wherever_batches_end(tmp_path, at_most, step):
+def test_long_scans_are_thinned_evenly(tmp_path, at_most, step):
     stamps, states, strain = pairs(56)
     with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
         for first, last in ((0, 7), (7, 8), (8, 30), (30, 33), (33, 56)):
@@ -75,7 +75,7 @@ def test_of_a_long_scan_each_second_or_third_pair_is_loaded_wherever_batches_end
         np.testing.assert_array_equal(getattr(thinned, name), getattr(whole, name)[::step])
 
 
-def test_a_thinned_scan_takes_memory_for_what_is_loaded_only(tmp_path):
+def test_thinning_bounds_memory(tmp_path):
     record(tmp_path / "scan.db", sweeps=20, n=5000)
     with ScanStore.open(tmp_path / "scan.db") as store:
         tracemalloc.start()
@@ -87,7 +87,7 @@ def test_a_thinned_scan_takes_memory_for_what_is_loaded_only(tmp_path):
     assert most < 4_000_000, "all 100,000 pairs take 15 MB"
 
 
-def test_batches_are_the_same_pairs_in_parts_and_take_the_memory_of_one(tmp_path):
+def test_batches_bound_memory(tmp_path):
     record(tmp_path / "scan.db", sweeps=20, n=5000)
     with ScanStore.open(tmp_path / "scan.db", writable=True) as store:
         store.drop_sweep(3)
@@ -108,7 +108,7 @@ def test_batches_are_the_same_pairs_in_parts_and_take_the_memory_of_one(tmp_path
     assert most < 4_000_000, "all pairs take 15 MB"
 
 
-def test_what_is_appended_while_a_scan_is_loaded_waits_for_the_next_time(tmp_path):
+def test_loading_sees_a_snapshot(tmp_path):
     path = tmp_path / "scan.db"
     record(path)
     with ScanStore.open(path, writable=True) as writer, ScanStore.open(path) as reader:
@@ -124,7 +124,7 @@ def test_what_is_appended_while_a_scan_is_loaded_waits_for_the_next_time(tmp_pat
         assert len(reader.load()) == 25
 
 
-def test_reading_leaves_no_log_behind_and_changes_nothing(tmp_path):
+def test_reading_changes_no_file(tmp_path):
     record(tmp_path / "scan.db")
     before = (tmp_path / "scan.db").read_bytes()
     with ScanStore.open(tmp_path / "scan.db") as store, ScanStore.open(tmp_path / "scan.db") as other:
@@ -135,7 +135,7 @@ def test_reading_leaves_no_log_behind_and_changes_nothing(tmp_path):
     assert (tmp_path / "scan.db").read_bytes() == before
 
 
-def test_a_recording_of_the_file_has_its_stamps_by_sweep(tmp_path):
+def test_recording_returns_stamps_by_sweep(tmp_path):
     recorded = record(tmp_path / "scan.db")
     with ScanStore.open(tmp_path / "scan.db") as store:
         sweeps = store.recording().sweeps
@@ -150,7 +150,7 @@ def test_a_recording_of_the_file_has_its_stamps_by_sweep(tmp_path):
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
 @given(sizes=st.lists(st.integers(1, 40), min_size=1, max_size=8), commit=st.booleans())
-def test_pairs_do_not_depend_on_how_they_were_appended(tmp_path, sizes, commit):
+def test_append_sizes_do_not_matter(tmp_path, sizes, commit):
     path = tmp_path / f"{time.monotonic_ns()}.db"
     stamp_ns, states, strain = pairs(sum(sizes))
     with ScanStore.create(path, SCENE) as store:
@@ -168,7 +168,7 @@ def test_pairs_do_not_depend_on_how_they_were_appended(tmp_path, sizes, commit):
         np.testing.assert_array_equal(store.load().strain, strain)
 
 
-def test_sweeps_are_described_and_a_dropped_one_can_be_taken_back(tmp_path):
+def test_dropped_sweeps_can_be_restored(tmp_path):
     record(tmp_path / "scan.db", sweeps=3)
     with ScanStore.open(tmp_path / "scan.db", writable=True) as store:
         info = store.sweeps()[0]
@@ -179,19 +179,19 @@ def test_sweeps_are_described_and_a_dropped_one_can_be_taken_back(tmp_path):
         np.testing.assert_array_equal(np.unique(store.load().sweep), [1, 3])
         store.drop_sweep(2, dropped=False)
         np.testing.assert_array_equal(np.unique(store.load().sweep), [1, 2, 3])
-        assert [what for _, what, _ in store.history()] == ["drop sweep", "take sweep back"]
+        assert [what for _, what, _ in store.history()] == ["drop sweep", "restore sweep"]
         with pytest.raises(ScanError, match="expected a sweep of 1 to 3, got 7"):
             store.drop_sweep(7)
 
 
-def test_a_million_pairs_lie_in_batches_that_memory_can_hold(tmp_path, monkeypatch):
+def test_batches_are_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(scan_store, "_BATCH_PAIRS", 4)
     record(tmp_path / "scan.db", sweeps=1, n=10)
     sizes = sqlite3.connect(tmp_path / "scan.db").execute("SELECT pairs FROM batch").fetchall()
     assert sizes == [(4,), (4,), (2,)]
 
 
-def test_pairs_are_committed_within_a_quarter_of_a_second_while_more_come(tmp_path, monkeypatch):
+def test_pairs_are_committed_every_quarter_second(tmp_path, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(scan_store, "time", SimpleNamespace(monotonic=lambda: now[0]))
     with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
@@ -228,7 +228,7 @@ def child(code: str, **values: object) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)
 
 
-def test_killed_at_any_moment_the_file_opens_keeps_what_was_committed_and_goes_on(tmp_path):
+def test_sigkill_keeps_committed_pairs(tmp_path):
     path = tmp_path / "scan.db"
     record(path, sweeps=1)
     kept = 10
@@ -258,7 +258,7 @@ def fill(store: ScanStore) -> None:
         store.commit()
 
 
-def test_a_full_disk_loses_only_what_was_not_committed_and_recording_goes_on_when_there_is_room(tmp_path):
+def test_a_full_disk_keeps_committed_pairs(tmp_path):
     path = tmp_path / "scan.db"
     record(path, sweeps=1)
     store = ScanStore.open(path, writable=True)
@@ -284,14 +284,14 @@ def test_a_full_disk_loses_only_what_was_not_committed_and_recording_goes_on_whe
         assert sqlite3.connect(path).execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
-def test_a_lock_that_a_full_disk_refused_is_not_held(tmp_path):
+def test_a_failed_lock_is_released(tmp_path):
     path = tmp_path / "scan.db"
     record(path, sweeps=1)
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, limit[1]))
-        with pytest.raises(ScanError, match="expected a folder that can be written"):
+        with pytest.raises(ScanError, match="expected a writable folder"):
             ScanStore.open(path, writable=True)
         with ScanStore.open(path) as store:
             assert len(store.load()) == 10
@@ -302,22 +302,20 @@ def test_a_lock_that_a_full_disk_refused_is_not_held(tmp_path):
         assert store.begin_sweep() == 2
 
 
-def test_a_second_writer_is_refused_in_one_line_and_readers_are_not(tmp_path):
+def test_a_second_writer_is_refused(tmp_path):
     path = tmp_path / "scan.db"
     record(path)
     with ScanStore.open(path, writable=True) as first:
         first.begin_sweep()
-        with pytest.raises(
-            ScanError, match=f"expected to be its one writer, found process {os.getpid()}"
-        ) as refusal:
+        with pytest.raises(ScanError, match=f"expected no other writer, process {os.getpid()}") as refusal:
             ScanStore.open(path, writable=True)
         assert "\n" not in str(refusal.value)
         (tmp_path / "alias.db").symlink_to(path)
-        with pytest.raises(ScanError, match="expected to be its one writer"):
+        with pytest.raises(ScanError, match="expected no other writer"):
             ScanStore.open(tmp_path / "alias.db", writable=True)
         with ScanStore.open(path) as reader:
             assert len(reader.load()) == 20
-            with pytest.raises(ScanError, match="expected to be open for writing"):
+            with pytest.raises(ScanError, match="opened for writing"):
                 reader.drop_sweep(1)
     with ScanStore.open(path, writable=True) as second:
         assert second.begin_sweep() == 4
@@ -370,11 +368,11 @@ def descriptors_of(path: Path) -> list[str]:
         (foreign_database, "found a database of another program"),
         (newer_scan, "expected a scan file of schema version 1 to 2, found 99"),
         (header_without_scene, "could not read its header"),
-        (header_of_something_else, "could not read its header: the checksum does not fit"),
+        (header_of_something_else, "could not read its header: the checksum does not match"),
         (header_that_is_cut_off, "could not read its header"),
     ],
 )
-def test_what_is_not_a_scan_file_is_refused_with_the_reason_and_let_go(tmp_path, make, message):
+def test_other_files_are_refused_and_closed(tmp_path, make, message):
     path = tmp_path / "scan.db"
     make(path)
     for writable in (False, True):
@@ -386,8 +384,8 @@ def test_what_is_not_a_scan_file_is_refused_with_the_reason_and_let_go(tmp_path,
 
 
 @pytest.mark.parametrize("writable", [False, True])
-def test_a_file_that_another_program_holds_is_refused(tmp_path, monkeypatch, writable):
-    monkeypatch.setattr(scan_file, "PATIENCE_S", 0.0)
+def test_a_busy_file_is_refused(tmp_path, monkeypatch, writable):
+    monkeypatch.setattr(scan_file, "BUSY_TIMEOUT_S", 0.0)
     path = tmp_path / "scan.db"
     changed("PRAGMA journal_mode = DELETE")(path)
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
@@ -398,7 +396,7 @@ def test_a_file_that_another_program_holds_is_refused(tmp_path, monkeypatch, wri
         assert len(store.load()) == 20
 
 
-def test_a_damaged_file_says_how_many_pairs_could_be_read(tmp_path):
+def test_a_damaged_file_reports_readable_pairs(tmp_path):
     path = tmp_path / "scan.db"
     record(path, sweeps=1, n=5000)
     with path.open("r+b") as file:
@@ -407,20 +405,20 @@ def test_a_damaged_file_says_how_many_pairs_could_be_read(tmp_path):
         ScanStore.open(path).load()
 
 
-def test_a_scan_without_pairs_is_refused_on_loading(tmp_path):
+def test_an_empty_scan_is_refused(tmp_path):
     path = tmp_path / "scan.db"
     ScanStore.create(path, SCENE).close()
     with ScanStore.open(path) as store, pytest.raises(ScanError, match="expected at least one"):
         store.load()
 
 
-def test_creating_over_a_file_is_refused(tmp_path):
+def test_create_does_not_overwrite(tmp_path):
     record(tmp_path / "scan.db")
-    with pytest.raises(ScanError, match="expected no file of this name yet"):
+    with pytest.raises(ScanError, match="expected no file of this name"):
         ScanStore.create(tmp_path / "scan.db", SCENE)
 
 
-def test_recording_goes_on_in_a_file_of_the_same_scene_only(tmp_path):
+def test_recording_continues_for_the_same_scene_only(tmp_path):
     path = tmp_path / "scan.db"
     with ScanStore.open_or_create(path, SCENE) as store:
         store.begin_sweep()
@@ -442,25 +440,25 @@ def test_recording_goes_on_in_a_file_of_the_same_scene_only(tmp_path):
         (lambda t, x, z: (t, x, z * np.inf), "expected finite values"),
     ],
 )
-def test_pairs_that_do_not_fit_are_refused(tmp_path, change, message):
+def test_pairs_of_wrong_shape_are_refused(tmp_path, change, message):
     with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
         store.begin_sweep()
         with pytest.raises(ScanError, match=message):
             store.append(*change(*pairs(3)))
 
 
-def test_pairs_without_a_sweep_and_a_sweep_within_a_sweep_are_refused(tmp_path):
+def test_pairs_need_an_active_sweep(tmp_path):
     with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
-        with pytest.raises(ScanError, match="expected a sweep under way"):
+        with pytest.raises(ScanError, match="expected an active sweep"):
             store.append(*pairs(1))
         store.begin_sweep(5)
-        with pytest.raises(ScanError, match="expected no sweep under way, found sweep 5"):
+        with pytest.raises(ScanError, match="expected no active sweep, found sweep 5"):
             store.begin_sweep()
         store.end_sweep()
         assert store.begin_sweep(5) == 6
 
 
-def test_a_closed_scan_can_be_read_from_a_folder_that_cannot_be_written(tmp_path):
+def test_a_scan_is_readable_in_a_read_only_folder(tmp_path):
     folder = tmp_path / "archive"
     folder.mkdir()
     record(folder / "scan.db")
@@ -470,7 +468,7 @@ def test_a_closed_scan_can_be_read_from_a_folder_that_cannot_be_written(tmp_path
         with ScanStore.open(folder / "scan.db") as store:
             assert len(store.load()) == 20
         if os.getuid() != 0:
-            with pytest.raises(ScanError, match="expected a folder that can be written"):
+            with pytest.raises(ScanError, match="expected a writable folder"):
                 ScanStore.open(folder / "scan.db", writable=True)
     finally:
         folder.chmod(0o755)

@@ -1,4 +1,4 @@
-"""Sweeps hold the samples between two stamps, whenever those find their poses."""
+"""Sweeps hold the samples between two stamps, even if their poses arrive late."""
 
 import resource
 import signal
@@ -39,7 +39,7 @@ def recorded(store: ScanStore) -> dict[int, list[int]]:
     return {s.number: [int(stamp // MS) for stamp in s.stamp_ns] for s in store.recording().sweeps}
 
 
-def test_a_sweep_holds_the_samples_after_its_start_up_to_its_end(store):
+def test_a_sweep_holds_the_samples_between_its_stamps(store):
     recorder = recorder_of(store)
     recorder.take([pair(1)])
     assert recorder.start(2 * MS) == 1
@@ -54,7 +54,7 @@ def test_a_sweep_holds_the_samples_after_its_start_up_to_its_end(store):
     assert store.sweeps()[0].ended
 
 
-def test_a_sweep_that_starts_while_samples_of_the_last_one_wait_takes_none_of_them(store):
+def test_waiting_samples_stay_in_their_sweep(store):
     recorder = recorder_of(store)
     recorder.start(0)
     recorder.take([pair(1)])
@@ -66,7 +66,7 @@ def test_a_sweep_that_starts_while_samples_of_the_last_one_wait_takes_none_of_th
     assert [sweep.ended for sweep in store.sweeps()] == [True, True]
 
 
-def test_gaps_and_samples_that_cannot_be_used_are_counted_with_their_sweep(store):
+def test_gaps_and_skipped_samples_are_counted(store):
     recorder = recorder_of(store)
     recorder.take([pair(0, None)])
     recorder.start(0)
@@ -79,16 +79,16 @@ def test_gaps_and_samples_that_cannot_be_used_are_counted_with_their_sweep(store
     assert [(sweep.pairs, sweep.gaps, sweep.skipped) for sweep in store.sweeps()] == [(1, 1, 2), (1, 1, 0)]
 
 
-def test_starting_twice_and_ending_nothing_are_refused(store):
+def test_start_and_end_must_alternate(store):
     recorder = recorder_of(store)
-    with pytest.raises(ScanError, match="end sweep: expected one under way, found none"):
+    with pytest.raises(ScanError, match="end sweep: expected an active sweep, found none"):
         recorder.end(0)
     recorder.start(0)
-    with pytest.raises(ScanError, match="start sweep: expected none under way, found sweep 1"):
+    with pytest.raises(ScanError, match="start sweep: expected no active sweep, found sweep 1"):
         recorder.start(0)
 
 
-def test_a_detector_makes_sweeps_of_the_motion_alone(store):
+def test_sweeps_are_detected_in_the_motion(store):
     recorder = recorder_of(store, SweepDetector(SCENE.axes))
     there = [pair(10 * index, 0.0005 * index) for index in range(100)]
     back = [pair(1000 + 10 * index, 0.05 - 0.0005 * index) for index in range(100)]
@@ -99,7 +99,7 @@ def test_a_detector_makes_sweeps_of_the_motion_alone(store):
     assert len(store.load()) == 200 - 4
 
 
-def test_time_that_is_set_back_ends_the_sweep_and_opens_another(store):
+def test_a_backward_jump_starts_another_sweep(store):
     recorder = recorder_of(store)
     recorder.start(1000 * MS)
     recorder.take([pair(1001), pair(1002)])
@@ -109,7 +109,7 @@ def test_time_that_is_set_back_ends_the_sweep_and_opens_another(store):
     assert recorded(store) == {1: [1001, 1002], 2: [1, 2]}
 
 
-def test_a_file_that_exists_gets_further_sweeps(tmp_path):
+def test_sweeps_are_added_to_an_existing_file(tmp_path):
     for expected in (1, 2):
         with ScanStore.open_or_create(tmp_path / "scan.db", SCENE) as store:
             recorder = recorder_of(store)
@@ -118,7 +118,7 @@ def test_a_file_that_exists_gets_further_sweeps(tmp_path):
             recorder.close()
 
 
-def test_a_disk_that_is_full_gives_the_sweep_up_and_the_next_can_be_recorded(store):
+def test_a_full_disk_abandons_only_the_sweep(store):
     recorder = recorder_of(store)
     recorder.start(0)
     recorder.take([pair(1)])

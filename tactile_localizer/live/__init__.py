@@ -1,1 +1,0 @@
-"""The whole system at once: nodes as processes that are started, watched, recorded and always ended."""

@@ -1,0 +1,56 @@
+"""The whole demonstration as its user runs it."""
+
+import json
+import os
+import signal
+
+import pytest
+from support.processes import children
+
+from tactile_localizer.io.bags.reader import read_messages
+from tactile_localizer.io.scans.store import ScanStore
+
+pytestmark = pytest.mark.ros
+
+
+def is_alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "the terminal closed"])
+def test_an_interrupt_stops_all_processes(process, tmp_path, how):
+    if signal.getsignal(how) is signal.SIG_IGN:
+        pytest.skip("the tests were started by nohup, which the demo heeds too")
+    demo = process(["tactile-localizer", "demo", "--out", tmp_path / "demo", "--speed", "12"])
+    demo.wait_for_line("scanning", timeout_s=90.0)
+    nodes = children(demo.pid)
+    assert len(nodes) == 3
+    assert demo.stop(how, timeout_s=30.0) == 130
+    assert not any(map(is_alive, nodes))
+    assert "Traceback" not in demo.output
+
+
+@pytest.mark.slow
+def test_the_demo_runs_to_its_end(process, tmp_path):
+    folder = tmp_path / "demo"
+    demo = process(["tactile-localizer", "demo", "--out", folder, "--speed", "12", "--sweeps", "3"])
+    status = demo.wait(timeout_s=240.0)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert status == 0, demo.output
+    assert isinstance(summary["within_limit"], bool)
+    assert summary["error_after_contact_mm"] < 8.0
+    assert len(summary["sweeps"]) == 3
+    assert summary["frames_dropped"] >= 0
+    assert 0 < summary["update_median_us"] <= summary["update_p99_us"]
+    with ScanStore.open(folder / "scan.db") as store:
+        assert len(store.sweeps()) == 21
+        assert store.load().states[:, 0].max() > 0.045
+    bag = read_messages(folder / "bag", {"/filter/posterior": lambda m: m, "/strain": lambda m: m})
+    assert len(bag.by_topic["/filter/posterior"]) > 300
+    assert {"/palm_pose", "/simulator/ground_truth", "/mapping/status", "/diagnostics"} <= set(bag.topics)
+    for picture in ("map", "error", "sweep"):
+        assert (folder / f"{picture}.png").stat().st_size > 10_000

@@ -1,0 +1,309 @@
+"""The soak: all nodes live under one injected fault after the other, watched for what must never happen."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from harness.belief_watch import BeliefWatch
+from harness.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
+from harness.memory import Memory, resident_bytes
+from harness.patience import Patience
+from harness.relay import SENT, Relay
+from harness.soak_result import Injection, SoakResult
+from harness.sweeping import RECORDED_EVERY, Sweeping
+from harness.system import System
+from harness.told import Told
+from tactile_localizer.demo.domain import Domain, own_domain
+from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
+from tactile_localizer.demo.watcher import Watcher
+from tactile_localizer.errors import LiveError
+from tactile_localizer.io.can.bus import BusSettings, open_bus
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+
+WELL_WITHIN_S = 20.0
+"""How long all may take to be well again after a fault."""
+
+_LAG_LIMIT_S = 1.0
+_ROUNDS_OF_WARM_UP = 2
+_SWEEPS_OF_WARM_UP = 2 * RECORDED_EVERY
+_STARTUP_S = 90.0
+_POLL_S = 0.05
+_SAMPLE_S = 1.0
+_HOLD_S = (0.3, 2.0)
+_IN_FLIGHT_S = 0.3
+"""What was felt before a fault began may be told of a little later."""
+
+_SCANNED, _OTHER, _BROKEN = "bump", "snap", "broken.db"
+_SIMULATED = {"mode": "localize", "speed": 4.0, "load_cell_rate_hz": 20.0, "pose_rate_hz": 15.0}
+
+
+@dataclass(frozen=True)
+class SoakSettings:
+    """What is soaked.
+
+    Parameters
+    ----------
+    folder : where everything is written; what a soak wrote there before is replaced
+    duration_s : no fault begins later
+    seed : of the faults' order and lengths, and of the simulated hand
+    faults : that are injected, over and over, each round in another order
+    """
+
+    folder: Path
+    duration_s: float
+    seed: int = 1
+    faults: Sequence[Fault] = FAULTS
+
+
+class View(Protocol):
+    """Shows how the soak goes."""
+
+    def phase(self, text: str) -> None:
+        """Something else begins."""
+
+    def injection(self, one: Injection) -> None:
+        """A fault is over."""
+
+
+def run_soak(settings: SoakSettings, view: View) -> SoakResult:
+    """Start the nodes, inject faults for as long as the settings say, end the nodes.
+
+    Raises
+    ------
+    LiveError
+        The nodes did not come up.
+    """
+    logs, scans = settings.folder / "log", settings.folder / "scans"
+    _make_empty(logs, scans)
+    _write_scans(scans, settings.seed)
+    with own_domain() as domain, ExitStack() as stack:
+        os.environ.update(domain.environment)
+        watcher = stack.enter_context(Watcher(domain.number))
+        relay, told = Relay(watcher), Told(watcher)
+        belief = BeliefWatch(watcher, relay)
+        processes = stack.enter_context(NodeProcesses(logs, domain.environment))
+        view.phase("starting simulator, driver, mapping and filter")
+        nodes = _start(processes, settings, domain)
+        options = {"port": domain.can_port, "hop_limit": 0}
+        bus = open_bus(BusSettings("udp_multicast", "239.74.163.2", options))
+        stack.callback(bus.shutdown)
+        seeds = watcher.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
+        names = f"{_SCANNED}.db", f"{_OTHER}.db", _BROKEN
+        system = System(nodes, told, watcher, relay, bus, seeds, belief, names)
+        sweeping = Sweeping(watcher, relay, belief)
+        soak = _Soak(settings, view, system, processes, sweeping)
+        soak.run()
+    soak.result.tracebacks = [log.name for log in logs.glob("*.log") if "Traceback" in log.read_text()]
+    return soak.result
+
+
+class _Soak:
+    """Injects and watches.
+
+    Attributes
+    ----------
+    result : what has come of it so far
+    """
+
+    def __init__(
+        self,
+        settings: SoakSettings,
+        view: View,
+        system: System,
+        processes: NodeProcesses,
+        sweeping: Sweeping,
+    ) -> None:
+        self.result = SoakResult()
+        self._settings, self._view, self._system = settings, view, system
+        self._processes, self._sweeping = processes, sweeping
+        self._rng = np.random.default_rng(settings.seed)
+        self._sampled_s = 0.0
+
+    def run(self) -> None:
+        """Fill the result."""
+        trouble = self._wait_until_well(time.monotonic(), _STARTUP_S)
+        if trouble:
+            raise LiveError(f"waited {_STARTUP_S:g} s for the nodes: {trouble}")
+        self._begun_s = time.monotonic()
+        self._view.phase("injecting faults")
+        with self._sweeping:
+            try:
+                for fault in self._faults():
+                    self.result.injections.append(self._inject(fault))
+                    self._view.injection(self.result.injections[-1])
+            except LiveError as error:  # a process has ended, or the watcher
+                self.result.ended = str(error)
+        belief = self._system.belief
+        self.result.sweeps, self.result.judged = self._sweeping.done, belief.judged
+        self.result.believed, self.result.wrong = belief.believed, dict(belief.wrong)
+        self.result.examples, self.result.errors_m = list(belief.examples), list(belief.errors_m)
+
+    def _faults(self) -> Iterator[Fault]:
+        """Round after round; after the warm-up, memory counts."""
+        number = 0
+        while True:
+            warm = number >= _ROUNDS_OF_WARM_UP and self._sweeping.done >= _SWEEPS_OF_WARM_UP
+            if warm and not self.result.is_warm:
+                self.result.is_warm = True
+                for memory in self.result.memory.values():
+                    memory.warm_up = len(memory.samples)
+            for index in self._rng.permutation(len(self._settings.faults)):
+                if self._elapsed_s > self._settings.duration_s:
+                    return
+                yield self._settings.faults[index]
+            number += 1
+
+    @property
+    def _elapsed_s(self) -> float:
+        return time.monotonic() - self._begun_s
+
+    def _inject(self, fault: Fault) -> Injection:
+        """Do it, wait until it shows, let it last, end it, and wait until all is well again."""
+        one = Injection(fault.name, self._elapsed_s)
+        system, trouble = self._system, []
+        wrong_before = system.belief.wrong[""]
+        if fault.misleads:
+            system.belief.misled = fault.name
+        system.told.forget()
+        begun_s = time.monotonic()
+        try:
+            fault.acts.begin(system)
+            done_s = time.monotonic()
+            if self._until(lambda: fault.shows(system), fault.within_s):
+                one.told_s = time.monotonic() - begun_s
+            else:
+                trouble.append(f"not told of within {fault.within_s:g} s")
+            held_until_s = time.monotonic() + self._rng.uniform(*_HOLD_S)
+            self._until(lambda: time.monotonic() > held_until_s, math.inf)
+            # A position of a later time than the fault's beginning can only have been made up.
+            since_s = time.monotonic() - done_s
+            if fault.starves and system.told.lag_s(system.relay.clock_ns) < since_s - _IN_FLIGHT_S:
+                trouble.append("a position was told that nobody knew")
+        finally:
+            fault.acts.end(system)
+            system.belief.misled = ""
+        ended_s = time.monotonic()
+        if unwell := self._wait_until_well(ended_s, WELL_WITHIN_S):
+            trouble.append(f"not well again: {unwell}")
+        else:
+            one.well_s = time.monotonic() - ended_s
+        if wrong := system.belief.wrong[""] - wrong_before:
+            trouble.append(f"{wrong} falsely converged posteriors that no fault excuses")
+        one.trouble = "; ".join(trouble)
+        return one
+
+    def _wait_until_well(self, since_s: float, timeout_s: float) -> str:
+        """Wait until all nodes say that all is well; returns what is not, where that takes too long."""
+        told, relay = self._system.told, self._system.relay
+
+        def trouble() -> str:
+            if unwell := told.unwell(STATUSES, since_s):
+                return unwell
+            lag_s = told.lag_s(relay.clock_ns)
+            return f"posteriors are {lag_s:.1f} s behind" if lag_s > _LAG_LIMIT_S else ""
+
+        if self._until(lambda: not trouble(), timeout_s):
+            self.result.lag_s = max(self.result.lag_s, told.lag_s(relay.clock_ns))
+            return ""
+        return trouble()
+
+    def _until(self, condition: Callable[[], Any], timeout_s: float) -> bool:
+        """Watch until a condition is true; whether it became so in the time that the machine left for it."""
+        pids = [os.getpid(), *(node.pid for node in self._system.nodes.values())]
+        patience = Patience(timeout_s, pids)
+        while not condition():
+            if patience.is_over:
+                return False
+            self._watch()
+            time.sleep(_POLL_S)
+        self.result.late += patience.is_late
+        return True
+
+    def _watch(self) -> None:
+        """Raise a :class:`LiveError` where a process has ended; sample what must not grow."""
+        self._processes.check()
+        self._system.watcher.check()
+        now_s = time.monotonic()
+        if now_s - self._sampled_s < _SAMPLE_S:
+            return
+        self._sampled_s = now_s
+        result, newest = self.result, self._system.told.newest
+        for name, node in self._system.nodes.items():
+            result.memory.setdefault(name, Memory()).samples.append(resident_bytes(node.pid))
+        if INPUTS in newest:
+            result.waiting_s = max(result.waiting_s, float(newest[INPUTS].values["waiting_s"]))
+        if CAN_BUS in newest:
+            result.queue_bytes = max(result.queue_bytes, int(newest[CAN_BUS].values["queue_bytes"]))
+
+
+def _start(processes: NodeProcesses, settings: SoakSettings, domain: Domain) -> dict[str, NodeProcess]:
+    """Start the four nodes, with the relay between sensors and the rest."""
+    bus = {
+        "interface": "udp_multicast",
+        "channel": "239.74.163.2",
+        "bus_options": [f"port={domain.can_port}"],
+    }
+    folder = settings.folder
+    scene = str(resource_path(f"config/scenes/{_SCANNED}.yaml"))
+    simulated = _SIMULATED | {"feature": _SCANNED, "seed": settings.seed + 1}
+    scans = str(folder / "scans")
+    return {
+        "simulator": processes.start(
+            "simulator",
+            "simulator_node",
+            shipped("simulator") | simulated | bus,
+            {"palm_pose": SENT["palm_pose"]},
+        ),
+        "driver": processes.start(
+            "driver",
+            "driver_node",
+            shipped("driver") | bus | {"tare_file": str(folder / "tare.yaml")},
+            {"strain": SENT["strain"]},
+        ),
+        "mapping": processes.start(
+            "mapping",
+            "mapping_node",
+            shipped("mapping") | {"scan_file": str(folder / "scans" / "recorded.db"), "scene_file": scene},
+        ),
+        "filter": processes.start(
+            "filter",
+            "filter_node",
+            shipped("filter") | {"scan_file": f"{scans}/{_SCANNED}.db", "scan_directory": scans},
+        ),
+    }
+
+
+def _write_scans(folder: Path, seed: int) -> None:
+    """The right scan, another one, and a file that is none."""
+    for feature in (_SCANNED, _OTHER):
+        scan = simulate_scan(feature, seed)
+        scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+        with ScanStore.create(folder / f"{feature}.db", scene) as store:
+            for part in scan.slices():
+                store.begin_sweep()
+                store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
+                store.end_sweep()
+    (folder / _BROKEN).write_bytes(b"not a scan " * 1000)
+
+
+def _make_empty(*folders: Path) -> None:
+    try:
+        for folder in folders:
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+    except OSError as error:
+        raise LiveError(f"{folder}: expected a folder that can be written, {error.strerror}") from None
