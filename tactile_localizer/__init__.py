@@ -5,7 +5,7 @@ What a program needs is imported from here (:data:`__all__`), without ROS::
     from tactile_localizer import load_scan, make_localizer, read_recording
 
     scan, scene = load_scan("scan.db")
-    localizer = make_localizer(scan, scene, seed=1)
+    localizer = make_localizer(scan, scene, seed=1, scan_file="scan.db")
     for sweep in read_recording("test.csv", scene).sweeps:
         localizer.reset()
         for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.position, sweep.strain):
@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tactile_localizer.core.configuration import Configuration
+    from tactile_localizer.core.decision.convergence import State
     from tactile_localizer.core.localizer import Estimate, Localizer
     from tactile_localizer.core.scan.scan import Scan
     from tactile_localizer.errors import TactileLocalizerError
@@ -51,6 +52,7 @@ __all__ = [
     "Region",
     "Scan",
     "Scene",
+    "State",
     "TactileLocalizerError",
     "load_scan",
     "load_scene",
@@ -60,6 +62,7 @@ __all__ = [
 
 _MODULES = {
     "core.configuration": ("Configuration",),
+    "core.decision.convergence": ("State",),
     "core.localizer": ("Estimate", "Localizer"),
     "core.scan.scan": ("Scan",),
     "errors": ("TactileLocalizerError",),

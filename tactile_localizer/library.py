@@ -13,6 +13,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, select
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
@@ -30,9 +31,14 @@ def load_scan(path: str | Path) -> tuple[Scan, Scene]:
 
 
 def make_localizer(
-    scan: Scan, scene: Scene, configuration: Configuration | None = None, *, seed: int = 0
+    scan: Scan,
+    scene: Scene,
+    configuration: Configuration | None = None,
+    *,
+    seed: int = 0,
+    scan_file: str | Path | None = None,
 ) -> Localizer:
-    """A localizer on a scan, with what the scene leaves open chosen from the scan.
+    """A localizer on a scan, with what the scene leaves open learned from the scan.
 
     Parameters
     ----------
@@ -41,6 +47,8 @@ def make_localizer(
     configuration : model, filter and convergence, such as ``Configuration(filter="grid")``; by default as
         the filter node's
     seed : of everything random: the same seed and samples give the same estimates
+    scan_file : of the scan; what takes seconds to learn is kept there for the next time. ``None``: learned
+        each time
 
     Raises
     ------
@@ -49,7 +57,9 @@ def make_localizer(
     ParameterError
         A parameter out of its range.
     """
-    return build_localizer(scan, scene, configuration or Configuration(), np.random.default_rng(seed))
+    calibration = None if scan_file is None else learned_calibration(Path(scan_file), scan, scene)
+    rng = np.random.default_rng(seed)
+    return build_localizer(scan, scene, configuration or Configuration(), rng, calibration=calibration)
 
 
 def read_recording(path: str | Path, scene: Scene) -> Recording:

@@ -12,6 +12,7 @@ import pytest
 import tactile_localizer
 from tactile_localizer.cli.simulate import write_csv
 from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
@@ -65,6 +66,14 @@ def test_the_same_seed_gives_the_same_estimates(recorded):
             estimate = localizer.update(k * 10**7, scan.states[k], scan.strain[k])
         means.append(estimate.mean)
     np.testing.assert_array_equal(*means)
+
+
+def test_what_was_learned_is_taken_from_the_scan_file(recorded, monkeypatch):
+    scan, scene = tactile_localizer.load_scan(recorded / "scan.db")
+    first = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "scan.db")
+    monkeypatch.setattr(learned, "learn", None)  # not learned again
+    second = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "scan.db")
+    assert first.model.information_length == second.model.information_length
 
 
 def test_every_public_name_is_there():

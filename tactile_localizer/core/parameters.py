@@ -92,18 +92,6 @@ class ModelParameters:
                 raise ParameterError(f"measurement {name}: expected one number or {count}, got {len(width)}")
         return parameters
 
-    @property
-    def complete(self) -> bool:
-        """Whether nothing is left to choose."""
-        return all(
-            value is not None for value in (self.position_std, self.strain_std, self.correlation_length)
-        )
-
-    def filled_from(self, chosen: ModelParameters) -> ModelParameters:
-        """These parameters, with what is missing taken from ``chosen``."""
-        missing = {name: getattr(chosen, name) for name, value in vars(self).items() if value is None}
-        return dataclasses.replace(self, **missing)
-
     def to_mapping(self) -> dict[str, Any]:
         """As plain numbers and lists of four digits, for a scene file."""
         return {name: _plain(value) for name, value in vars(self).items() if value is not None}

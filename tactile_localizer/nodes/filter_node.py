@@ -60,7 +60,7 @@ class FilterNode(ManagedNode):
         self._offered: list[Callable[[], Any]] = []  # withdraw what is there while configured
         self._made: list[Callable[[], Any]] = []  # destroy what is there while active
         self._is_loading = False
-        self._told_s = -math.inf
+        self._doing, self._told_s = "", -math.inf
         self.create_service(
             LoadScan, "~/load_scan", self._on_load_scan, callback_group=ReentrantCallbackGroup()
         )
@@ -304,11 +304,11 @@ class FilterNode(ManagedNode):
             localizer.adjust(convergence_criteria(localizer.scene, choices), choices.update_distance)
 
     def _tell_progress(self, text: str, share: float) -> None:
-        """Report, in the log and in the diagnostics, how far the map is built."""
-        self.get_logger().info(f"{text}: {share:.0%}", throttle_duration_sec=2.0)
+        """Report in the log and in the diagnostics how far the map is built."""
         now_s = time.monotonic()
-        if share == 1.0 or now_s - self._told_s > _PROGRESS_PERIOD_S:
-            self._told_s = now_s
+        if share == 1.0 or text != self._doing or now_s - self._told_s > _PROGRESS_PERIOD_S:
+            self._doing, self._told_s = text, now_s
+            self.get_logger().info(f"{text}: {share:.0%}")
             message = DiagnosticArray(status=[self._diagnostics.progress(text, share)])
             message.header.stamp = self.get_clock().now().to_msg()
             self._health.publish(message)

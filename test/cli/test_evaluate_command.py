@@ -92,7 +92,7 @@ def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) ->
     document = json.loads(Path("starts/evaluate.json").read_text())
     (task,) = document["tasks"]["own"]
     assert len(task["sweeps"]) == 3
-    assert {"0.01", "0.02"} <= task["sweeps"][0]["error_after_travel_m"].keys()
+    assert all(sweep["error_m"] > 0.0 for sweep in task["sweeps"])
 
 
 @pytest.mark.parametrize(

@@ -47,15 +47,7 @@ def test_parameters_of_the_material_survive_their_plain_form() -> None:
         "neighbours": 12,
     }
     parameters = ModelParameters.from_mapping(given)
-    assert parameters.complete
     assert parameters.to_mapping() == given
-
-
-def test_what_is_missing_is_filled_and_what_is_given_is_kept() -> None:
-    partial = ModelParameters.from_mapping({"strain_std": 0.5})
-    assert not partial.complete
-    filled = partial.filled_from(ModelParameters(0.001, 0.03, 0.004))
-    assert (filled.position_std, filled.strain_std, filled.correlation_length) == (0.001, 0.5, 0.004)
 
 
 @pytest.mark.parametrize(

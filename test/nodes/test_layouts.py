@@ -46,7 +46,9 @@ def topics(probe):
     def known():
         return {name: kinds[0] for name, kinds in probe.node.get_topic_names_and_types()}
 
-    probe.until(lambda: "/filter/posterior" in known() and "/filter/initial_pose" in known(), "the filter")
+    probe.until(
+        lambda: "/filter/posterior" in known() and "/filter/initial_pose" in known(), "the filter", 60.0
+    )
     return known()
 
 

@@ -1,10 +1,8 @@
 """The nodes as a lifecycle manager sees them: requests are answered, whatever the node is doing."""
 
-import dataclasses
-
 import pytest
 from support.filter import CELL
-from support.sweeps import scene_of, write_scan
+from support.sweeps import write_scan
 
 pytestmark = pytest.mark.ros
 
@@ -29,11 +27,11 @@ def state_of(probe, node):
     return probe.call(GetState, f"{node}/get_state").current_state.label
 
 
-def led(node_process, tmp_path, *, chosen=True):
-    """A filter that waits for a manager; unless parameters are ``chosen``, they are to be chosen."""
+def led(node_process, tmp_path, *, calibrated=True):
+    """A filter that waits for a manager; unless its scan is ``calibrated``, that is still to be done."""
     scan = tmp_path / "bump.db"
     if not scan.exists():
-        write_scan(scan, scene=None if chosen else dataclasses.replace(scene_of(), measurement={}))
+        write_scan(scan, calibrated=calibrated)
     return node_process("filter_node", {"scan_file": scan, "autostart": False, **CELL})
 
 
@@ -48,7 +46,7 @@ def test_a_transition_that_the_state_does_not_have_is_refused(node_process, prob
     assert state_of(probe, "filter") == "active"
 
 
-def test_services_answer_and_progress_is_published_while_parameters_are_chosen(
+def test_services_answer_and_progress_is_published_while_a_scan_is_calibrated(
     node_process, probe, change, tmp_path
 ):
     from diagnostic_msgs.msg import DiagnosticArray
@@ -56,7 +54,7 @@ def test_services_answer_and_progress_is_published_while_parameters_are_chosen(
     from lifecycle_msgs.srv import ChangeState
 
     told = probe.listen(DiagnosticArray, "/diagnostics")
-    process = led(node_process, tmp_path, chosen=False)
+    process = led(node_process, tmp_path, calibrated=False)
     client = probe.node.create_client(ChangeState, "filter/change_state")
     probe.until(client.service_is_ready, "the filter", 60.0)
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
@@ -66,25 +64,25 @@ def test_services_answer_and_progress_is_published_while_parameters_are_chosen(
     probe.until(lambda: told, "progress")
     assert not answer.done()
     assert told[0].status[0].name == "filter: map"
-    probe.until(answer.done, "the end of the choice", 180.0)
+    probe.until(answer.done, "the end of the calibration", 180.0)
     assert answer.result().success
     assert any("map built: 100%" in array.status[0].message for array in told)
     assert process.stop() == 0
 
 
-def test_chosen_parameters_are_chosen_once(node_process, probe, change, tmp_path):
-    for are_chosen in (True, False):
-        process = led(node_process, tmp_path, chosen=False)
+def test_a_scan_is_calibrated_once(node_process, probe, change, tmp_path):
+    for is_calibrated in (True, False):
+        process = led(node_process, tmp_path, calibrated=False)
         assert change("filter", "configure")
-        assert ("choosing kernel widths" in process.output) is are_chosen
+        assert ("calibrating on held-out sweeps" in process.output) is is_calibrated
         assert process.stop() == 0
 
 
-def test_an_interrupt_while_parameters_are_chosen_ends_the_node(node_process, probe, tmp_path):
+def test_an_interrupt_while_a_scan_is_calibrated_ends_the_node(node_process, probe, tmp_path):
     scan = tmp_path / "bump.db"
-    write_scan(scan, scene=dataclasses.replace(scene_of(), measurement={}))
+    write_scan(scan, calibrated=False)
     process = node_process("filter_node", {"scan_file": scan, **CELL})
-    probe.until(lambda: state_of(probe, "filter") == "configuring", "the choice")
+    probe.until(lambda: state_of(probe, "filter") == "configuring", "the calibration")
     assert process.stop() == 0
     assert "Traceback" not in process.output
 

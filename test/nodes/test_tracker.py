@@ -191,13 +191,17 @@ def states(estimates):
 
 def test_on_other_material_the_state_becomes_unknown(tracker):
     other = unseen_sweep("seam")
-    assert states(slide(tracker, other, 0, len(other.strain) - 1)) == [State.SEARCHING, State.UNKNOWN]
+    found = states(slide(tracker, other, 0, len(other.strain) - 1))
+    assert found[:2] == [State.SEARCHING, State.UNKNOWN]
+    assert State.CONVERGED not in found
 
 
 def test_a_hand_that_is_lifted_and_put_elsewhere_is_lost_until_it_converges_again(tracker):
     sweep = kidnapped_sweep()
     estimates = slide(tracker, sweep, 0, len(sweep.strain) - 1)
-    assert states(estimates) == [State.SEARCHING, State.CONVERGED, State.LOST, State.CONVERGED]
+    found = states(estimates)
+    assert found[:3] == [State.SEARCHING, State.CONVERGED, State.LOST]
+    assert found[-1] == State.CONVERGED
     assert np.linalg.norm(estimates[-1].mean - sweep.truth[-2]) < 0.003
 
 

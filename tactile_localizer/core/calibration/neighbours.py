@@ -41,11 +41,6 @@ class NeighbourTrial:
     score: float
 
 
-def choose_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None) -> int:
-    """The best of :func:`search_neighbours`."""
-    return max(search_neighbours(scan, scene, progress), key=lambda trial: trial.score).neighbours
-
-
 def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None) -> list[NeighbourTrial]:
     """Score all :data:`NEIGHBOURS` for the Gaussian model with full covariance.
 

@@ -24,11 +24,6 @@ def log_density(squared: np.ndarray, variance: np.ndarray, channels: int) -> np.
     return -0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - DEGREES_OF_FREEDOM * np.log(variance))
 
 
-def robust_weight(squared: np.ndarray, variance: np.ndarray, channels: int) -> np.ndarray:
-    """Weight of a residual in a robust estimate, at most 1 (the E-step of EM, capped)."""
-    return np.minimum((DEGREES_OF_FREEDOM + channels) / (DEGREES_OF_FREEDOM + squared / variance), 1.0)
-
-
 def scatter(residuals: np.ndarray) -> np.ndarray:
     """Scatter matrix (C, C) of zero-mean ``residuals`` (N, C), by EM (Liu and Rubin, 1995).
 

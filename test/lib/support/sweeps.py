@@ -31,8 +31,10 @@ def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
     return dataclasses.replace(scene, measurement=measurement or MEASUREMENT)
 
 
-def write_scan(path: Path, feature: str = "bump", scene: Scene | None = None) -> SimulatedScan:
-    """Write a training scan of the simulated hand as a scan file, with its calibration where it is (x, y)."""
+def write_scan(
+    path: Path, feature: str = "bump", scene: Scene | None = None, *, calibrated: bool = True
+) -> SimulatedScan:
+    """Write a training scan of the simulated hand as a scan file, with a calibration or not."""
     scan = simulate_scan(feature, seed=1)
     with ScanStore.create(path, scene or scene_of(feature)) as store:
         for part in scan.slices():
@@ -40,7 +42,7 @@ def write_scan(path: Path, feature: str = "bump", scene: Scene | None = None) ->
             store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
             store.end_sweep()
         digest, dimension = digest_of(store.load(), store.scene), store.scene.dimension
-    if dimension == len(CALIBRATION["registration_std"]):
+    if calibrated and dimension == len(CALIBRATION["registration_std"]):
         LearnedResults(path).store_learned(KEY, digest, json.dumps(CALIBRATION).encode())
     return scan
 
@@ -50,7 +52,7 @@ def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> 
     return simulate_sweep(feature, seed=1, number=number, start=(0.004, 0.0241), rate=rate)
 
 
-def kidnapped_sweep(after: int = 101) -> SimulatedSweep:
+def kidnapped_sweep(after: int = 129) -> SimulatedSweep:
     """A sweep on which the hand is lifted ``after`` so many strains and begins anew, unknown to the arm."""
     first, again = unseen_sweep(), unseen_sweep(number=1)
     odometry = again.odometry - again.odometry[0] + first.odometry[after]

@@ -33,10 +33,6 @@ class Normal:
         covariance = np.atleast_2d(np.cov(samples.T, bias=True))
         return cls(samples.mean(axis=0), covariance + ridge(covariance, samples))
 
-    def marginal(self, columns: np.ndarray) -> Normal:
-        """The marginal over some of the channels (boolean mask or indices)."""
-        return Normal(self.mean[columns], self.covariance[columns][:, columns])
-
     def log_density(self, value: np.ndarray) -> np.ndarray:
         """Log-density of values (..., D): (...)."""
         return self._log_constant - 0.5 * self.squared_distance(value)
