@@ -116,20 +116,11 @@ def test_a_strain_unlike_all_others_has_a_finite_density(strain: float) -> None:
 
 
 def test_what_is_expected_is_the_mean_under_the_belief() -> None:
-    model = mixture((3, 5))
-    node, component = 4, 1
-    strain = model.map.mean[node, component].astype(np.float64)
-    expected = model.expected(STATES[[node]], np.ones(1), strain)
-    shares = model.evaluate(STATES[[node]], strain, np.ones(2, bool), np.zeros(2))
-    assert np.isfinite(shares.position).all()
-    assert np.abs(expected.residual).max() < 3.0
-    assert (expected.spread >= 0.0).all()
-    low, high = model.map.variance[node].min(axis=0), model.map.variance[node].max(axis=0)
-    assert ((expected.noise >= low - 1e-6) & (expected.noise <= high + 1e-6)).all()
-
-
-def test_whitening_and_volts_are_inverse() -> None:
-    model = mixture((3, 5))
-    strain = np.random.default_rng(5).standard_normal((2, 8))
-    difference = model.whitened(strain[0]) - model.whitened(strain[1])
-    np.testing.assert_allclose(model.in_volts(difference), strain[0] - strain[1])
+    model, nodes = mixture((3, 5)), [2, 4]
+    log_weights = np.log([0.25, 0.75])
+    expected = model.expected(STATES[nodes], log_weights, np.zeros(8))
+    means, noise = model.map.mean[nodes, 0].astype(float), model.map.variance[nodes, 0].astype(float)
+    weights = np.exp(log_weights)
+    assert np.allclose(expected.residual, -weights @ means, atol=1e-5)
+    assert np.allclose(expected.spread, weights @ (means - weights @ means) ** 2, atol=1e-4)
+    assert np.allclose(expected.noise, weights @ noise, atol=1e-5)
