@@ -157,7 +157,7 @@ def test_what_no_argument_says_is_as_the_parameter_file_has_it(launch: Launch, p
     assert "publish_tf: expected a reference_frame" in launched.output
 
 
-@pytest.mark.parametrize("rate", [1.0, 10.0])
+@pytest.mark.parametrize("rate", [1.0, 3.0, 10.0])
 def test_a_replay_loses_nothing(launch: Launch, place: Place, probe: Any, rate: float) -> None:
     from tactile_localizer.msg import Posterior
 
