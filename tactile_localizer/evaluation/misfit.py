@@ -15,6 +15,8 @@ from tactile_localizer.io.csv.columns import ANGLES, LENGTHS, fitting_unit
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.scene import Scene
 
+_FARTHEST = 1e100
+"""Standard deviations beyond which squares overflow."""
 _SWAPPED = 10.0
 """Nats per measurement by which another order of the phalanges must explain the strains better. Over 1,000 in
 favour of the right one on simulated hands."""
@@ -113,9 +115,9 @@ def _strain_hints(
 ) -> list[str]:
     """Another unit of the strain, or another order of the phalanges, that fits far better."""
     every = np.ones(len(scene.phalanges), dtype=bool)
-    spread = np.maximum(felt.std(axis=0), 1e-300)
+    spread = np.maximum(_spread(felt), 1e-300)
     for factor, text in _SCALES.items():
-        ratio = float(np.median(factor * strain.std(axis=0) / spread))
+        ratio = float(np.median(factor * _spread(strain) / spread))
         scaled = float(np.mean(scan_range.strains_outside(factor * strain, every)))
         if 0.1 < ratio < 10.0 and scaled <= max(unfelt, MATERIAL_SHARE):
             return [f"strains are {text}"]
@@ -124,6 +126,12 @@ def _strain_hints(
         expected = ", ".join(scene.phalanx_names)
         return [f"phalanges swapped: {', '.join(order)} in the columns of {expected}?"]
     return ["another material, force or tare?"] if unfelt > MATERIAL_SHARE else []
+
+
+def _spread(strain: np.ndarray) -> np.ndarray:
+    """Half the distance (C,) between the quantiles at 16 and 84 %: single wild values do not count."""
+    low, high = np.quantile(strain, (0.16, 0.84), axis=0)
+    return np.asarray(0.5 * (high - low))
 
 
 def _best_order(strain: np.ndarray, felt: np.ndarray, scene: Scene) -> tuple[str, ...] | None:
@@ -146,7 +154,7 @@ def _score(strain: np.ndarray, felt: np.ndarray) -> float:
     covariance = np.atleast_2d(np.cov(felt.T))
     covariance += np.diag(0.01 * np.diag(covariance) + 1e-300)
     root = np.linalg.cholesky(covariance)
-    scaled = np.linalg.solve(root, (strain - felt.mean(axis=0)).T)
+    scaled = np.linalg.solve(root, (strain - felt.mean(axis=0)).T).clip(-_FARTHEST, _FARTHEST)
     return float(-0.5 * np.mean(np.sum(scaled**2, axis=0)) - np.log(np.diag(root)).sum())
 
 

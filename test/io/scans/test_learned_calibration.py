@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.sweeps import scene_of, write_scan
+from support.sweeps import write_scan
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.scan.digest import digest_of
@@ -33,7 +33,7 @@ def calibrated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    write_scan(tmp_path / "scan.db", scene=dataclasses.replace(scene_of(), measurement={}))
+    write_scan(tmp_path / "scan.db", calibrated=False)
     return tmp_path / "scan.db"
 
 

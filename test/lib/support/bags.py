@@ -68,7 +68,9 @@ def status(stamp_ms: int, active: bool, number: int) -> Any:
 
 
 def posterior(stamp_ms: int, travel: float) -> Any:
-    numbers = dict.fromkeys(("covariance_trace", "evidence", "log_marginal", "effective_sample_size"), 0.0)
+    numbers = dict.fromkeys(
+        ("covariance_trace", "probability", "on_map", "log_marginal", "effective_sample_size"), 0.0
+    )
     return _T[TYPES["filter/posterior"]](
         header=_header(stamp_ms, "material"),
         state=1,
