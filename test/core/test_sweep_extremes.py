@@ -163,3 +163,10 @@ def test_whatever_is_felt_the_estimate_is_a_distribution(localizer: Localizer, s
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
         assert localizer.hypotheses()[1].sum() == pytest.approx(1.0)
         assert 0.0 <= estimate.probability <= estimate.on_map <= 1.0
+
+
+@pytest.mark.parametrize("volts", [1e15, 1e30, 1e90])
+def test_one_absurd_strain_does_not_end_a_localization(volts: float) -> None:
+    localizer = built(scan())
+    localizer.update(0, np.array([0.03]), np.full(8, volts))
+    assert slide(localizer)[-1] < 0.001

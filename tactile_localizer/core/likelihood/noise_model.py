@@ -202,7 +202,7 @@ def _whitening(
 
 
 def _resolution(strain: np.ndarray) -> np.ndarray:
-    """Smallest step between two values of each channel, (C,): a load cell cannot be more exact than that."""
+    """Quantization step of each channel, (C,): the smallest difference between two of its values."""
     sample = np.sort(strain[:: max(1, len(strain) // 20_000)], axis=0)
     steps = np.diff(sample, axis=0)
     smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)

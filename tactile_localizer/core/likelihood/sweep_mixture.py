@@ -17,6 +17,8 @@ INFLATION = 9.0
 tried on two fabrics and three simulated features."""
 _LOG_NEGLIGIBLE = np.log(1e-3)
 """Weight of a state, relative to the largest, below which it does not count in an expectation."""
+_FARTHEST = 1e9
+"""Noise widths beyond which a strain is as unlike every place as it can be; its square is still a float32."""
 _ELSEWHERE_PLACES = 400
 """Places that stand for the whole map in the likelihood of a strain that was felt anywhere."""
 
@@ -65,7 +67,7 @@ class SweepMixture:
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """See :meth:`.StrainModel.whitened`."""
-        return self.noise.whitened(strain)
+        return self.noise.whitened(strain).clip(-_FARTHEST, _FARTHEST)
 
     def in_volts(self, difference: np.ndarray) -> np.ndarray:
         """See :meth:`.StrainModel.in_volts`."""
