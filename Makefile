@@ -42,7 +42,7 @@ lint: venv ## Check style and types
 
 # CI's machine is shared: a test of processes in real time that starves is tried again, and reported as such.
 pytest := $(run) python -m pytest $(if $(CI),--reruns 2) --durations=10
-in_real_time := test/demo test/integration test/launch test/nodes test/soak
+in_real_time := test/demo test/integration test/launch test/ros test/soak
 
 .PHONY: test
 test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments

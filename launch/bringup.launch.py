@@ -3,7 +3,7 @@
 ros2 launch tactile_localizer bringup.launch.py scan_file:=scan.db namespace:=left
 """
 
-from tactile_localizer.nodes.launching import DRIVER, FILTER, nodes
+from tactile_localizer.ros.launching.nodes import DRIVER, FILTER, nodes
 
 
 def generate_launch_description():

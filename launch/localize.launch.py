@@ -3,7 +3,7 @@
 ros2 launch tactile_localizer localize.launch.py scan_file:=scan.db
 """
 
-from tactile_localizer.nodes.launching import FILTER, nodes
+from tactile_localizer.ros.launching.nodes import FILTER, nodes
 
 
 def generate_launch_description():

@@ -5,8 +5,8 @@
 `tactile-localizer replay` does the same without ROS, as fast as the machine goes.
 """
 
-from tactile_localizer.nodes.launched_replay import ARGUMENTS, FILTER_ON_BAG_TIME, Replay
-from tactile_localizer.nodes.launching import nodes
+from tactile_localizer.ros.launching.nodes import nodes
+from tactile_localizer.ros.launching.replay import ARGUMENTS, FILTER_ON_BAG_TIME, Replay
 
 
 def generate_launch_description():

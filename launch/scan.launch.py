@@ -3,7 +3,7 @@
 ros2 launch tactile_localizer scan.launch.py scan_file:=scan.db scene_file:=scene.yaml
 """
 
-from tactile_localizer.nodes.launching import DRIVER, MAPPING, nodes
+from tactile_localizer.ros.launching.nodes import DRIVER, MAPPING, nodes
 
 
 def generate_launch_description():

@@ -8,7 +8,7 @@ Two hands on one machine need two ports: bus_options:="['port=43114']".
 
 from dataclasses import replace
 
-from tactile_localizer.nodes.launching import BUS, DRIVER, FILTER, MAPPING, SIMULATOR, nodes
+from tactile_localizer.ros.launching.nodes import BUS, DRIVER, FILTER, MAPPING, SIMULATOR, nodes
 
 _SIMULATED = {"interface": "udp_multicast", "channel": "239.74.163.2"}
 

@@ -106,10 +106,10 @@ def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
     """Run a node here that cannot start: ``refusal("driver_node", parameters)`` is what it prints."""
     if reason := _why_no_ros():
         pytest.skip(reason)
-    from tactile_localizer.nodes.lifecycle import run
+    from tactile_localizer.ros.base.executable import run
 
     def refused(name: str, parameters: dict[str, Any]) -> list[str]:
-        module = importlib.import_module(f"tactile_localizer.nodes.{name}")
+        module = importlib.import_module(f"tactile_localizer.ros.{name}")
         arguments = [*node_command(name, parameters)[1:], "--disable-rosout-logs"]
         assert run(getattr(module, name.title().replace("_", "")), arguments) == 2
         return "".join(capfd.readouterr()).splitlines()

@@ -55,7 +55,7 @@ def test_every_command_is_understood(page: Path) -> None:
 
 @by_page
 def test_every_command_of_ros_names_what_the_package_has(page: Path) -> None:
-    nodes = "".join(path.read_text() for path in (ROOT / "tactile_localizer/nodes").glob("*.py"))
+    nodes = "".join(path.read_text() for path in (ROOT / "tactile_localizer/ros").rglob("*.py"))
     parameters = (ROOT / "docs/parameters.md").read_text()
     for _, verb, *words in commands(page, "ros2"):
         line = " ".join(words)
@@ -114,7 +114,7 @@ def test_every_field_of_every_message_is_described() -> None:
 
 def test_every_topic_and_service_of_the_nodes_is_described() -> None:
     text = (ROOT / "docs/messages.md").read_text()
-    sources = "".join(path.read_text() for path in (ROOT / "tactile_localizer/nodes").glob("*.py"))
+    sources = "".join(path.read_text() for path in (ROOT / "tactile_localizer/ros").rglob("*.py"))
     used = set(re.findall(r'"(~/\w+|/diagnostics|strain|palm_pose)"', sources))
     assert len(used) > 15
     assert {name for name in used if f"`{name}`" not in text} == set()

@@ -36,8 +36,8 @@ from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import Posterior
-from tactile_localizer.nodes.stamps import to_ns
 from tactile_localizer.resources import resource_path
+from tactile_localizer.ros.conversions.timestamps import to_ns
 from tactile_localizer.sim import simulate_scan
 
 IMAGES = Path(__file__).parents[1] / "images"

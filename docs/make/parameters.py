@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import rclpy
 
-from tactile_localizer.nodes.adapter_node import AdapterNode
-from tactile_localizer.nodes.driver_node import DriverNode
-from tactile_localizer.nodes.filter_node import FilterNode
-from tactile_localizer.nodes.lifecycle import ManagedNode
-from tactile_localizer.nodes.mapping_node import MappingNode
-from tactile_localizer.nodes.parameters import Parameter
-from tactile_localizer.nodes.simulator_node import SimulatorNode
+from tactile_localizer.ros.adapter_node import AdapterNode
+from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.parameters import Parameter
+from tactile_localizer.ros.driver_node import DriverNode
+from tactile_localizer.ros.filter_node import FilterNode
+from tactile_localizer.ros.mapping_node import MappingNode
+from tactile_localizer.ros.simulator_node import SimulatorNode
 
 HEAD = """\
 # Parameters

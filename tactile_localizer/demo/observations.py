@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 
 from tactile_localizer.evaluation.live_sweep import Contact, LiveSweep
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
-from tactile_localizer.nodes.stamps import to_ns
+from tactile_localizer.ros.conversions.timestamps import to_ns
 from tactile_localizer.sim.hand import PHALANGES
 
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

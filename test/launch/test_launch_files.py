@@ -24,7 +24,7 @@ def description_of(path: Path) -> Any:
 
 
 def test_a_mistyped_argument_is_told_from_somebody_elses() -> None:
-    from tactile_localizer.nodes.launching import mistyped
+    from tactile_localizer.ros.launching.nodes import mistyped
 
     known = [argument.name for argument in description_of(LAUNCH_FILES[0]).get_launch_arguments()]
     given = ["channel", "chanel", "scanfile", "somebody_elses", "robot"]
@@ -38,7 +38,7 @@ def test_every_argument_is_described(path: Path) -> None:
 
 
 def test_the_example_of_a_lifecycle_manager_leads_the_nodes_of_a_bringup() -> None:
-    from tactile_localizer.nodes.launching import DRIVER, FILTER
+    from tactile_localizer.ros.launching.nodes import DRIVER, FILTER
 
     path = Path(__file__).parents[2] / "examples/lifecycle_manager/bringup.launch.py"
     assert description_of(path).get_launch_arguments()[0].name == "scan_file"

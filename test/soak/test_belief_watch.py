@@ -36,7 +36,7 @@ def watch(heard):
 
 def tell(heard, stamp_ns, mean, converged=True, stale=False, reason=""):
     from tactile_localizer.msg import Posterior
-    from tactile_localizer.nodes.stamps import from_ns
+    from tactile_localizer.ros.conversions.timestamps import from_ns
 
     message = Posterior(mean=list(mean), converged=converged, stale=stale, reason=reason)
     message.header.stamp = from_ns(stamp_ns)
@@ -46,7 +46,7 @@ def tell(heard, stamp_ns, mean, converged=True, stale=False, reason=""):
 def be_at(heard, stamp_ns, x):
     from geometry_msgs.msg import PoseStamped
 
-    from tactile_localizer.nodes.stamps import from_ns
+    from tactile_localizer.ros.conversions.timestamps import from_ns
 
     message = PoseStamped()
     message.header.stamp = from_ns(stamp_ns)

@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from harness.relay import Relay
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.msg import Posterior
-from tactile_localizer.nodes.stamps import to_ns
+from tactile_localizer.ros.conversions.timestamps import to_ns
 
 _RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 _LONGEST_STEP_NS = 200_000_000

@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.msg import StrainVectors
-from tactile_localizer.nodes.stamps import from_ns, to_ns
+from tactile_localizer.ros.conversions.timestamps import from_ns, to_ns
 
 _BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 

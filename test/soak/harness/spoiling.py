@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.msg import StrainVectors
-from tactile_localizer.nodes.stamps import from_ns, to_ns
+from tactile_localizer.ros.conversions.timestamps import from_ns, to_ns
 
 
 def stuck() -> Callable[[StrainVectors], None]:

@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.msg import Posterior
-from tactile_localizer.nodes.stamps import to_ns
+from tactile_localizer.ros.conversions.timestamps import to_ns
 
 _RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 _ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.VOLATILE)

@@ -1,0 +1,171 @@
+"""Parameters with a description, a unit and a range; a bad value is refused with the reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.ros.base.rclpy_private import given_parameters
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node.
+
+    Parameters
+    ----------
+    name : with dots for a group
+    default : a bool, int, float, str, or list; its type is the parameter's. An empty list is one of strings,
+        for which ``['']`` stands too: the command line cannot give an empty list a type
+    description : one sentence, for people
+    unit : SI unit, empty where there is none
+    lower, upper : ends of the range of an int or a float, both allowed
+    choices : the strings that are allowed; empty: any
+    live : whether it may be set while the node is configured. Others are read when the node configures
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ""
+    lower: float | None = None
+    upper: float | None = None
+    choices: Sequence[str] = ()
+    live: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What ``ros2 param describe`` shows."""
+        text = f"{self.description} [{self.unit}]" if self.unit else self.description
+        descriptor = ParameterDescriptor(name=self.name, description=text)
+        if self.choices:
+            descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
+        if self.lower is not None or self.upper is not None:
+            if isinstance(self.default, float):
+                lower = float("-inf") if self.lower is None else float(self.lower)
+                upper = float("inf") if self.upper is None else float(self.upper)
+                descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
+            else:
+                least = -(2**63) if self.lower is None else int(self.lower)
+                most = 2**63 - 1 if self.upper is None else int(self.upper)
+                descriptor.integer_range = [IntegerRange(from_value=least, to_value=most)]
+        return descriptor
+
+
+class Parameters:
+    """A node's declared parameters: ``parameters["rate_hz"]`` is the present value.
+
+    Parameters
+    ----------
+    node : declares and keeps the values
+    declared : the parameters
+    configured : tells whether the node is configured, when parameters that are not live are refused
+
+    Raises
+    ------
+    ParameterError
+        A value given from outside (command line, file) is out of its range or of the wrong type.
+    """
+
+    def __init__(self, node: Node, declared: Iterable[Parameter], configured: Callable[[], bool]) -> None:
+        self._node = node
+        self._declared: dict[str, Parameter] = {}
+        self._configured = configured
+        node.add_on_set_parameters_callback(self._check)
+        self.declare(declared)
+
+    def declare(self, declared: Iterable[Parameter]) -> None:
+        """Declare more parameters, such as a group per phalanx. Those declared already are left alone.
+
+        Each has a value at once: one without would empty the whole answer of ``get_parameters``.
+        """
+        for parameter in declared:
+            if parameter.name in self._declared:
+                continue
+            self._declared[parameter.name] = parameter
+            default = rclpy.Parameter.Type.STRING_ARRAY if parameter.default == [] else parameter.default
+            try:
+                self._node.declare_parameter(parameter.name, default, parameter.descriptor())
+            except InvalidParameterTypeException as error:
+                wanted = (
+                    "a list of strings"
+                    if parameter.default == []
+                    else f"a value such as {parameter.default!r}"
+                )
+                raise ParameterError(
+                    f"parameter {parameter.name}: expected {wanted}. {_reason(error, parameter.name)}"
+                ) from error
+            except InvalidParameterValueException as error:
+                raise ParameterError(
+                    f"parameter {parameter.name}: {_reason(error, parameter.name)}"
+                ) from error
+            if not self._has_value(parameter.name):
+                self._node.set_parameters([rclpy.Parameter(parameter.name, default, [])])
+
+    def __iter__(self) -> Iterator[Parameter]:
+        """What is declared, in its order."""
+        return iter(self._declared.values())
+
+    def strange(self) -> list[str]:
+        """What was given from outside and is no parameter of this node, each with the one that may be meant.
+
+        Groups, which have a dot, are left out: they are declared when it is known what they are for.
+        """
+        return [
+            f"{name}{_meant(name, self._declared)}"
+            for name in given_parameters(self._node)
+            if "." not in name and not self._node.has_parameter(name)
+        ]
+
+    def __getitem__(self, name: str) -> Any:
+        value = self._node.get_parameter(name).value
+        if self._declared[name].default == []:
+            return [entry for entry in value if entry]
+        return list(value) if isinstance(self._declared[name].default, list) else value
+
+    def _has_value(self, name: str) -> bool:
+        return self._node.get_parameter_or(name).value is not None
+
+    def _check(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
+        for change in changes:
+            parameter = self._declared.get(change.name)
+            if parameter is None:
+                continue
+            if isinstance(change.value, float) and not math.isfinite(change.value):
+                reason = f"{change.name}: expected a finite number, got {change.value}"
+                return SetParametersResult(successful=False, reason=reason)
+            if parameter.choices and change.value not in parameter.choices:
+                reason = (
+                    f"{change.name}: expected one of {', '.join(parameter.choices)}, got {change.value!r}"
+                )
+                return SetParametersResult(successful=False, reason=reason)
+            if self._configured() and not parameter.live and self._has_value(change.name):
+                reason = (
+                    f"{change.name}: expected to be set before the node is configured, and it is configured"
+                )
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    near = get_close_matches(name, known, n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def _reason(error: Exception, name: str) -> str:
+    # rclpy's text without what its exceptions wrap around the reason.
+    text = str(error).removesuffix(f": {name}")
+    return text.partition("Reason: ")[2] or text

@@ -1,0 +1,125 @@
+"""Estimates as messages."""
+
+from __future__ import annotations
+
+import math
+from array import array
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from tactile_localizer.core.decision.convergence import State
+from tactile_localizer.core.filters.resampling import systematic
+from tactile_localizer.core.identification import Identification
+from tactile_localizer.core.localizer import Estimate
+from tactile_localizer.msg import FeatureProbabilities, Posterior
+from tactile_localizer.ros.conversions.timestamps import from_ns
+
+_PLACES = {"x": 0, "y": 1, "yaw": 5}
+"""Index of an axis in the covariance of a pose: x, y, z and rotations about x, y, z."""
+
+
+UNKNOWN_VARIANCE = 1e6
+"""Variance of the axes of a pose that are not modelled, m² or rad². Fusion nodes read zero as certainty."""
+
+
+_STATES = {
+    State.UNKNOWN: Posterior.UNKNOWN,
+    State.SEARCHING: Posterior.SEARCHING,
+    State.CONVERGED: Posterior.CONVERGED,
+    State.LOST: Posterior.LOST,
+}
+
+
+def state_of(estimate: Estimate, stale: str = "") -> int:
+    """The state of a ``Posterior``; ``stale`` is why the estimate is old, empty where it is not."""
+    return int(Posterior.STALE if stale else _STATES[estimate.state])
+
+
+def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
+    """The message of an estimate; with a reason why it is ``stale``, it no longer counts as converged."""
+    message = Posterior()
+    message.header = _header(estimate.stamp_ns, frame)
+    message.axes = list(axes)
+    message.mean = array("d", estimate.mean.tobytes())
+    message.covariance = array("d", np.ascontiguousarray(estimate.covariance).tobytes())
+    message.covariance_trace = estimate.trace
+    message.state = state_of(estimate, stale)
+    message.converged = message.state == Posterior.CONVERGED
+    message.reason = f"stale: {stale}" if stale else estimate.reason
+    message.probability = estimate.probability
+    message.on_map = estimate.on_map
+    message.log_marginal = estimate.log_marginal
+    message.effective_sample_size = estimate.effective_sample_size
+    message.particles = estimate.hypotheses
+    message.travel = estimate.travel
+    message.stale = message.state == Posterior.STALE
+    return message
+
+
+def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovarianceStamped:
+    """The mean and covariance of an estimate; axes that are not modelled have :data:`UNKNOWN_VARIANCE`."""
+    message = PoseWithCovarianceStamped()
+    message.header = _header(estimate.stamp_ns, frame)
+    values = dict(zip(axes, estimate.mean.tolist(), strict=True))
+    message.pose.pose.position.x = values.get("x", 0.0)
+    message.pose.pose.position.y = values.get("y", 0.0)
+    half_yaw = values.get("yaw", 0.0) / 2
+    message.pose.pose.orientation.z, message.pose.pose.orientation.w = math.sin(half_yaw), math.cos(half_yaw)
+    places = [_PLACES[axis] for axis in axes]
+    covariance = UNKNOWN_VARIANCE * np.eye(6)
+    covariance[np.ix_(places, places)] = estimate.covariance
+    message.pose.covariance = covariance.ravel()
+    return message
+
+
+def feature(stamp_ns: int, identification: Identification, frame: str) -> FeatureProbabilities:
+    """Probability of each of several scans."""
+    message = FeatureProbabilities(header=_header(stamp_ns, frame))
+    message.names = list(identification.probabilities)
+    message.probabilities = array("d", identification.probabilities.values())
+    message.most_probable = identification.most_probable
+    return message
+
+
+def deviations(message: PoseWithCovarianceStamped, axes: tuple[str, ...]) -> np.ndarray:
+    """Standard deviations (d,) of a pose on some axes, m (yaw: rad); NaN for a negative variance."""
+    places = [_PLACES[axis] for axis in axes]
+    variances = np.asarray(message.pose.covariance).reshape(6, 6).diagonal()[places]
+    return np.sqrt(np.where(variances >= 0.0, variances, math.nan))
+
+
+def cloud(
+    stamp_ns: int, states: np.ndarray, axes: tuple[str, ...], frame: str, **values: np.ndarray
+) -> PointCloud2:
+    """States (P, d) as points with fields x, y, z, yaw (if modelled) and one for each of ``values`` (P,)."""
+    columns = {"x": np.zeros(len(states)), "y": np.zeros(len(states)), "z": np.zeros(len(states))}
+    columns.update(zip(axes, states.T, strict=True))
+    columns.update(values)
+    data = np.stack(list(columns.values()), axis=1).astype("<f4")
+    message = PointCloud2(height=1, width=len(data), is_dense=True)
+    message.header = _header(stamp_ns, frame)
+    message.fields = [
+        PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+        for i, name in enumerate(columns)
+    ]
+    message.point_step = 4 * len(columns)
+    message.row_step = message.point_step * len(data)
+    message.data = array("B", data.tobytes())
+    return message
+
+
+def fewer(
+    states: np.ndarray, weights: np.ndarray, most: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """At most ``most`` states (P, d), resampled; each once, with the weight of all its copies."""
+    if len(states) <= most:
+        return states, weights
+    kept, copies = np.unique(systematic(weights, most, rng), return_counts=True)
+    return states[kept], copies / most
+
+
+def _header(stamp_ns: int, frame: str) -> Header:
+    return Header(stamp=from_ns(stamp_ns), frame_id=frame)

@@ -1,0 +1,1 @@
+"""The localizer on a stream of messages, built from scan files."""

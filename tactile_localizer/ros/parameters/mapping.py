@@ -1,0 +1,27 @@
+"""Parameters of the mapping node."""
+
+from __future__ import annotations
+
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S
+from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M
+from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M
+from tactile_localizer.ros.base.parameters import Parameter
+from tactile_localizer.ros.parameters import palm_pose
+
+PARAMETERS = (
+    Parameter("scan_file", "", "Scan file; recording goes on in one that exists"),
+    Parameter("scene_file", "", "Scene (YAML) that is recorded: a path, or a shipped one's name"),
+    Parameter("max_gap_s", DEFAULT_MAX_GAP_S, "Poses further apart are not interpolated", "s", 0.0, 10.0),
+    Parameter("patience_s", DEFAULT_PATIENCE_S, "Time, by stamps, to wait for a late pose", "s", 0.0, 60.0),
+    Parameter(
+        "sweep_detection",
+        "off",
+        "Sweeps by the services (off), or from the motion: both_ways, or one_way without the returns",
+        choices=("off", "both_ways", "one_way"),
+    ),
+    Parameter("reversal_m", DEFAULT_REVERSAL_M, "Travel back that ends a sweep", "m", 1e-5, 1.0),
+    Parameter("rest_s", DEFAULT_REST_S, "Time without that travel that ends a sweep", "s", 0.1, 60.0),
+    Parameter("sweep_distance_m", SWEEP_DISTANCE_M, "Distance of sweeps, for the coverage", "m", 1e-5, 1.0),
+    *palm_pose.PARAMETERS,
+)

@@ -1,0 +1,1 @@
+"""Publishers of estimates, maps and transforms."""

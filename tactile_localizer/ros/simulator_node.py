@@ -1,0 +1,206 @@
+"""The simulated hand as a ROS node: palm poses over DDS, load cells' frames on a CAN bus, in paced time.
+
+Between the sweeps the fingers are open. ``~/prepare`` brings the palm to the start of the next sweep and
+closes the fingers; ``~/sweep`` moves it. After a sweep the fingers stay closed until the next is prepared,
+so whoever records has time to stop.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+import traceback
+from typing import Any
+
+import can
+import numpy as np
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.service import Service
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
+from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.ros.base.executable import run
+from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.parameters.simulator import MODES, PARAMETERS
+from tactile_localizer.sim.can_cells import CanLoadCells, Faults
+from tactile_localizer.sim.hand import PHALANGES
+from tactile_localizer.sim.noise import child
+from tactile_localizer.sim.rig import Phase, Reading, Rig
+
+_CELL_PHASE = 0.37
+_BUS_NOISE = 5 << 30
+
+
+class SimulatorNode(ManagedNode):
+    """Runs a :class:`~tactile_localizer.sim.rig.Rig`; a thread of its own publishes what happens to it."""
+
+    def __init__(self) -> None:
+        super().__init__("simulator", PARAMETERS)
+        self._bus: can.BusABC | None = None
+        self._made: list[Any] = []
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self.add_post_set_parameters_callback(self._on_set)
+
+    def configure(self) -> None:
+        """Make the rig, open the bus, offer the topics and services."""
+        of = self.parameters
+        self._speed = of["speed"]
+        self._rig = Rig(of["feature"], of["seed"], of["sweep_speed_mps"], of["load_cell_rate_hz"])
+        dbc = given_or_shipped(of["dbc"], "config")
+        protocol = LoadCellProtocol.from_dbc(dbc, PHALANGES)
+        self._faults = self._read_faults()
+        options = parse_options(of["bus_options"])
+        self._bus = open_bus(BusSettings(of["interface"], of["channel"], options), protocol)
+        self._cells = CanLoadCells(protocol, self._bus, child(of["seed"], _BUS_NOISE))
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
+        self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
+        self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", latched)
+        self._made = [
+            self._pose,
+            self._truth,
+            self._active,
+            self.create_service(Trigger, "~/prepare", self._on_prepare),
+            self.create_service(Trigger, "~/sweep", self._on_sweep),
+        ]
+
+    def activate(self) -> None:
+        """Let time run."""
+        self._origin_s = time.monotonic()
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._live, name="simulated hand", daemon=True)
+        self._thread.start()
+
+    def deactivate(self) -> None:
+        """Stop time."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def cleanup(self) -> None:
+        """Close the bus, withdraw topics and services."""
+        if self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None
+        for made in self._made:
+            (self.destroy_service if isinstance(made, Service) else self.destroy_lifecycle_publisher)(made)
+        self._made = []
+
+    def _now_s(self) -> float:
+        """Simulated time, s."""
+        return self._speed * (time.monotonic() - self._origin_s)
+
+    def _live(self) -> None:
+        try:
+            self._publish_until_stopped()
+        except Exception:
+            if self.context.ok():  # else the context went away under a publisher: the process is ending
+                self.get_logger().fatal(traceback.format_exc())
+
+    def _publish_until_stopped(self) -> None:
+        pose_period = 1 / (self._speed * self.parameters["pose_rate_hz"])
+        cell_period = 1 / (self._speed * self.parameters["load_cell_rate_hz"])
+        pose_due = time.monotonic()
+        cell_due = pose_due + _CELL_PHASE * cell_period
+        active = None
+        while not self._stop.wait(max(0.0, min(pose_due, cell_due) - time.monotonic())):
+            with self._lock:
+                moment = self._rig.read(self._now_s())
+            if time.monotonic() >= cell_due:
+                self._send(moment)
+                cell_due = _next_due(cell_due, cell_period)
+            if time.monotonic() >= pose_due:
+                self._publish(moment)
+                pose_due = _next_due(pose_due, pose_period)
+            if active != (moment.phase is Phase.SWEEPING):
+                active = moment.phase is Phase.SWEEPING
+                self._active.publish(Bool(data=active))
+
+    def _send(self, moment: Reading) -> None:
+        try:
+            self._cells.send(moment.strain, self._faults)
+        except CanError as error:
+            self.get_logger().error(str(error), throttle_duration_sec=1.0)
+
+    def _publish(self, moment: Reading) -> None:
+        stamp = self.get_clock().now().to_msg()
+        self._pose.publish(_pose(stamp, self.parameters["frame_id"], moment.odometry))
+        if moment.truth is not None:
+            self._truth.publish(_pose(stamp, self.parameters["material_frame_id"], moment.truth))
+
+    def _on_prepare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Answers when the fingers are closed at the start of the next sweep."""
+        with self._lock:
+            moment = self._rig.read(self._now_s())
+            if moment.phase is Phase.SWEEPING:
+                response.message = "the hand is sweeping: expected it to be at rest"
+                return response
+            sweep = self._rig.prepare(MODES[self.parameters["mode"]], self._now_s())
+            self._number = sweep.number
+        self._stop.wait((self._rig.ready_s - self._now_s()) / self._speed)
+        return self._answer(response)
+
+    def _on_sweep(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Answers when the palm begins to move; prepares the sweep where that was not asked for."""
+        with self._lock:
+            phase = self._rig.read(self._now_s()).phase
+        if phase is not Phase.READY and not self._on_prepare(request, response).success:
+            return response
+        with self._lock:
+            self._rig.start(self._now_s())
+        return self._answer(response)
+
+    def _answer(self, response: Trigger.Response) -> Trigger.Response:
+        sweep = {
+            "mode": self.parameters["mode"],
+            "sweep": self._number,
+            "duration_s": round(self._rig.duration_s / self._speed, 4),
+        }
+        response.success, response.message = True, json.dumps(sweep)
+        return response
+
+    def _on_set(self, changed: list[rclpy.Parameter]) -> None:
+        if self._bus is not None and any(parameter.name.startswith("fault.") for parameter in changed):
+            try:
+                self._faults = self._read_faults()
+            except ParameterError as error:
+                self.get_logger().error(f"{error}; the faults stay as they were")
+
+    def _read_faults(self) -> Faults:
+        of = self.parameters
+        for name in ("fault.silent", "fault.faulty"):
+            for phalanx in of[name]:
+                if phalanx not in PHALANGES:
+                    raise ParameterError(f"{name}: expected some of {', '.join(PHALANGES)}, got {phalanx!r}")
+        return Faults(of["fault.drop"], of["fault.garbage"], of["fault.silent"], of["fault.faulty"])
+
+
+def _next_due(due: float, period: float) -> float:
+    """The next tick that is not past: late, the simulator leaves ticks out and never sends a burst."""
+    return due + period * max(1, math.ceil((time.monotonic() - due) / period))
+
+
+def _pose(stamp: Time, frame_id: str, position: np.ndarray) -> PoseStamped:
+    message = PoseStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frame_id
+    message.pose.position.x, message.pose.position.y = map(float, position)
+    message.pose.orientation.w = 1.0
+    return message
+
+
+def main() -> int:
+    """Run the node."""
+    return run(SimulatorNode)

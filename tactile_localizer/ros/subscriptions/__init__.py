@@ -1,0 +1,1 @@
+"""Subscriptions: strain, palm poses on a topic or in tf."""

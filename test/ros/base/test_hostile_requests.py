@@ -1,0 +1,201 @@
+"""Whatever a request or a message holds, the node that receives it goes on as before."""
+
+import os
+import random
+import sqlite3
+import struct
+from contextlib import closing
+
+import numpy as np
+import pytest
+from support.filter import CELL, Filter, set_parameter
+from support.old_scans import make_old
+from support.sweeps import SlidingHand, scene_of, unseen_sweep, write_scan
+
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
+
+pytestmark = pytest.mark.ros
+
+STATEMENTS = (
+    "UPDATE batch SET stamp_ns = 'text'",
+    "UPDATE batch SET states = 7",
+    "UPDATE batch SET strain = 1e300",
+    "UPDATE batch SET strain = zeroblob(3)",
+    "UPDATE batch SET pairs = -1",
+    "UPDATE batch SET pairs = 4000000000",
+    "UPDATE batch SET first_ns = 'soon'",
+    "UPDATE batch SET sweep = 77",
+    "UPDATE sweep SET dropped = 1",
+    "UPDATE sweep SET ended = 'no'",
+    "UPDATE header SET value = 'null'",
+    "UPDATE header SET value = '[[' WHERE key = 'scene'",
+    "UPDATE header SET value = replace(value, '0.', '1e300') WHERE key = 'scene'",
+    "UPDATE header SET value = 17 WHERE key = 'units'",
+    "DELETE FROM header",
+    "DROP TABLE sweep",
+    "CREATE VIEW endless AS SELECT 1",
+    "PRAGMA user_version = 3",
+    "PRAGMA application_id = 1",
+)
+
+
+def hostile_files(folder, scan):
+    """Names of files in ``folder``, none of which is a scan that can be used."""
+    whole = scan.read_bytes()
+    rng = random.Random(0)
+    contents = {
+        "empty.db": b"",
+        "text.db": b"x, y\n" * 1000,
+        "truncated.db": whole[: len(whole) // 2],
+        "page.db": whole[:4096],
+        "header.db": whole[:100],
+        "zeros.db": bytes(len(whole)),
+    }
+    for k in range(10):
+        damaged = bytearray(whole)
+        for place in rng.sample(range(len(whole)), 200):
+            damaged[place] = rng.randrange(256)
+        contents[f"damaged{k}.db"] = bytes(damaged)
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    names = list(contents)
+    for k, statement in enumerate(STATEMENTS):
+        names.append(f"changed{k}.db")
+        (folder / names[-1]).write_bytes(whole)
+        make_old(folder / names[-1])
+        with closing(sqlite3.connect(folder / names[-1], isolation_level=None)) as connection:
+            connection.execute("PRAGMA foreign_keys = OFF")
+            connection.execute(statement)
+    for k, value in enumerate((1e300, -1e300, np.inf, np.nan)):
+        for column in ("states", "strain"):
+            names.append(f"huge_{column}{k}.db")
+            (folder / names[-1]).write_bytes(whole)
+            make_old(folder / names[-1])
+            with closing(sqlite3.connect(folder / names[-1])) as connection, connection:
+                blob = struct.pack("<d", value)
+                update = f"UPDATE batch SET {column} = CAST(? || substr({column}, 9) AS BLOB)"
+                connection.execute(update.replace("?", f"x'{blob.hex()}'"))
+    (folder / "folder.db").mkdir()
+    os.mkfifo(folder / "fifo.db")
+    (folder / "loop.db").symlink_to("loop.db")
+    with ScanStore.create(folder / "no_pairs.db", scene_of()):
+        pass
+    return [*names, "folder.db", "fifo.db", "loop.db", "no_pairs.db"]
+
+
+PATHS = (
+    "", ".", "..", "/", "x" * 5000, "x/" * 2000, "\x00", "a\x00b.db", "~", "-", "%s%n", "[/bold]", "\n",
+    "ü" * 300,    "/dev/zero", "/proc/self/mem", "file:bump.db?mode=memory", ":memory:",
+)  # fmt: skip
+
+
+def test_no_request_for_a_scan_ends_the_filter_and_the_old_map_stays(node_process, probe, tmp_path):
+    from tactile_localizer.srv import LoadScan
+
+    scan, folder = tmp_path / "bump.db", tmp_path / "maps"
+    folder.mkdir()
+    write_scan(scan)
+    files = hostile_files(folder, scan)
+    process = node_process("filter_node", {"scan_file": scan, "scan_directory": folder, **CELL})
+    node = Filter(process, probe, SlidingHand(probe, unseen_sweep()))
+    node.slide(20)
+    for path in (*PATHS, *files):
+        answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
+        assert not answer.success, path
+        assert answer.message, path
+        assert "\n" not in answer.message, path
+        assert "unexpected" not in answer.message, f"{path}: {answer.message}"
+    node.slide(20)
+    assert node.fresh()[-1].travel > 0.005, "the belief went on"
+    assert process.stop() == 0
+
+
+def test_no_value_of_a_parameter_ends_the_filter(node_process, probe, tmp_path):
+    scan = tmp_path / "bump.db"
+    write_scan(scan)
+    process = node_process("filter_node", {"scan_file": scan, **CELL})
+    node = Filter(process, probe, SlidingHand(probe, unseen_sweep()))
+    for name in (
+        "convergence_radius",
+        "update_distance",
+        "particles_rate_hz",
+        "shown_particles",
+        "scan_file",
+    ):
+        for value in (
+            float("nan"),
+            float("inf"),
+            -1.0,
+            0.0,
+            1e300,
+            2**62,
+            -(2**63),
+            True,
+            "x" * 10_000,
+            [],
+            [1.0],
+        ):
+            result = set_parameter(probe, name, value)
+            assert not result.successful, (name, value)
+            assert result.reason
+    node.slide(20)
+    assert process.stop() == 0
+
+
+STARTS = {
+    "truncated scan": ("filter_node", "scan_file", "truncated.db", "scan repair"),
+    "huge strain": ("filter_node", "scan_file", "huge_strain0.db", "strain: expected finite values"),
+    "long path": ("filter_node", "scan_file", "x" * 5000, "File name too long"),
+    "damaged scan to go on with": ("mapping_node", "scan_file", "changed0.db", "expected arrays of"),
+    "alias bomb": ("mapping_node", "scene_file", "bomb.yaml", "expected YAML, at most 20000 values"),
+    "deep scene": ("mapping_node", "scene_file", "deep.yaml", "expected YAML, at most 16 levels"),
+    "text for a number": ("mapping_node", "scene_file", "text.yaml", "expected a finite number, got 'wide'"),
+}
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_what_a_node_reads_at_start_is_refused_in_one_line(refusal, tmp_path, name):
+    node, parameter, file, reason = STARTS[name]
+    scan, folder = tmp_path / "bump.db", tmp_path / "maps"
+    folder.mkdir()
+    write_scan(scan)
+    hostile_files(folder, scan)
+    save_scene(scene_of(), folder / "scene.yaml")
+    scene = (folder / "scene.yaml").read_text()
+    (folder / "text.yaml").write_text(scene.replace("motion_std: 0.0035", "motion_std: wide"))
+    (folder / "deep.yaml").write_text("[" * 20_000)
+    lines = [f"l{n}: &l{n} [{f'*l{n - 1}, ' * 9}]" for n in range(1, 20)]
+    (folder / "bomb.yaml").write_text("\n".join(["l0: &l0 [x]", *lines]))
+    given = {"scene_file": folder / "scene.yaml", "scan_file": scan} if node == "mapping_node" else {}
+    (line,) = refusal(node, {**given, parameter: folder / file})
+    assert reason in line
+    assert "unexpected" not in line
+
+
+def fail(*arguments):
+    raise KeyError("a key\nthat is not there")
+
+
+def test_a_failure_that_nobody_expected_is_a_refusal_in_one_line():
+    import rclpy
+    from rclpy.lifecycle import TransitionCallbackReturn
+    from std_msgs.msg import Empty
+    from std_srvs.srv import Trigger
+
+    from tactile_localizer.ros.base.managed_node import ManagedNode
+
+    rclpy.init()
+    node = ManagedNode("fragile")
+    try:
+        service = node.create_service(Trigger, "~/break", fail)
+        answer = service.callback(Trigger.Request(), Trigger.Response(success=True))
+        assert not answer.success
+        assert answer.message.startswith("unexpected KeyError: 'a key\\nthat is not there' (test_hostile")
+        node.create_subscription(Empty, "~/broken", fail, 1).callback(Empty())
+        node.create_timer(1.0, fail).callback()
+        node.configure = fail
+        assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,316 @@
+"""Every node, every transition from every state, twice; and destruction in every state."""
+
+import itertools
+import subprocess
+import sys
+import threading
+
+import pytest
+from support.sweeps import scene_of, write_scan
+from support.waiting import wait_until
+
+from tactile_localizer.io.scene_file import save_scene
+
+pytestmark = pytest.mark.ros
+
+STATES = ("unconfigured", "inactive", "active", "finalized")
+VALID = {
+    ("unconfigured", "configure"): "inactive",
+    ("unconfigured", "shutdown"): "finalized",
+    ("inactive", "activate"): "active",
+    ("inactive", "cleanup"): "unconfigured",
+    ("inactive", "shutdown"): "finalized",
+    ("active", "deactivate"): "inactive",
+    ("active", "shutdown"): "finalized",
+}
+TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
+WAYS = {
+    "unconfigured": (),
+    "inactive": ("configure",),
+    "active": ("configure", "activate"),
+    "finalized": ("configure", "shutdown"),
+}
+NODES = {
+    "driver_node": "DriverNode",
+    "mapping_node": "MappingNode",
+    "filter_node": "FilterNode",
+    "simulator_node": "SimulatorNode",
+    "adapter_node": "AdapterNode",
+}
+
+PATHS = {
+    "driver": "dbc",
+    "mapping": "scene_file",
+    "filter": "scan_file",
+    "simulator": "dbc",
+    "adapter": "adapter_file",
+}
+"""A parameter of each node that names a file without which it cannot be configured."""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lifecycle")
+    write_scan(folder / "bump.db")
+    save_scene(scene_of(), folder / "scene.yaml")
+    return folder
+
+
+@pytest.fixture(params=NODES)
+def make(request, files, tmp_path):
+    """Makes the node, in the default context, with parameters that it can work with."""
+    import importlib
+
+    import rclpy
+
+    virtual = {"interface": "virtual", "channel": request.param}
+    parameters = {
+        "driver_node": {**virtual, "tare_file": tmp_path / "tare.yaml"},
+        "mapping_node": {"scene_file": files / "scene.yaml", "scan_file": tmp_path / "scan.db"},
+        "filter_node": {"scan_file": files / "bump.db", "cell": 2.0},
+        "simulator_node": virtual,
+        "adapter_node": {"adapter_file": "wrench.yaml"},
+    }[request.param]
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={value}"]
+    rclpy.init(args=arguments)
+    module = importlib.import_module(f"tactile_localizer.ros.{request.param}")
+    made = []
+
+    def make():
+        made.append(getattr(module, NODES[request.param])())
+        return made[-1]
+
+    try:
+        yield make
+    finally:
+        for node in made:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def state_of(node):
+    return node._state_machine.current_state[1]
+
+
+def trigger(node, transition):
+    return getattr(node, f"trigger_{transition}")()
+
+
+def is_refused(node, transition):
+    """Whether there is no such transition from the node's state: rclpy raises, or from Kilted on returns."""
+    from rclpy._rclpy_pybind11 import RCLError
+    from rclpy.lifecycle import TransitionCallbackReturn
+
+    try:
+        return trigger(node, transition) == TransitionCallbackReturn.ERROR
+    except RCLError:
+        return True
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_each_transition_from_each_state_does_what_it_should_twice(make, state):
+    node = make()
+    for transition in WAYS[state]:
+        trigger(node, transition)
+    for transition, _ in itertools.product(TRANSITIONS, range(2)):
+        assert state_of(node) == state
+        if (state, transition) not in VALID:
+            assert is_refused(node, transition)
+            continue
+        trigger(node, transition)
+        assert state_of(node) == VALID[state, transition]
+        if transition == "shutdown":
+            node.destroy_node()
+            node = make()
+            for way in WAYS[state]:
+                trigger(node, way)
+        else:
+            bring_back(node, state)
+
+
+def bring_back(node, state):
+    """Back to a state by valid transitions."""
+    back = {
+        ("inactive", "unconfigured"): ("cleanup",),
+        ("active", "inactive"): ("deactivate",),
+        ("unconfigured", "inactive"): ("configure",),
+        ("inactive", "active"): ("activate",),
+    }
+    for transition in back[state_of(node), state]:
+        trigger(node, transition)
+
+
+def test_round_and_round_leaves_nothing_behind(make):
+    node = make()
+    before = threading.active_count()
+
+    def entities():
+        return [len(list(kind)) for kind in (node.publishers, node.subscriptions, node.services, node.timers)]
+
+    bare = entities()
+    for _ in range(2):
+        for transition in ("configure", "activate", "deactivate", "activate", "deactivate", "cleanup"):
+            trigger(node, transition)
+        assert state_of(node) == "unconfigured"
+        assert entities() == bare
+        wait_until(lambda: threading.active_count() <= before, "its threads to end")
+
+
+def test_a_refused_configure_says_why_and_can_be_tried_again_when_the_cause_is_mended(make, tmp_path, capfd):
+    from rclpy.lifecycle import TransitionCallbackReturn
+    from rclpy.parameter import Parameter
+
+    node = make()
+    right = node.get_parameter(PATHS[node.get_name()])
+    wrong = Parameter(right.name, value=str(tmp_path / "missing"))
+    node.set_parameters([wrong])
+    for _ in range(2):
+        assert trigger(node, "configure") == TransitionCallbackReturn.FAILURE
+        assert state_of(node) == "unconfigured"
+        assert wrong.value in capfd.readouterr().err
+    node.set_parameters([right])
+    for transition in WAYS["active"]:
+        assert trigger(node, transition) == TransitionCallbackReturn.SUCCESS
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_it_can_be_destroyed_in_each_state(make, state):
+    before = threading.active_count()
+    for _ in range(2):
+        node = make()
+        for transition in WAYS[state]:
+            trigger(node, transition)
+        node.close()
+        node.destroy_node()
+        wait_until(lambda: threading.active_count() <= before, "its threads to end")
+
+
+def test_an_active_node_survives_that_its_context_goes_away(make):
+    import rclpy
+
+    node = make()
+    for transition in WAYS["active"]:
+        trigger(node, transition)
+    before = threading.active_count()
+    rclpy.shutdown()
+    node.close()
+    node.destroy_node()
+    assert threading.active_count() <= before
+
+
+def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
+    node = make()
+    name = node.get_name()
+
+    probe.until(lambda: f"/{name}/change_state" in lifecycle_services(probe), "its services")
+    node.close()
+    node.destroy_node()
+    probe.until(lambda: not lifecycle_services(probe), "its services to be gone, while it is referred to")
+
+
+def test_a_node_that_cannot_be_made_leaves_nothing_in_the_graph(make, probe):
+    import rclpy
+
+    from tactile_localizer.errors import ParameterError
+
+    rclpy.shutdown()
+    rclpy.init(args=["--ros-args", "-p", "autostart:=maybe"])
+    with pytest.raises(ParameterError) as refusal:
+        make()
+    after = rclpy.create_node("after")
+    probe.until(lambda: probe.node.count_services("/after/get_parameters"), "what was made after it")
+    assert lifecycle_services(probe) == []
+    after.destroy_node()
+    assert "autostart" in str(refusal.value)
+
+
+def lifecycle_services(probe):
+    found = probe.node.get_service_names_and_types()
+    return [service for service, _ in found if service.endswith("/change_state")]
+
+
+ENDING = """
+import sys
+import rclpy
+from tactile_localizer.ros.base.executable import run
+
+def twice():
+    rclpy.shutdown()
+    rclpy.shutdown()
+
+def fails():
+    raise RuntimeError("something else")
+
+def make():
+    raise KeyboardInterrupt
+
+rclpy.try_shutdown = {}
+sys.exit(run(make))
+"""
+"""A node whose end goes as a function of the script has it."""
+
+
+def ended(how):
+    """Exit status and standard error of :data:`ENDING`."""
+    command = [sys.executable, "-c", ENDING.format(how)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return done.returncode, done.stderr
+
+
+def test_a_signal_that_shuts_rclpy_down_while_the_node_does_is_no_error():
+    """rclpy asks whether it is up and shuts down in two steps; its signal handler may come between them."""
+    assert ended("twice") == (0, "")
+
+
+def test_any_other_failure_of_the_end_is_not_hidden():
+    status, error = ended("fails")
+    assert status == 1
+    assert error.endswith("RuntimeError: something else\n")
+
+
+SHUT_DOWN = """
+import sys, threading
+import rclpy
+from tactile_localizer.ros.base.executable import run
+from tactile_localizer.ros.base.managed_node import ManagedNode
+
+class Idle(ManagedNode):
+    def activate(self):
+        threading.Timer(1.0, self.context.handle.shutdown).start()
+
+sys.exit(run(lambda: Idle("idle")))
+"""
+"""A node whose executor waits while a signal's second half, the shutdown, is carried out."""
+
+
+def test_a_node_without_work_ends_with_its_context():
+    command = [sys.executable, "-c", SHUT_DOWN]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+INTERRUPTED = """
+import os, signal, sys, time
+from tactile_localizer.ros.base.executable import run
+from tactile_localizer.ros.base.managed_node import ManagedNode
+
+class Interrupted(ManagedNode):
+    def activate(self):
+        self.create_timer(0.01, self.work)
+
+    def work(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.3)
+        print("whole")
+
+sys.exit(run(lambda: Interrupted("interrupted")))
+"""
+
+
+def test_an_interrupt_does_not_cut_a_callback_in_two():
+    command = [sys.executable, "-c", INTERRUPTED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "whole\n", "")

@@ -1,0 +1,19 @@
+"""Estimates as messages."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from tactile_localizer.core.decision.convergence import State
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("stale", ["", "no strain"])
+def test_the_state_is_the_estimates_unless_it_is_stale(state: State, stale: str) -> None:
+    from tactile_localizer.msg import Posterior
+    from tactile_localizer.ros.conversions.posteriors import state_of
+
+    expected = "STALE" if stale else state.name
+    assert state_of(SimpleNamespace(state=state), stale) == getattr(Posterior, expected)  # type: ignore[arg-type]

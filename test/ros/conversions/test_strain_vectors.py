@@ -1,0 +1,57 @@
+"""A scene's phalanges out of strain vectors, whatever channels they have."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import MeasurementError, SceneError
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+pytestmark = pytest.mark.ros
+
+AXES = (Axis("x", 0.0, 0.05),)
+SCENE = Scene("mixed", AXES, (Phalanx("thumb", (0.0,), 3), Phalanx("index", (0.0,), 19)))
+
+
+def message(size=30, status=(0, 1, 2), channels=(19, 8, 3)):
+    from tactile_localizer.msg import StrainVectors
+
+    return StrainVectors(
+        phalanges=["index", "middle", "thumb"],
+        strain=np.arange(float(size)).tolist(),
+        status=list(status),
+        channels=list(channels),
+    )
+
+
+def reader(scene=SCENE):
+    from tactile_localizer.ros.conversions.strain_vectors import StrainReader
+
+    return StrainReader(scene)
+
+
+def test_phalanges_are_picked_with_their_channels_and_status():
+    strain, status = reader().read(message())
+    np.testing.assert_array_equal(strain, [27, 28, 29, *range(19)])
+    assert status.tolist() == [2, 0]
+
+
+def test_messages_without_counts_have_eight_channels_each():
+    eight = Scene("eight", AXES, (Phalanx("middle", (0.0,)),))
+    strain, _ = reader(eight).read(message(24, channels=()))
+    np.testing.assert_array_equal(strain, np.arange(8.0, 16.0))
+
+
+def test_a_driver_that_changes_its_channels_is_followed():
+    own = reader()
+    own.read(message())
+    with pytest.raises(SceneError, match="expected 3 channels, got 8"):
+        own.read(message(24, channels=()))
+    own.read(message())
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"size": 29}, {"status": (0, 0)}, {"channels": (19, 8)}, {"channels": (19, 8, 3, 1)}]
+)
+def test_lengths_that_contradict_each_other_are_refused(wrong):
+    with pytest.raises(MeasurementError, match="strain vector of 3 phalanges"):
+        reader().read(message(**wrong))

@@ -1,0 +1,124 @@
+"""Other sensors' messages become strain, over DDS: the examples of a wrench fingertip and of two arrays."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bags import MS, START
+
+from tactile_localizer.io.scans.store import ScanStore
+
+pytestmark = pytest.mark.ros
+
+EXAMPLE = Path(__file__).parents[2] / "examples/own_sensor"
+
+
+def place_at(stamp_ms):
+    """To and fro within the bounds, for as long as it takes DDS to match all."""
+    return 0.01 + 1e-5 * abs(stamp_ms % 4000 - 2000)
+
+
+def channels_at(x, count):
+    return np.sin(100 * x + np.arange(count))
+
+
+def wrench(stamp_ms):
+    from geometry_msgs.msg import WrenchStamped
+
+    message = WrenchStamped()
+    values = channels_at(place_at(stamp_ms), 6).tolist()
+    for name, value in zip("xyz", values[:3], strict=True):
+        setattr(message.wrench.force, name, value)
+    for name, value in zip("xyz", values[3:], strict=True):
+        setattr(message.wrench.torque, name, value)
+    _stamp(message, stamp_ms)
+    return message
+
+
+def pose(stamp_ms):
+    from geometry_msgs.msg import PoseStamped
+
+    message = PoseStamped()
+    message.header.frame_id = "material"
+    message.pose.position.x = place_at(stamp_ms)
+    message.pose.orientation.w = 1.0
+    _stamp(message, stamp_ms)
+    return message
+
+
+def _stamp(message, stamp_ms):
+    seconds, message.header.stamp.nanosec = divmod(START + stamp_ms * MS, 10**9)
+    message.header.stamp.sec = seconds
+
+
+def test_a_wrench_fingertip_is_mapped(node_process, probe, tmp_path):
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    from std_srvs.srv import Trigger
+
+    from tactile_localizer.msg import ScanStatus, StrainVectors
+    from tactile_localizer.ros.adapter_node import STRAIN_QOS
+
+    strain = probe.listen(StrainVectors, "strain", STRAIN_QOS)
+    node_process("adapter_node", {"adapter_file": EXAMPLE / "fingertip_adapter.yaml"})
+    files = {"scene_file": EXAMPLE / "fingertip.yaml", "scan_file": tmp_path / "scan.db"}
+    mapping = node_process("mapping_node", files)
+    wrenches, poses = probe.publisher(WrenchStamped, "wrench"), probe.publisher(PoseStamped, "palm_pose", 100)
+    statuses = probe.listen(ScanStatus, "mapping/status", 10)
+    assert probe.call(Trigger, "mapping/start_sweep").success
+    stamps_ms = itertools.count(10, 10)
+
+    def recorded():
+        stamp_ms = next(stamps_ms)
+        poses.publish(pose(stamp_ms))
+        wrenches.publish(wrench(stamp_ms))
+        return statuses and statuses[-1].samples > 30
+
+    probe.until(recorded, "pairs in the scan", timeout_s=30.0)
+    assert probe.call(Trigger, "mapping/end_sweep").success
+    assert mapping.stop() == 0
+    assert list(strain[-1].channels) == [6]
+    with ScanStore.open(files["scan_file"]) as store:
+        scan = store.load()
+    expected = np.array([channels_at(x, 6) for x in scan.states[:, 0]])
+    np.testing.assert_allclose(scan.strain, expected, atol=1e-9)
+
+
+def test_arrays_of_16_taxels_become_two_phalanges(node_process, probe):
+    from std_msgs.msg import Float32MultiArray
+
+    from tactile_localizer.msg import StrainVectors
+    from tactile_localizer.ros.adapter_node import STRAIN_QOS
+
+    strain = probe.listen(StrainVectors, "strain", STRAIN_QOS)
+    node_process("adapter_node", {"adapter_file": EXAMPLE / "array_adapter.yaml"})
+    taxels = probe.publisher(Float32MultiArray, "taxels")
+    values = [float(k) for k in range(32)]
+    probe.until(lambda: taxels.publish(Float32MultiArray(data=values)) or strain, "the adapter's strain")
+    sent = [values, [4095.0, *values[1:]], [*values[:31], float("nan")], values[:31], values]
+
+    def publish(data):
+        before = len(strain)
+        taxels.publish(Float32MultiArray(data=data))
+        if len(data) == 32:
+            probe.until(lambda: len(strain) > before, "the strain vector")
+
+    for data in sent:
+        publish(data)
+    probe.until(lambda: list(strain[-1].status) == [0, 0], "the last strain vector")
+    assert [status for status, _ in itertools.groupby(list(message.status) for message in strain)] == [
+        [0, 0], [2, 0], [0, 1], [0, 0],
+    ]  # fmt: skip
+    assert list(strain[-1].channels) == [16, 16]
+    np.testing.assert_array_equal(strain[-1].strain, values)
+    assert strain[-1].header.stamp.sec > 0
+
+
+def test_a_file_or_a_type_that_cannot_be_used_is_refused_in_one_line(refusal, tmp_path):
+    (line,) = refusal("adapter_node", {"adapter_file": tmp_path / "none.yaml"})
+    assert "none.yaml: expected a strain adapter in YAML, found none" in line
+    (tmp_path / "own.yaml").write_text(
+        "phalanges: {index: {topic: a, type: no_such/msg/Skin, fields: [data]}}"
+    )
+    (line,) = refusal("adapter_node", {"adapter_file": tmp_path / "own.yaml"})
+    assert "type no_such/msg/Skin: expected a message type that is installed, found none" in line

@@ -1,0 +1,396 @@
+"""The installed filter node from outside: strain and poses in, a belief out that is never made up."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+from support.filter import CELL, Filter, set_parameter
+from support.sweeps import (
+    MEASUREMENT,
+    SlidingHand,
+    kidnapped_sweep,
+    scene_of,
+    stamp_of,
+    unseen_sweep,
+    write_scan,
+)
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_identifier, build_localizer
+from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+pytestmark = pytest.mark.ros
+
+PAPER = {
+    "model": "sum_of_gaussians",
+    "filter": "particle",
+    "particles": 75,
+    "random_particles": 10,
+    "conditional": False,
+    "resample_below": 1.0,
+    "evaluation": "exact",
+}
+
+
+@pytest.fixture(scope="module")
+def scan_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scans") / "bump.db"
+    write_scan(path)
+    return path
+
+
+@pytest.fixture
+def start(node_process, probe, scan_file):
+    """Start the node on the scan of the bump."""
+
+    def start(sweep=None, **parameters):
+        node = node_process("filter_node", {"scan_file": scan_file, **CELL, **parameters})
+        return Filter(node, probe, SlidingHand(probe, sweep or unseen_sweep()))
+
+    return start
+
+
+def offline(hand, samples, scan_file, configuration):
+    """What the same localizer says of the same strains and positions without ROS."""
+    with ScanStore.open(scan_file) as store:
+        scan, scene = store.load(), store.scene
+    calibration = learned_calibration(scan_file, scan, scene)
+    localizer = build_localizer(scan, scene, configuration, np.random.default_rng(0), None, calibration)
+    localizer.reset()
+    positions = hand.positions()
+    return [
+        localizer.update(hand.offset_ns + int(hand.strain_ns[k]), positions[k], hand.sweep.strain[k])
+        for k in samples
+    ]
+
+
+@pytest.mark.parametrize("choices", [CELL, PAPER], ids=["grid", "the paper's particles"])
+def test_live_it_believes_the_same_as_the_localizer_without_ros(start, scan_file, choices):
+    from tactile_localizer.ros.conversions.posteriors import state_of
+
+    node = start(**choices)
+    node.slide(150)
+    heard = node.fresh()
+    samples = [node.hand.sample_of(message) for message in heard]
+    assert samples == list(range(150))
+    expected = offline(node.hand, samples, scan_file, Configuration(**(CELL | choices)))
+    np.testing.assert_allclose(node.means(), [e.mean for e in expected], atol=1e-9)
+    np.testing.assert_allclose(
+        [m.covariance for m in heard], [e.covariance.ravel() for e in expected], atol=1e-12
+    )
+    np.testing.assert_allclose([m.covariance_trace for m in heard], [e.trace for e in expected])
+    np.testing.assert_allclose([m.probability for m in heard], [e.probability for e in expected], atol=1e-6)
+    np.testing.assert_allclose([m.on_map for m in heard], [e.on_map for e in expected], atol=1e-6)
+    assert [m.state for m in heard] == [state_of(e) for e in expected]
+    assert [m.converged for m in heard] == [e.converged for e in expected]
+    assert [m.reason for m in heard] == [e.reason for e in expected]
+    assert [m.particles for m in heard] == [e.hypotheses for e in expected]
+    assert {tuple(m.axes) for m in heard} == {("x", "y")}
+    assert {m.header.frame_id for m in heard} == {"material"}
+    assert node.process.stop() == 0
+    assert "Traceback" not in node.process.output
+
+
+@pytest.mark.parametrize(
+    ("sweep", "states"),
+    [
+        (kidnapped_sweep(), ["SEARCHING", "CONVERGED", "LOST"]),
+        (unseen_sweep("seam"), ["SEARCHING", "UNKNOWN"]),
+    ],
+    ids=["lifted and put elsewhere", "other material"],
+)
+def test_the_states_are_published(start, probe, sweep, states):
+    from tactile_localizer.msg import Posterior
+
+    node = start(sweep, stale_timeout_s=30.0)
+    node.slide(len(sweep.strain) - 2)
+    found = [message.state for message in node.fresh()]
+    changes = [state for k, state in enumerate(found) if k == 0 or state != found[k - 1]]
+    assert changes[: len(states)] == [getattr(Posterior, state) for state in states]
+    assert all(message.converged == (message.state == Posterior.CONVERGED) for message in node.fresh())
+    reason = node.fresh()[-1].reason
+    probe.until(lambda: node.told("belief")[2].get("reason") == reason, "the diagnostics")
+    assert node.told("belief")[2]["strains_out_of_range"] == "0.00"
+    told = [s for array in node.diagnostics for s in array.status if s.name == "filter: belief"]
+    adverse = [s for s in told if {"LOST", "UNKNOWN"} & {value.value for value in s.values}]
+    assert all(s.level == b"\x01" for s in adverse)
+
+
+def test_strains_that_do_not_fit_the_scan_are_a_warning_in_the_diagnostics(start, probe):
+    sweep = unseen_sweep()
+    node = start(dataclasses.replace(sweep, strain=1e3 * sweep.strain), stale_timeout_s=30.0)
+    node.slide(120)
+    probe.until(lambda: node.told("belief")[0] == b"\x01", "the warning")
+    assert "of the strains are outside the range of the scan" in node.told("belief")[1]
+
+
+def test_late_poses_are_waited_for_and_make_the_same_belief(start, probe):
+    node = start(stale_timeout_s=5.0)
+    node.hand.slide(20, poses=False)
+    for k in range(21):
+        node.hand.pose(k)
+    node.wait_for_sample(19)
+    assert len(node.fresh()) == 20
+
+
+def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan_file, tmp_path):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import PointCloud2
+
+    from tactile_localizer.srv import LoadScan
+
+    directory = tmp_path / "scans"
+    directory.mkdir()
+    other = scene_of("snap")
+    write_scan(directory / "snap.db", "snap", other)
+    (directory / "foreign.db").write_text("not a scan " * 100)
+    (directory / "link.db").symlink_to(scan_file)
+    node = start(scan_directory=directory)
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    maps = probe.listen(PointCloud2, "filter/map", kept)
+    node.slide(50)
+    for path, reason, result in (
+        (str(scan_file), "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("../bump.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("link.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("none.db", "expected a scan file, found none", LoadScan.Response.NOT_USABLE),
+        ("foreign.db", "expected a scan file", LoadScan.Response.NOT_USABLE),
+    ):
+        answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
+        assert (answer.success, answer.result) == (False, result)
+        assert reason in answer.message
+    node.slide(5)
+    assert node.fresh()[-1].travel > 0.01, "the belief went on"
+    assert len(maps) == 1
+    answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap.db"), timeout_s=60.0)
+    assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap.db"))
+    probe.until(lambda: len(maps) == 2, "the new map to look at")
+    node.slide(5)
+    assert node.fresh()[-1].travel < 0.005, "the belief began anew"
+    probe.until(lambda: node.told("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map")
+
+
+@pytest.fixture(scope="module")
+def three_scans(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("features")
+    for feature in ("bump", "snap", "grommet"):
+        write_scan(folder / f"{feature}.db", feature)
+    return [folder / f"{feature}.db" for feature in ("bump", "snap", "grommet")]
+
+
+def test_of_several_scans_it_tells_which_feature_is_felt_as_the_identifier_without_ros(
+    node_process, probe, three_scans
+):
+    from tactile_localizer.msg import FeatureProbabilities
+
+    told = probe.listen(FeatureProbabilities, "filter/feature", 1000)
+    process = node_process("filter_node", {"candidate_scan_files": three_scans, **CELL})
+    node = Filter(process, probe, SlidingHand(probe, unseen_sweep("snap")))
+    node.slide(150)
+    probe.until(lambda: told and stamp_of(told[-1]) == stamp_of(node.fresh()[-1]), "its probabilities")
+    candidates, calibrations = {}, {}
+    for path in three_scans:
+        with ScanStore.open(path) as store:
+            scan, scene = candidates[store.scene.name] = store.load(), store.scene
+        calibrations[scene.name] = learned_calibration(path, scan, scene)
+    rng = np.random.default_rng(0)
+    identifier = build_identifier(candidates, Configuration(**CELL), rng, None, calibrations)
+    hand = node.hand
+    positions = hand.positions()
+    for message, posterior in zip(told, node.fresh(), strict=True):
+        k = hand.sample_of(message)
+        stamp_ns = hand.offset_ns + int(hand.strain_ns[k])
+        expected = identifier.update(stamp_ns, positions[k], hand.sweep.strain[k])
+        assert list(message.names) == list(expected.probabilities)
+        np.testing.assert_allclose(message.probabilities, list(expected.probabilities.values()), atol=1e-6)
+        assert message.most_probable == expected.most_probable
+        if expected.most_probable == "none of them":
+            assert not posterior.converged
+        else:
+            believed = expected.estimates[expected.most_probable]
+            np.testing.assert_allclose(posterior.mean, believed.mean, atol=1e-9)
+    assert process.stop() == 0
+
+
+def test_scans_of_one_name_cannot_be_told_apart(refusal, scan_file):
+    (line,) = refusal("filter_node", {"candidate_scan_files": [scan_file, scan_file], **CELL})
+    assert "candidate_scan_files: expected scenes of different names, got bump, bump" in line
+
+
+def test_the_diagnostics_tell_of_belief_and_work(start, probe):
+    node = start()
+    node.slide(100)
+    probe.until(lambda: "update_p99_us" in node.told("belief")[2], "the diagnostics")
+    probe.until(lambda: node.told("belief")[2]["travel_m"] == f"{node.fresh()[-1].travel:.4f}", "the newest")
+    _, message, values = node.told("belief")
+    posterior = node.fresh()[-1]
+    assert values["reason"] == posterior.reason
+    # The strain has stopped by now: a belief that is stale is not believed.
+    assert values["converged"] == str(posterior.converged and not message.startswith("stale"))
+    assert values["state"] in ("SEARCHING", "CONVERGED")
+    assert values["probability"] == f"{posterior.probability:.4f}"
+    assert values["on_map"] == f"{posterior.on_map:.4f}"
+    assert values["inconsistent"] == ""
+    assert 1.0 <= float(values["effective_sample_size"]) <= int(values["hypotheses"])
+    assert 0 < float(values["update_median_us"]) <= float(values["update_p99_us"])
+    assert float(values["update_p99_us"]) <= float(values["update_worst_us"])
+    _, _, inputs = node.told("inputs")
+    assert int(inputs["updated"]) + int(inputs["moved"]) == len(node.fresh())
+
+
+def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe):
+    node = start()
+    node.slide(40)
+    before = node.fresh()[-1]
+    assert before.state == before.SEARCHING
+    for name, value in (
+        ("convergence_radius", 0.1),
+        ("convergence_probability", 0.5),
+        ("convergence_travel", 1.0),
+        ("update_distance", 0.0001),
+        ("stale_timeout_s", 2.0),
+        ("particles_rate_hz", 1.0),
+        ("shown_particles", 10),
+    ):
+        answer = set_parameter(probe, name, value)
+        assert answer.successful, answer.reason
+    node.slide(1)
+    after = node.fresh()[-1]
+    np.testing.assert_allclose(after.mean, before.mean, atol=2e-3)
+    assert after.travel > before.travel
+    node.slide(80)
+    after = node.fresh()[-1]
+    assert "of 1000.0 mm" in after.reason
+    assert set_parameter(probe, "convergence_travel", 0.0).successful
+    node.slide(3)
+    assert node.fresh()[-1].converged
+
+
+def test_each_choice_of_the_configuration_is_a_parameter_with_its_default():
+    from tactile_localizer.ros.parameters.filter import CONFIGURATION
+
+    fields = {field.name: field.default for field in dataclasses.fields(Configuration)}
+    assert {parameter.name: parameter.default for parameter in CONFIGURATION} == fields
+
+
+def missing_scan(tmp_path):
+    return {"scan_file": tmp_path / "none.db"}, "none.db: expected a scan file, found none"
+
+
+def no_scan(tmp_path):
+    return {"scan_file": "''"}, "scan_file: expected a path, got none"
+
+
+def foreign_scan(tmp_path):
+    (tmp_path / "scan.db").write_text("not a scan " * 100)
+    return {"scan_file": tmp_path / "scan.db"}, "scan.db: expected a scan file, file is not a database"
+
+
+def empty_scan(tmp_path):
+    ScanStore.create(tmp_path / "scan.db", scene_of()).close()
+    return {"scan_file": tmp_path / "scan.db"}, "expected at least one state-measurement pair, found none"
+
+
+def missing_scene(tmp_path):
+    return {"scene_file": tmp_path / "none.yaml"}, "none.yaml: expected a scene file"
+
+
+def unknown_phalanx(tmp_path):
+    scene = scene_of()
+    scene = dataclasses.replace(scene, phalanges=(*scene.phalanges, Phalanx("ring", (0.0, -0.03))))
+    save_scene(scene, tmp_path / "scene.yaml")
+    return (
+        {"scene_file": tmp_path / "scene.yaml"},
+        "phalanx 'ring' of scene 'bump': expected one of index, middle",
+    )
+
+
+def unknown_axis(tmp_path):
+    axes = (Axis("x", 0.0, 0.05), Axis("yaw", -1.0, 1.0))
+    save_scene(Scene("turned", axes, (Phalanx("index", (0.0, 0.0)),), None, MEASUREMENT), tmp_path / "s.yaml")
+    return {"scene_file": tmp_path / "s.yaml"}, "axis 'yaw' of scene 'turned': expected one of x, y"
+
+
+def choices_that_do_not_go_together(tmp_path):
+    return {"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"
+
+
+def unknown_model(tmp_path):
+    return {"model": "oracle"}, "model 'oracle': expected one of sweep_mixture"
+
+
+def negative_particles(tmp_path):
+    return {"particles": -1}, "particles"
+
+
+def short_material_pose(tmp_path):
+    return {"material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"
+
+
+BAD = [
+    missing_scan,
+    no_scan,
+    foreign_scan,
+    empty_scan,
+    missing_scene,
+    unknown_phalanx,
+    unknown_axis,
+    choices_that_do_not_go_together,
+    unknown_model,
+    negative_particles,
+    short_material_pose,
+]
+
+
+@pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__)
+def test_a_configuration_that_cannot_work_is_refused_with_one_line(refusal, scan_file, tmp_path, spoil):
+    parameters, message = spoil(tmp_path)
+    (line,) = refusal("filter_node", {"scan_file": scan_file, **CELL, **parameters})
+    assert message in line
+
+
+def test_the_process_ends_when_its_configuration_is_refused(node_process, tmp_path):
+    process = node_process("filter_node", {"scan_file": tmp_path / "none.db"})
+    assert process.wait() == 2
+    assert "none.db: expected a scan file, found none" in process.output
+    assert len(process.lines) == 1
+
+
+def test_a_refused_configuration_can_be_tried_again_when_its_cause_is_mended(
+    node_process, probe, scan_file, tmp_path
+):
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState, GetState
+
+    path = tmp_path / "later.db"
+    process = node_process("filter_node", {"scan_file": path, "autostart": False, **CELL})
+
+    def change(transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return probe.call(ChangeState, "filter/change_state", request, timeout_s=60.0).success
+
+    assert not change(Transition.TRANSITION_CONFIGURE)
+    process.wait_for_line(f"{path}: expected a scan file, found none")
+    assert probe.call(GetState, "filter/get_state").current_state.label == "unconfigured"
+    shutil.copy(scan_file, path)
+    assert change(Transition.TRANSITION_CONFIGURE)
+    assert change(Transition.TRANSITION_ACTIVATE)
+    node = Filter(process, probe, SlidingHand(probe, unseen_sweep()))
+    node.slide(5)
+    assert process.stop() == 0
+    assert "Traceback" not in process.output
+
+
+def test_the_shipped_parameter_file_holds_the_recommended_choices():
+    import yaml
+
+    from tactile_localizer.resources import resource_path
+    from tactile_localizer.ros.parameters.filter import PARAMETERS
+
+    shipped = yaml.safe_load(resource_path("config/filter.yaml").read_text())["/**"]["ros__parameters"]
+    defaults = {parameter.name: parameter.default for parameter in PARAMETERS}
+    assert shipped == {name: defaults[name] for name in shipped}
