@@ -46,12 +46,12 @@ from rows import Row, in_parallel, print_rows, write_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
-from tactile_localizer.evaluation.convergence_curve import FOREIGN, foreign_tracks, from_contact
-from tactile_localizer.evaluation.metrics import timing
-from tactile_localizer.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
-from tactile_localizer.evaluation.replay import Track, replay
 from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
+from tactile_localizer.offline.evaluation.convergence_curve import FOREIGN, foreign_tracks, from_contact
+from tactile_localizer.offline.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
+from tactile_localizer.offline.metrics import timing
+from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.scene import Scene
 
 

@@ -17,8 +17,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.evaluation.machine import processor
 from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.offline.reports.machine import processor
 
 OUT = Path("out/bench.json")
 """The file, below the working directory."""

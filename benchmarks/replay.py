@@ -19,13 +19,13 @@ import numpy as np
 from record import record, row
 
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.evaluation.metrics import timing
-from tactile_localizer.evaluation.replay import replay
 from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.metrics import timing
+from tactile_localizer.offline.replay import replay
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 

@@ -14,7 +14,7 @@ What a program needs is imported from here (:data:`__all__`), without ROS::
 
 Layers, lowest first: :mod:`~tactile_localizer.core` (numpy and scipy only), then
 :mod:`~tactile_localizer.io` (files and CAN), :mod:`~tactile_localizer.sim` and
-:mod:`~tactile_localizer.evaluation`, then :mod:`~tactile_localizer.ros` (the only layer that
+:mod:`~tactile_localizer.offline`, then :mod:`~tactile_localizer.ros` (the only layer that
 imports rclpy) and :mod:`~tactile_localizer.cli`. No layer imports one that comes after it.
 """
 

@@ -24,10 +24,10 @@ MAY_IMPORT_LAYERS = {
     "core": {"core"},
     "io": {"core", "io"},
     "sim": {"core", "io", "sim"},
-    "evaluation": {"core", "io", "sim", "evaluation"},
-    "ros": {"core", "io", "sim", "evaluation", "ros", "msg", "srv"},
-    "demo": {"core", "io", "sim", "evaluation", "ros", "demo", "msg", "srv"},
-    "cli": {"core", "io", "sim", "evaluation", "demo", "cli"},
+    "offline": {"core", "io", "sim", "offline"},
+    "ros": {"core", "io", "sim", "offline", "ros", "msg", "srv"},
+    "demo": {"core", "io", "sim", "offline", "ros", "demo", "msg", "srv"},
+    "cli": {"core", "io", "sim", "offline", "demo", "cli"},
 }
 """Layers of the package that each may import; ``errors``, ``scene`` and ``resources`` are below them all."""
 
@@ -160,7 +160,7 @@ def test_the_core_imports_only_numpy_scipy_and_the_standard_library() -> None:
     assert wrong == set()
 
 
-@pytest.mark.parametrize("layer", ["core", "io", "sim", "evaluation"])
+@pytest.mark.parametrize("layer", ["core", "io", "sim", "offline"])
 def test_only_the_ros_layer_knows_ros(layer: str) -> None:
     wrong = {
         f"{path.name} imports {name}" for path in modules(layer) for name in imported(path) if is_ros(name)

@@ -14,13 +14,13 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.evaluation.conditions import (
+from tactile_localizer.offline.evaluation.conditions import (
     SIMULATED_FEATURES,
     Condition,
     RecordedCondition,
     SimulatedCondition,
 )
-from tactile_localizer.evaluation.fabric import FABRICS, fabric_condition
+from tactile_localizer.offline.evaluation.fabric import FABRICS, fabric_condition
 
 DATA = "TACTILE_LOCALIZER_DATA"
 """Names the directory of recorded data in the environment."""

@@ -17,13 +17,13 @@ from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import LiveError, ParameterError
-from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES
-from tactile_localizer.evaluation.live_figures import error_along_the_sweep, sweep_in_detail
-from tactile_localizer.evaluation.live_sweep import LIMIT_M, LiveSweep, summarize
-from tactile_localizer.evaluation.map_figures import map_pair
-from tactile_localizer.evaluation.plain_json import write_json
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES
+from tactile_localizer.offline.figures.live_sweep import error_along_the_sweep, sweep_in_detail
+from tactile_localizer.offline.figures.tactile_map import map_pair
+from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep, summarize
+from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.resources import resource_path
 
 NAME = "demo"

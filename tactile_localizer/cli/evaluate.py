@@ -16,15 +16,15 @@ from tactile_localizer.cli.conditions import (
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.evaluation.evaluate import Results, evaluate
-from tactile_localizer.evaluation.evaluation_report import evaluation_report
-from tactile_localizer.evaluation.figures import evaluation_figures
-from tactile_localizer.evaluation.jobs import Workers
-from tactile_localizer.evaluation.methods import Method, standard_methods
-from tactile_localizer.evaluation.plain_json import write_json
-from tactile_localizer.evaluation.report import save_figures
-from tactile_localizer.evaluation.tables import Table, evaluation_tables
 from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.offline.evaluation.comparison import Results, evaluate
+from tactile_localizer.offline.evaluation.jobs import Workers
+from tactile_localizer.offline.evaluation.methods import Method, standard_methods
+from tactile_localizer.offline.figures.comparison import evaluation_figures
+from tactile_localizer.offline.reports.evaluation import evaluation_report
+from tactile_localizer.offline.reports.html import save_figures
+from tactile_localizer.offline.reports.json_file import write_json
+from tactile_localizer.offline.reports.tables import Table, evaluation_tables
 
 NAME = "evaluate"
 HELP = "measure accuracy, convergence and calibration of all models and filters"

@@ -20,14 +20,14 @@ from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.factory import build_identifier
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.evaluation.identify import (
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.offline.identification import (
     identification_figure,
     identification_table,
     identify,
     travel_table,
 )
-from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.offline.odometry import RECORDED, with_odometry
 from tactile_localizer.scene import Scene
 
 NAME = "identify"

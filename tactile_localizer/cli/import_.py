@@ -19,7 +19,6 @@ from tactile_localizer.cli.recording_options import (
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
-from tactile_localizer.evaluation.tables import Table
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.csv.columns import naming_to_dict
 from tactile_localizer.io.csv.guess import Guess, guess_columns
@@ -28,6 +27,7 @@ from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.offline.reports.tables import Table
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 

@@ -16,13 +16,13 @@ from tactile_localizer.cli.recording_options import (
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.evaluation.odometry import EXACT, RECORDED, SIMULATED
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, join, select
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 

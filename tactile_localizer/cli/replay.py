@@ -26,14 +26,14 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.evaluation.learned import learned_values
-from tactile_localizer.evaluation.metrics import INCH, with_contact
-from tactile_localizer.evaluation.misfit import misfit
-from tactile_localizer.evaluation.odometry import RECORDED, random_starts, with_odometry
-from tactile_localizer.evaluation.plain_json import write_json
-from tactile_localizer.evaluation.replay import Track, mixture_of, replay
-from tactile_localizer.evaluation.replay_document import replay_document
 from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.offline.metrics import INCH, with_contact
+from tactile_localizer.offline.misfit import misfit
+from tactile_localizer.offline.odometry import RECORDED, random_starts, with_odometry
+from tactile_localizer.offline.replay import Track, mixture_of, replay
+from tactile_localizer.offline.reports.json_file import write_json
+from tactile_localizer.offline.reports.learned import learned_values
+from tactile_localizer.offline.reports.replay import replay_document
 
 NAME = "replay"
 HELP = "localize a recording (CSV, scan file or bag) as the filter node would have"

@@ -17,13 +17,13 @@ from rich.table import Table
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.errors import ScanError, printable
-from tactile_localizer.evaluation.display import INCH_MM, MM
-from tactile_localizer.evaluation.scan_quality import findings
 from tactile_localizer.io.scans.export import export_scan
 from tactile_localizer.io.scans.repair import repair
 from tactile_localizer.io.scans.rows import SweepInfo
 from tactile_localizer.io.scans.store import ScanStore, new_scan
 from tactile_localizer.io.scene_file import load_scene, save_scene, scene_to_dict
+from tactile_localizer.offline.figures.axes import INCH_MM, MM
+from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Phalanx, Scene
 
@@ -242,8 +242,8 @@ def _plot(args: argparse.Namespace) -> int:
     # matplotlib takes a second, which no other action needs.
     from tactile_localizer.core.calibration.feature_region import propose_region
     from tactile_localizer.core.scan.tactile_map import make_map
-    from tactile_localizer.evaluation.map_figures import scan_figures
-    from tactile_localizer.evaluation.region_figure import region_sheet
+    from tactile_localizer.offline.figures.feature_region import region_sheet
+    from tactile_localizer.offline.figures.tactile_map import scan_figures
 
     with ScanStore.open(args.scan) as store:
         scan, scene, unit = store.load(), store.scene, store.units["strain"]

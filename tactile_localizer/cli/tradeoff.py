@@ -19,12 +19,14 @@ from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.evaluation.conditions import SIMULATED_FEATURES, Condition, SimulatedCondition
-from tactile_localizer.evaluation.convergence_curve import convergence_curve, curve_figure, curve_table
-from tactile_localizer.evaluation.jobs import Workers
-from tactile_localizer.evaluation.plain_json import write_json
-from tactile_localizer.evaluation.report import save_figures
-from tactile_localizer.evaluation.tradeoff import (
+from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, Condition, SimulatedCondition
+from tactile_localizer.offline.evaluation.convergence_curve import (
+    convergence_curve,
+    curve_figure,
+    curve_table,
+)
+from tactile_localizer.offline.evaluation.jobs import Workers
+from tactile_localizer.offline.evaluation.tradeoff import (
     NEIGHBOURS,
     Trade,
     candidates,
@@ -32,7 +34,9 @@ from tactile_localizer.evaluation.tradeoff import (
     trade,
     within_budget,
 )
-from tactile_localizer.evaluation.tradeoff_report import (
+from tactile_localizer.offline.reports.html import save_figures
+from tactile_localizer.offline.reports.json_file import write_json
+from tactile_localizer.offline.reports.tradeoff import (
     describe,
     tradeoff_figure,
     tradeoff_report,

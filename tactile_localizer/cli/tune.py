@@ -14,10 +14,15 @@ from tactile_localizer.core.calibration.neighbours import search_neighbours
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.evaluation.learned import learned_table, neighbours_table, noise_table, widths_table
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.offline.reports.learned import (
+    learned_table,
+    neighbours_table,
+    noise_table,
+    widths_table,
+)
 
 NAME = "tune"
 HELP = "show what is learned from a scan, and keep it there for the next start"

@@ -19,9 +19,9 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.evaluation.odometry import RECORDED, with_odometry
-from tactile_localizer.evaluation.view import ReplayView
 from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.offline.odometry import RECORDED, with_odometry
+from tactile_localizer.offline.rerun_recording import ReplayView
 
 NAME = "view"
 HELP = "look into a replay in the Rerun viewer: belief, truth, strains, explanations along the time"

@@ -5,10 +5,15 @@ import pytest
 
 from tactile_localizer.cli import main
 from tactile_localizer.cli.simulate import write_csv
-from tactile_localizer.evaluation.identify import IdentifiedSweep, identification_table, travel_table, verdict
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.identification import (
+    IdentifiedSweep,
+    identification_table,
+    travel_table,
+    verdict,
+)
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import simulate_scan
 

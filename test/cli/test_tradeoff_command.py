@@ -11,9 +11,9 @@ import yaml
 
 from tactile_localizer.cli import main, tradeoff
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.evaluation.tradeoff import Candidate
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.offline.evaluation.tradeoff import Candidate
 from tactile_localizer.resources import resource_path
 
 TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}

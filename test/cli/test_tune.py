@@ -13,9 +13,9 @@ from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.likelihood.gaussian import Shrinkage
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.evaluation.learned import neighbours_table, noise_table, widths_table
 from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.reports.learned import neighbours_table, noise_table, widths_table
 from tactile_localizer.sim import simulate_scan
 
 NEIGHBOURS = [

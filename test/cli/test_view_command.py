@@ -7,10 +7,10 @@ import pytest
 
 from tactile_localizer.cli import main
 from tactile_localizer.cli.simulate import write_csv
-from tactile_localizer.evaluation import view
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline import rerun_recording as view
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import simulate_scan
 

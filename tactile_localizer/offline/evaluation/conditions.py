@@ -1,0 +1,168 @@
+"""Conditions that a localizer is tried on: simulated features, or one's own scan and recordings."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.scene_file import load_scene, scene_to_dict
+from tactile_localizer.offline.odometry import SIMULATED, random_starts, with_odometry
+from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Scene
+from tactile_localizer.sim import SimulatedScan, simulate_scan
+from tactile_localizer.sim.hand import PHALANGES
+from tactile_localizer.sim.scan import AXES
+
+SIMULATED_FEATURES = ("bump", "snap", "grommet")
+"""Features of the simulation that come with a scene."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """A map and sweeps to be localised on it.
+
+    Parameters
+    ----------
+    scan, scene : the map and what is modelled
+    recording : its positions are odometry, the truth is known
+    blank : sweeps that never reach the feature, or ``None``
+    """
+
+    scan: Scan
+    scene: Scene
+    recording: Recording
+    blank: Recording | None = None
+
+
+class Condition(Protocol):
+    """What a localizer is tried on, under a name and with a seed of everything random."""
+
+    @property
+    def name(self) -> str:
+        """For tables and figures."""
+
+    @property
+    def seed(self) -> int:
+        """Of the filter, and of what is simulated."""
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Identity of this condition among others, as JSON can hold it."""
+
+    def load(self) -> Material:
+        """The map and the sweeps."""
+
+
+@dataclass(frozen=True)
+class SimulatedCondition:
+    """Test sweeps over a simulated feature, with a training scan of the same seed.
+
+    Parameters
+    ----------
+    name : one of :data:`SIMULATED_FEATURES`
+    seed : of the simulation and of the filter
+    sweeps : test sweeps over the feature
+    blanks : sweeps that end before it
+    """
+
+    name: str
+    seed: int
+    sweeps: int = 18
+    blanks: int = 18
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Identity of this condition among others."""
+        return dict(vars(self))
+
+    def load(self) -> Material:
+        """Simulate it."""
+        return _simulate(self)
+
+
+@lru_cache(maxsize=3)
+def _simulate(condition: SimulatedCondition) -> Material:
+    feature, seed = condition.name, condition.seed
+    test = simulate_scan(feature, seed, "test", sweeps=condition.sweeps)
+    blank = None
+    if condition.blanks:
+        ends_early = simulate_scan(feature, seed, "test", sweeps=condition.blanks, reach_feature=False)
+        blank = recording_of(ends_early)
+    return Material(
+        scan=simulate_scan(feature, seed).to_scan(),
+        scene=load_scene(resource_path(f"config/scenes/{feature}.yaml")),
+        recording=recording_of(test),
+        blank=blank,
+    )
+
+
+def recording_of(scan: SimulatedScan) -> Recording:
+    """Simulated sweeps as a recording: the arm's positions, and the truth beside them."""
+    sweeps = tuple(
+        RecordedSweep(
+            number=int(scan.sweep[part.start]),
+            stamp_ns=scan.stamp_ns[part],
+            position=scan.odometry[part],
+            strain=scan.strain[part],
+            status=missing_status(scan.strain[part], scan.layout),
+            truth=scan.truth[part],
+            felt=scan.felt[part],
+        )
+        for part in scan.slices()
+    )
+    return Recording(f"simulated {scan.feature}", AXES, PHALANGES, sweeps, channels=scan.channels)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCondition:
+    """One's own recording on one's own scan.
+
+    Parameters
+    ----------
+    name : for tables and figures
+    seed : of the odometry's noise and of the filter
+    scan, scene : the map and what is modelled
+    recording : its positions are the truth, unless it has a truth of its own
+    starts, travel : start so often at random places and go on for so many m; ``None``: the sweeps as they are
+    """
+
+    name: str
+    seed: int
+    scan: Scan
+    scene: Scene
+    recording: Recording
+    starts: int | None = None
+    travel: float | None = None
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Identity of this condition among others: a digest of all its numbers."""
+        digest = hashlib.sha256()
+        for array in (self.scan.states, self.scan.strain, self.scan.sweep):
+            digest.update(np.ascontiguousarray(array).data)
+        for sweep in self.recording.sweeps:
+            for known in (sweep.stamp_ns, sweep.position, sweep.strain, sweep.status, sweep.truth):
+                digest.update(b"" if known is None else np.ascontiguousarray(known).data)
+        return {
+            "name": self.name,
+            "seed": self.seed,
+            "scene": scene_to_dict(self.scene),
+            "starts": self.starts,
+            "travel": self.travel,
+            "data": digest.hexdigest(),
+        }
+
+    def load(self) -> Material:
+        """With odometry."""
+        recording, rng = self.recording, np.random.default_rng([self.seed, 1])
+        if self.starts is not None:
+            recording = random_starts(recording, self.scene, self.starts, self.travel, rng)
+        if any(sweep.truth is None for sweep in recording.sweeps):
+            recording = with_odometry(recording, self.scene, rng, SIMULATED)
+        return Material(self.scan, self.scene, recording)

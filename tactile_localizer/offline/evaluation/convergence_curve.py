@@ -1,0 +1,241 @@
+"""Convergence soon against convergence sure: ``convergence_probability`` moves along the curve.
+
+The belief does not depend on the threshold, so one replay of each material gives the whole curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
+from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.offline.evaluation.comparison import built, learn_conditions
+from tactile_localizer.offline.evaluation.conditions import SimulatedCondition, recording_of
+from tactile_localizer.offline.evaluation.jobs import (
+    Progress,
+    Task,
+    Workers,
+    configuration_identity,
+    run_tasks,
+)
+from tactile_localizer.offline.figures.axes import MM
+from tactile_localizer.offline.metrics import travel_from_contact
+from tactile_localizer.offline.replay import Track, replay
+from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.sim import simulate_scan
+
+PROBABILITIES = (0.9, 0.95, 0.99, 0.999, 0.9999)
+"""Thresholds that are tried, beside that of the configuration."""
+SOON_M = (0.005, 0.010)
+"""m of travel from contact within which a sweep is to converge."""
+FOREIGN = ("seam", "none")
+"""What no scan has shown: another feature, and material without one over the whole way."""
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """Convergence under one threshold.
+
+    Parameters
+    ----------
+    probability : the threshold
+    within : shares of the sweeps over the feature converged within each of :data:`SOON_M` of contact
+    median_m : travel from contact to convergence, m; NaN where fewer than half of the sweeps converge
+    before : share of those sweeps that converge before contact
+    blank : share of the sweeps that end before the feature and converge
+    featureless : share of the sweeps over material without a feature that converge
+    seam_sweeps, seam_strains : shares of the sweeps over a seam, and of their strains from contact on, that
+        are converged
+    """
+
+    probability: float
+    within: tuple[float, ...]
+    median_m: float
+    before: float
+    blank: float
+    featureless: float
+    seam_sweeps: float
+    seam_strains: float
+
+
+def convergence_curve(
+    conditions: Sequence[SimulatedCondition],
+    configuration: Configuration,
+    folder: Path,
+    workers: Workers,
+    progress: Progress | None = None,
+) -> list[CurvePoint]:
+    """The curve over simulated features; what ``folder`` holds already is not measured again."""
+    learned = learn_conditions(conditions, folder, workers, progress)
+    choices = configuration_identity(configuration)
+    tasks = [
+        Task(
+            decide,
+            (condition, calibration, configuration),
+            {"condition": condition.identity, "calibration": calibration, "configuration": choices},
+        )
+        for condition, calibration in zip(conditions, learned, strict=True)
+    ]
+    results = run_tasks(tasks, folder, workers, progress, "replaying")
+    return [_point(thresholds) for thresholds in zip(*(one["points"] for one in results), strict=True)]
+
+
+def decide(
+    condition: SimulatedCondition, calibration: dict[str, Any], configuration: Configuration
+) -> dict[str, Any]:
+    """Of each threshold: travel to convergence of every sweep, and what converged falsely."""
+    material = condition.load()
+    localizer = built(condition, material, calibration, {}, configuration)
+    own = replay(localizer, material.recording)
+    blank = replay(localizer, material.blank) if material.blank is not None else []
+    seam, nothing = (foreign_tracks(localizer, name, condition.seed, condition.sweeps) for name in FOREIGN)
+    criteria = convergence_criteria(material.scene, configuration)
+    points = []
+    for probability in sorted({*PROBABILITIES, configuration.convergence_probability}):
+        tried = replace(criteria, probability=probability)
+        on_seam = [from_contact(track, decisions(track, tried)) for track in seam]
+        points.append(
+            {
+                "probability": probability,
+                "travel_m": [_travel_to(track, decisions(track, tried)) for track in own],
+                "blank": [bool(decisions(track, tried).any()) for track in blank],
+                "featureless": [bool(decisions(track, tried).any()) for track in nothing],
+                "seam_sweeps": [bool(flags.any()) for flags in on_seam],
+                "seam_strains": [float(flags.mean()) for flags in on_seam if len(flags)],
+            }
+        )
+    return {"points": points}
+
+
+def foreign_tracks(localizer: Localizer, material: str, seed: int, sweeps: int) -> list[Track]:
+    """Test sweeps over a simulated material that the localizer has no map of."""
+    return replay(localizer, recording_of(simulate_scan(material, seed, "test", sweeps=sweeps)))
+
+
+def from_contact(track: Track, flags: np.ndarray) -> np.ndarray:
+    """The ``flags`` (n,) of a track from contact on; all of them where it has none."""
+    return flags[track.row >= track.contact[0]]
+
+
+def decisions(track: Track, criteria: ConvergenceCriteria) -> np.ndarray:
+    """Whether each entry of a track, (n,) bool, would have converged under other criteria."""
+    convergence = Convergence(criteria)
+    flags = np.zeros(len(track), dtype=bool)
+    before = 0.0
+    for index, (updated, moved) in enumerate(zip(track.updated, track.moved, strict=True)):
+        if updated:
+            # Why it has not converged makes no difference: all that is not near counts as off the map.
+            convergence.update(float(track.probability[index]), 1.0, 0.0, float(moved - before))
+            before = float(moved)
+        flags[index] = convergence.converged
+    return flags
+
+
+def curve_table(points: Sequence[CurvePoint], default: float) -> Table:
+    """A row per threshold; the configuration's own is marked."""
+    rows = [
+        (
+            f"{point.probability:g}{' *' if point.probability == default else ''}",
+            *(f"{100 * share:.1f}" for share in point.within),
+            f"{point.median_m * MM:.1f}" if np.isfinite(point.median_m) else "",
+            *(
+                f"{100 * share:.1f}"
+                for share in (
+                    point.before,
+                    point.blank,
+                    point.featureless,
+                    point.seam_sweeps,
+                    point.seam_strains,
+                )
+            ),
+        )
+        for point in points
+    ]
+    columns = (
+        "convergence_probability",
+        *(f"within {soon * MM:g} mm, %" for soon in SOON_M),
+        "median, mm",
+        "before contact, %",
+        "blank, %",
+        "featureless, %",
+        "seam, % of sweeps",
+        "seam, % of strains",
+    )
+    note = (
+        "Travel from contact to convergence, over the scanned feature; then false convergence: there before "
+        "contact, in sweeps that end before the feature, over material without a feature, and from contact "
+        "with a seam that no scan has shown; *: the configuration's."
+    )
+    return Table("Soon against sure", columns, rows, note)
+
+
+def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
+    """Share of sweeps that converge soon against false convergence, a point per threshold."""
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    curve, thresholds = figure.subplots(1, 2)
+    false = [100 * point.seam_strains for point in points]
+    for column, soon in enumerate(SOON_M):
+        shares = [100 * point.within[column] for point in points]
+        (line,) = curve.plot(false, shares, "o-", ms=4, label=f"within {soon * MM:g} mm of contact")
+        for point, x, y in zip(points, false, shares, strict=True):
+            place = {"xytext": (4, 4), "textcoords": "offset points", "size": 7}
+            curve.annotate(f"{point.probability:g}", (x, y), **place)
+            if point.probability == default:
+                curve.plot(x, y, "o", ms=11, mfc="none", mec=line.get_color())
+    curve.set_xlabel("false: strains on a seam that are converged, %")
+    curve.set_ylabel("sweeps over the feature that converged, %")
+    curve.set_ylim(-3.0, 110.0)
+    open_share = [1.0 - point.probability for point in points]
+    for label, name in (
+        ("before contact", "before"),
+        ("blank sweeps", "blank"),
+        ("featureless sweeps", "featureless"),
+        ("seam sweeps", "seam_sweeps"),
+        ("seam strains", "seam_strains"),
+    ):
+        thresholds.plot(open_share, [100 * getattr(point, name) for point in points], "o-", ms=4, label=label)
+    thresholds.axvline(1.0 - default, color="0.5", ls=":", label="configuration")
+    thresholds.set_xscale("log")
+    thresholds.invert_xaxis()
+    thresholds.set_xticks(open_share, [f"{point.probability:g}" for point in points], fontsize=8)
+    thresholds.minorticks_off()
+    thresholds.set_xlabel("convergence_probability")
+    thresholds.set_ylabel("false convergence, %")
+    for plot in (curve, thresholds):
+        plot.grid(color="0.92")
+        plot.legend(fontsize=7)
+    return figure
+
+
+def _travel_to(track: Track, flags: np.ndarray) -> float | None:
+    """Travel from contact to the first of the ``flags``, m; ``None``: not by the feature's end."""
+    at = np.flatnonzero(flags & (track.row <= track.contact[1]))
+    return float(travel_from_contact(track)[at[0]]) if len(at) else None
+
+
+def _point(parts: Sequence[dict[str, Any]]) -> CurvePoint:
+    """The results of all conditions under one threshold."""
+
+    def share(name: str) -> float:
+        flags = [flag for part in parts for flag in part[name]]
+        return float(np.mean(flags)) if flags else np.nan
+
+    travel = np.array(
+        [np.inf if way is None else way for part in parts for way in part["travel_m"]], dtype=np.float64
+    )
+    median = float(np.median(travel))
+    return CurvePoint(
+        parts[0]["probability"],
+        tuple(float(np.mean(travel <= soon)) for soon in SOON_M),
+        median if np.isfinite(median) else np.nan,
+        float(np.mean(travel < 0.0)),
+        *(share(name) for name in ("blank", "featureless", "seam_sweeps", "seam_strains")),
+    )

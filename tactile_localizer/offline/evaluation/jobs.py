@@ -1,0 +1,180 @@
+"""Many independent tasks: on the cores of this machine or a dask cluster, each result kept as it comes.
+
+A task's result depends on its arguments alone, never on the worker: what is random is seeded by the
+arguments, and workers use one thread each. A run that was interrupted goes on with what is missing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import joblib
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.likelihood.user_defined import SEPARATOR
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.offline.reports.json_file import plain, write_json
+from tactile_localizer.resources import PACKAGE
+
+Progress = Callable[[str, float], None]
+
+_PATIENCE_S = 5
+_THAT_MATTER = ("core", "io", "sim", "evaluation", "scene.py")
+"""Parts of the package that results depend on."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A call whose result can be kept.
+
+    Parameters
+    ----------
+    function : importable by its name; returns a mapping that JSON can hold
+    arguments : of the call
+    identity : its identity among tasks, as JSON can hold it; equal identities mean equal results
+    """
+
+    function: Callable[..., dict[str, Any]]
+    arguments: tuple[Any, ...]
+    identity: dict[str, Any]
+
+    @cached_property
+    def key(self) -> str:
+        """Name of the result's file: changes with the identity, the function and the package's code."""
+        text = json.dumps([self.function.__qualname__, plain(self.identity), source_digest()], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the tasks.
+
+    Parameters
+    ----------
+    jobs : processes on this machine; -1: one a core
+    dask : address of a dask scheduler, used instead
+    """
+
+    jobs: int = 1
+    dask: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.jobs < 1 and self.jobs != -1:
+            raise ParameterError(f"jobs: expected at least 1, or -1 for one a core, got {self.jobs}")
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    folder: Path,
+    workers: Workers,
+    progress: Progress | None = None,
+    text: str = "evaluating",
+) -> list[dict[str, Any]]:
+    """Results of the tasks, in their order; those that ``folder`` holds already are not done again.
+
+    Raises
+    ------
+    ParameterError
+        The dask cluster cannot be reached.
+    """
+    files = {task.key: folder / f"{task.key}.json" for task in tasks}
+    missing = {task.key: task for task in tasks if not files[task.key].exists()}
+    done = len(files) - len(missing)
+    if missing:
+        with _terminated_as_interrupted(), _backend(workers):
+            calls = [joblib.delayed(task.function)(*task.arguments) for task in missing.values()]
+            with _quietly_closed(joblib.Parallel(return_as="generator", batch_size=1)(calls)) as results:
+                for (key, task), result in zip(missing.items(), results, strict=True):
+                    write_json(files[key], {"task": task.identity, "result": result})
+                    done += 1
+                    if progress is not None:
+                        progress(text, done / len(files))
+    # Those just done are read back too, so that all have passed through the same form.
+    return [json.loads(files[task.key].read_text(encoding="utf-8"))["result"] for task in tasks]
+
+
+@cache
+def source_digest() -> str:
+    """Digest of the code that results depend on: another version's results are not taken for this one's."""
+    return _digest(PACKAGE / part for part in _THAT_MATTER)
+
+
+def configuration_identity(configuration: Configuration) -> dict[str, Any]:
+    """Identity of a configuration: its choices, and the code of a user-defined model.
+
+    Of a module its file counts, of a package all of its modules; what they import from elsewhere does not.
+    """
+    choices = vars(configuration)
+    if SEPARATOR not in configuration.model:
+        return choices
+    top = configuration.model.partition(SEPARATOR)[0].partition(".")[0]
+    spec = importlib.util.find_spec(top) if top else None
+    places = [] if spec is None else spec.submodule_search_locations or [spec.origin or ""]
+    return {**choices, "source": _digest(map(Path, places))}
+
+
+def _digest(places: Iterable[Path]) -> str:
+    """Of Python files, or of those in folders."""
+    digest = hashlib.sha256()
+    for place in places:
+        for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(file.read_bytes() if file.is_file() else b"")
+    return digest.hexdigest()
+
+
+def _backend(workers: Workers) -> AbstractContextManager[Any]:
+    if workers.dask is not None:
+        return _dask(workers.dask)
+    # A single job is done in this process, which the command line has made single-threaded as all others are.
+    return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the workers too, as Ctrl-C does; by default it would leave them to themselves."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _quietly_closed(results: Generator[Any, None, None]) -> Iterator[Iterator[Any]]:
+    """Results that come as tasks are done; where they are not waited for, joblib does not warn of it."""
+    try:
+        yield results
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            results.close()
+
+
+@contextmanager
+def _dask(address: str) -> Iterator[None]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ParameterError("dask: expected dask[distributed], not installed") from None
+    try:
+        client = Client(address, timeout=_PATIENCE_S)
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"dask {address}: expected a scheduler, {' '.join(str(error).split())}"
+        ) from None
+    with client, joblib.parallel_config("dask", client=client):
+        yield

@@ -1,0 +1,1 @@
+"""Matplotlib figures of scans, replays and evaluations."""

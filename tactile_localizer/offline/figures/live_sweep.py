@@ -1,0 +1,86 @@
+"""Pictures of live sweeps: the error along the sweep (the paper's Fig. 5), its uncertainty (Fig. 8 b)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tactile_localizer.offline.figures.axes import MM, label_axis
+from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep
+
+_BIN_MM = 1.0
+_HIGHEST_MM = 15.0
+"""Errors above mean that the position is still open."""
+_COLOUR = "tab:blue"
+_FELT = "tab:orange"
+
+
+def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
+    """Error, standard deviation and share of converged sweeps over the palm's true position along x."""
+    figure = Figure(figsize=(9, 8.5), layout="constrained")
+    error, trace, share = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
+    x = np.concatenate([sweep.truth[:, 0] for sweep in sweeps]) * MM
+    for number, sweep in enumerate(sweeps):
+        along = sweep.truth[:, 0] * MM
+        label = None if number else "each sweep"
+        error.plot(along, sweep.error * MM, color="0.6", linewidth=0.5, label=label)
+        trace.plot(along, np.sqrt(sweep.trace) * MM, color="0.6", linewidth=0.5)
+    _mean_line(error, x, np.concatenate([s.error for s in sweeps]) * MM, f"mean of {len(sweeps)} sweeps")
+    _mean_line(trace, x, np.sqrt(np.concatenate([s.trace for s in sweeps])) * MM, "mean")
+    _mean_line(share, x, np.concatenate([s.converged for s in sweeps]).astype(float), "converged")
+    error.axhline(LIMIT_M * MM, color="tab:red", linewidth=1.0, linestyle="--", label="0.1 inch")
+    error.set_ylabel("error, mm")
+    error.set_ylim(0, min(_HIGHEST_MM, error.get_ylim()[1]))
+    trace.set_ylabel("root of the\ncovariance trace, mm")
+    trace.set_ylim(0, None)
+    share.set_ylabel("share of\nsweeps converged")
+    share.set_ylim(-0.05, 1.05)
+    for plot in (error, trace, share):
+        _contact_band(plot, sweeps)
+        plot.margins(x=0)
+    label_axis(error, "x", "x", label=False)
+    share.set_xlabel("true position of the palm along the sweep, mm")
+    error.legend(loc="upper right", frameon=False)
+    error.set_title(title)
+    return figure
+
+
+def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
+    """One sweep: where the palm truly was, and where it was estimated to be."""
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    plots = figure.subplots(2, 1, sharex=True)
+    seconds = (sweep.stamp_ns - sweep.stamp_ns[0]) * 1e-9
+    for column, (plot, axis) in enumerate(zip(plots, "xy", strict=True)):
+        plot.plot(seconds, sweep.truth[:, column] * MM, "k", linewidth=1.2, label="truth")
+        plot.plot(seconds, sweep.mean[:, column] * MM, color=_COLOUR, linewidth=1.2, label="estimate")
+        plot.set_ylabel(f"{axis}, mm")
+        converged = np.ma.masked_where(~sweep.converged, sweep.mean[:, column] * MM)
+        plot.plot(seconds, converged, color="tab:green", linewidth=3.0, alpha=0.5, label="converged")
+        felt = seconds[sweep.after_contact]
+        if len(felt):
+            plot.axvspan(felt[0], felt[-1], color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")
+        plot.margins(x=0)
+    plots[-1].set_xlabel("time since the sweep began, s")
+    plots[0].legend(frameon=False)
+    plots[0].set_title(title)
+    return figure
+
+
+def _contact_band(plot: Axes, sweeps: Sequence[LiveSweep]) -> None:
+    """Shade where the feature is felt, from the sweeps' median contact to their median end."""
+    felt = np.array([(s.contact.first, s.contact.last) for s in sweeps if s.contact is not None])
+    if len(felt):
+        first, last = np.median(felt, axis=0) * MM
+        plot.axvspan(first, last, color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")
+
+
+def _mean_line(plot: Axes, x: np.ndarray, values: np.ndarray, label: str) -> None:
+    """Mean of the values in bins along x."""
+    edges = np.arange(np.floor(x.min()), x.max() + _BIN_MM, _BIN_MM)
+    bins = np.digitize(x, edges)
+    places = np.unique(bins)
+    means = [values[bins == place].mean() for place in places]
+    plot.plot(edges[places - 1] + _BIN_MM / 2, means, color=_COLOUR, linewidth=2.0, label=label)

@@ -1,0 +1,353 @@
+"""Pictures of a scan: the tactile map (paper, Fig. 3 and 4), sweep paths, neighbours' values (Fig. 6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from scipy.spatial import cKDTree
+
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
+from tactile_localizer.errors import SceneError
+from tactile_localizer.offline.figures.axes import label_axis, legend_below, literal, shown
+from tactile_localizer.scene import Phalanx, Region, Scene
+
+_COLOURS = "RdBu_r"
+_NO_DATA = "0.82"
+_LINES = ("black", "tab:green", "tab:orange")
+_NEIGHBOURS = 4
+
+MOST_ELEMENTS = 48
+"""Elements of a phalanx that a picture shows at most."""
+
+
+def scan_figures(
+    scan: Scan, scene: Scene, *, unit: str = "V", regions: Mapping[str, Region] | None = None
+) -> dict[str, Figure]:
+    """Every picture of a scan, by the name of the file that it belongs into.
+
+    Parameters
+    ----------
+    scan : the pairs
+    scene : its bounds and phalanges
+    unit : of the strain
+    regions : feature regions to outline, by label, in phalanx coordinates; by default the scene's own
+    """
+    if regions is None:
+        regions = {"feature of the scene": scene.feature} if scene.feature is not None else {}
+    figures = {"sweeps": sweep_paths(scan, scene)}
+    tactile_map = make_map(scan, scene)
+    if len(tactile_map.axes) == 2:
+        figures["map"] = map_pair(tactile_map, scan, scene, unit=unit, regions=regions)
+    for phalanx in scan.phalanges:
+        sheet = map_sheet if len(tactile_map.axes) == 2 else profile_sheet
+        figures[f"map_{phalanx}"] = sheet(tactile_map, scan, scene, phalanx, unit=unit, regions=regions)
+        figures[f"neighbours_{phalanx}"] = neighbour_values(scan, scene, phalanx, unit=unit)
+    return figures
+
+
+def map_sheet(
+    tactile_map: TactileMap,
+    scan: Scan,
+    scene: Scene,
+    phalanx: str,
+    *,
+    unit: str = "V",
+    regions: Mapping[str, Region] | None = None,
+) -> Figure:
+    """The elements of a phalanx over the palm's position, in one scale of colours.
+
+    Of more than :data:`MOST_ELEMENTS` those that vary most.
+
+    Parameters
+    ----------
+    tactile_map : over two axes of the scene
+    scan : drawn as faint paths of the sweeps
+    scene : says where the phalanx sits
+    phalanx : its name
+    unit : of the strain
+    regions : feature regions to outline, by label, in phalanx coordinates
+    """
+    elements = _shown_elements(tactile_map, phalanx)
+    rows = math.ceil(len(elements) / 4)
+    figure = Figure(figsize=(13, 3.5 * rows), layout="constrained")
+    plots = figure.subplots(rows, 4, sharex=True, sharey=True, squeeze=False)
+    for plot in plots.flat[len(elements) :]:
+        plot.set_axis_off()
+    for place, (element, plot) in enumerate(zip(elements, plots.flat, strict=False)):
+        row, column = divmod(place, 4)
+        colours = _draw_element(plot, tactile_map, phalanx, element)
+        _draw_paths(plot, scan)
+        _outline(plot, regions, _phalanx(scene, phalanx), scene)
+        plot.set_title(f"element {element + 1}", fontsize=10)
+        label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=row == rows - 1)
+        label_axis(plot, "y", tactile_map.axes[1], inches=column == 3, label=column == 0)
+    _colour_bar(figure, colours, plots, unit)
+    legend_below(figure, plots.flat[0])
+    figure.suptitle(f"{literal(scene.name)}: what phalanx {literal(phalanx)} feels, by the palm's position")
+    return figure
+
+
+def map_pair(
+    tactile_map: TactileMap,
+    scan: Scan,
+    scene: Scene,
+    *,
+    unit: str = "V",
+    regions: Mapping[str, Region] | None = None,
+) -> Figure:
+    """The paths of the sweeps and two elements that respond differently (the paper's Fig. 3 b, c, d).
+
+    Shown are the element that the feature changes most, and the one that it changes most of those that
+    do not merely repeat it. Parameters as for :func:`map_sheet`.
+    """
+    figure = Figure(figsize=(14, 5.2), layout="constrained")
+    plots = figure.subplots(1, 3)
+    _draw_sweeps(plots[0], scan)
+    _draw_bounds(plots[0], scene)
+    plots[0].set_title(f"{len(scan.sweep_numbers)} sweeps, {len(scan)} pairs", fontsize=10)
+    for plot, (phalanx, element) in zip(plots[1:], _telling_elements(tactile_map), strict=True):
+        colours = _draw_element(plot, tactile_map, phalanx, element)
+        _outline(plot, regions, _phalanx(scene, phalanx), scene)
+        plot.set_title(f"{literal(phalanx)}, element {element + 1}", fontsize=10)
+    for column, plot in enumerate(plots):
+        label_axis(plot, "x", tactile_map.axes[0])
+        label_axis(plot, "y", tactile_map.axes[1], inches=column == 2, label=column == 0)
+    _colour_bar(figure, colours, plots, unit)
+    legend_below(figure, plots[1])
+    figure.suptitle(f"{literal(scene.name)}: scan and tactile map, by the palm's position")
+    return figure
+
+
+def profile_sheet(
+    tactile_map: TactileMap,
+    scan: Scan,
+    scene: Scene,
+    phalanx: str,
+    *,
+    unit: str = "V",
+    regions: Mapping[str, Region] | None = None,
+) -> Figure:
+    """The elements of a phalanx along the one axis of the scene: every sweep, and the map in black.
+
+    Parameters as for :func:`map_sheet`.
+    """
+    elements = _shown_elements(tactile_map, phalanx)
+    figure = Figure(figsize=(13, 1 + 1.25 * len(elements)), layout="constrained")
+    plots = figure.subplots(len(elements), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    axis = tactile_map.axes[0]
+    start = scan.layout.slices[scan.phalanges.index(phalanx)].start
+    profile = tactile_map.phalanx(phalanx)
+    for element, plot in zip(elements, plots, strict=True):
+        column = start + element
+        for number in scan.sweep_numbers:
+            mine = scan.sweep == number
+            along = np.argsort(scan.states[mine, 0])
+            values = scan.strain[mine, column] - tactile_map.background[column]
+            label = f"sweep {number}" if len(scan.sweep_numbers) <= 6 else None
+            plot.plot(shown(axis, scan.states[mine, 0][along]), values[along], linewidth=0.7, label=label)
+        plot.plot(shown(axis, tactile_map.nodes[0]), profile[:, element], "k", linewidth=1.2, label="map")
+        plot.set_ylabel(f"{element + 1}", rotation=0, labelpad=10)
+        plot.margins(x=0)
+        for number, region in enumerate((regions or {}).values()):
+            lower, upper = _palm_limits(region, _phalanx(scene, phalanx), scene)
+            plot.axvspan(*shown(axis, np.array([lower[0], upper[0]])), color=_LINES[number % 3], alpha=0.08)
+    label_axis(plots[0], "x", axis, label=False)
+    label_axis(plots[-1], "x", axis, inches=False)
+    legend_below(figure, plots[0])
+    figure.supylabel(f"element: strain less its median, {literal(unit)}", fontsize=10)
+    figure.suptitle(f"{literal(scene.name)}: what phalanx {literal(phalanx)} feels, by the palm's position")
+    return figure
+
+
+def sweep_paths(scan: Scan, scene: Scene) -> Figure:
+    """Where the palm was in each sweep; coloured by the order of the sweeps, with a dot where each began."""
+    numbers = scan.sweep_numbers
+    size = (8, 7) if len(scan.axes) > 1 else (9, 2 + 0.25 * len(numbers))
+    figure = Figure(figsize=size, layout="constrained")
+    plot = figure.subplots()
+    _draw_sweeps(plot, scan)
+    label_axis(plot, "x", scan.axes[0])
+    if len(scan.axes) > 1:
+        _draw_bounds(plot, scene)
+        label_axis(plot, "y", scan.axes[1])
+    else:
+        plot.set_ylabel("sweep")
+        plot.set_yticks(numbers)
+    plot.set_title(
+        f"{literal(scene.name)}: {len(numbers)} sweeps, {len(scan)} pairs; dots are where sweeps begin"
+    )
+    return figure
+
+
+def neighbour_values(
+    scan: Scan,
+    scene: Scene,
+    phalanx: str,
+    *,
+    element: int | None = None,
+    sweep: int | None = None,
+    k: int = _NEIGHBOURS,
+    unit: str = "V",
+) -> Figure:
+    """What was felt around a trajectory: the nearest neighbours' values along it (the paper's Fig. 6).
+
+    The trajectory is that of a sweep. Its neighbours are the nearest pairs of the k nearest sweeps, one
+    of each: the very nearest pairs would all lie on one sweep, whose pairs are much denser than the
+    sweeps are. Where the values part into bands, what will be felt there has several modes.
+
+    Parameters
+    ----------
+    scan, scene, phalanx, unit : as for :func:`map_sheet`
+    element : of the phalanx, from 0; by default the one that varies most
+    sweep : number of the sweep; by default the one along which the element varies most
+    k : neighbours of each point, one a sweep
+    """
+    own = scan.layout.slices[scan.phalanges.index(phalanx)]
+    if element is None:
+        element = int(np.argmax(scan.strain[:, own].std(axis=0)))
+    values = scan.strain[:, own.start + element]
+    if sweep is None:
+        sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
+    mine = scan.sweep == sweep
+    x = shown(scan.axes[0], scan.states[mine, 0])
+    figure = Figure(figsize=(10, 5.5), layout="constrained")
+    plot = figure.subplots()
+    for index, (number, felt) in enumerate(_nearest_by_sweep(scan, scene, values, sweep, k).items()):
+        plot.plot(x, felt, ".", markersize=2.5, color=colormaps["tab10"](index % 10), label=f"sweep {number}")
+    plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep} itself")
+    plot.set_ylabel(f"element {element + 1} of {literal(phalanx)}, {literal(unit)}")
+    plot.margins(x=0)
+    label_axis(plot, "x", scan.axes[0])
+    plot.legend(title="nearest pairs of", markerscale=4, fontsize=8)
+    plot.set_title(
+        f"{literal(scene.name)}: what was felt along sweep {sweep}, and nearest to it in other sweeps"
+    )
+    return figure
+
+
+def _nearest_by_sweep(
+    scan: Scan, scene: Scene, values: np.ndarray, sweep: int, k: int
+) -> dict[int, np.ndarray]:
+    """By sweep, its nearest value to each pair of ``sweep``, NaN where k other sweeps are nearer."""
+    states = scan.states[:, scene.columns(scan.axes)] * axis_scale(scene)
+    path = states[scan.sweep == sweep]
+    others = [number for number in scan.sweep_numbers if number != sweep]
+    distances, felt = np.empty((len(others), len(path))), np.empty((len(others), len(path)))
+    for row, number in enumerate(others):
+        here = scan.sweep == number
+        distances[row], index = cKDTree(states[here]).query(path)
+        felt[row] = values[here][index]
+    rank = distances.argsort(axis=0).argsort(axis=0)
+    felt[rank >= k] = np.nan
+    return {int(number): row for number, row in zip(others, felt, strict=True) if np.isfinite(row).any()}
+
+
+def _draw_element(plot: Axes, tactile_map: TactileMap, phalanx: str, element: int) -> QuadMesh:
+    """Draw a map of one element; all elements of a map have the same colours."""
+    x, y = (shown(axis, nodes) for axis, nodes in zip(tactile_map.axes, tactile_map.nodes, strict=True))
+    everything = np.concatenate([tactile_map.phalanx(name) for name in tactile_map.phalanges], axis=-1)
+    limit = float(np.nanpercentile(np.abs(everything), 99.8)) or 1.0
+    values = tactile_map.phalanx(phalanx)[..., element].T
+    plot.set_facecolor(_NO_DATA)
+    if "yaw" not in tactile_map.axes:
+        plot.set_aspect("equal")
+    return plot.pcolormesh(x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit)
+
+
+def _telling_elements(tactile_map: TactileMap) -> list[tuple[str, int]]:
+    """Phalanx and element: the one that varies most, and the one whose own part varies most beside it."""
+    covered = tactile_map.covered
+    values = np.concatenate([tactile_map.phalanx(name)[covered] for name in tactile_map.phalanges], axis=1)
+    values = values - values.mean(axis=0)
+    first = int(np.argmax(values.std(axis=0)))
+    same = values[:, first] @ values / max(float(values[:, first] @ values[:, first]), 1e-300)
+    second = int(np.argmax((values - np.outer(values[:, first], same)).std(axis=0)))
+    places = [tactile_map.layout.place(column) for column in (first, second)]
+    return [(tactile_map.phalanges[phalanx], channel - 1) for phalanx, channel in places]
+
+
+def _shown_elements(tactile_map: TactileMap, phalanx: str) -> list[int]:
+    """Elements of a phalanx, from 0: all, or the :data:`MOST_ELEMENTS` that vary most."""
+    spread = np.nan_to_num(tactile_map.phalanx(phalanx)[tactile_map.covered]).std(axis=0)
+    return sorted(np.argsort(-spread, kind="stable")[:MOST_ELEMENTS].tolist())
+
+
+def _draw_paths(plot: Axes, scan: Scan) -> None:
+    for number in scan.sweep_numbers:
+        x, y = _path(scan, number)
+        plot.plot(x, y, color="0.35", linewidth=0.3, alpha=0.35)
+
+
+def _draw_sweeps(plot: Axes, scan: Scan) -> None:
+    """Paths coloured by order, with a dot where each begins; along one axis, one above the other."""
+    numbers = scan.sweep_numbers
+    for colour, number in zip(colormaps["viridis"](np.linspace(0, 0.9, len(numbers))), numbers, strict=True):
+        x, *others = _path(scan, number)
+        y = others[0] if others else np.full(len(x), number)
+        plot.plot(x, y, color=colour, linewidth=1.0)
+        plot.plot(x[:1], y[:1], "o", color=colour, markersize=4)
+
+
+def _path(scan: Scan, number: int) -> list[np.ndarray]:
+    """The first axes of a sweep as shown; NaN where a yaw goes over the half turn, so that no line does."""
+    path = []
+    for axis, values in zip(scan.axes[:2], scan.states[scan.sweep == number].T, strict=False):
+        over = np.flatnonzero(np.abs(np.diff(values)) > np.pi) if axis == "yaw" else np.empty(0, dtype=int)
+        path.append(shown(axis, values))
+        path[-1][over] = np.nan
+    return path
+
+
+def _draw_bounds(plot: Axes, scene: Scene) -> None:
+    x, y = scene.axes[:2]
+    plot.set_xlim(*shown(x.name, np.array([x.lower, x.upper])))
+    plot.set_ylim(*shown(y.name, np.array([y.lower, y.upper])))
+    if "yaw" not in (x.name, y.name):
+        plot.set_aspect("equal")
+
+
+def _palm_limits(region: Region, phalanx: Phalanx, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Palm positions between which the phalanx is in the region, cut off at the scene's bounds."""
+    offset = np.asarray(phalanx.offset)
+    lower = np.clip(np.asarray(region.lower) - offset, scene.lower, scene.upper)
+    upper = np.clip(np.asarray(region.upper) - offset, scene.lower, scene.upper)
+    return lower, upper
+
+
+def _outline(plot: Axes, regions: Mapping[str, Region] | None, phalanx: Phalanx, scene: Scene) -> None:
+    names = scene.axis_names
+    for number, (label, region) in enumerate((regions or {}).items()):
+        lower, upper = _palm_limits(region, phalanx, scene)
+        low = [float(shown(name, value)) for name, value in zip(names[:2], lower, strict=False)]
+        high = [float(shown(name, value)) for name, value in zip(names[:2], upper, strict=False)]
+        box = Rectangle(
+            (low[0], low[1]),
+            high[0] - low[0],
+            high[1] - low[1],
+            fill=False,
+            edgecolor=_LINES[number % len(_LINES)],
+            linestyle=("-", "--", "-.")[number % 3],
+            linewidth=1.2,
+            label=label,
+        )
+        plot.add_patch(box)
+
+
+def _phalanx(scene: Scene, name: str) -> Phalanx:
+    for phalanx in scene.phalanges:
+        if phalanx.name == name:
+            return phalanx
+    raise SceneError(f"phalanx {name!r}: expected one of {', '.join(scene.phalanx_names)}")
+
+
+def _colour_bar(figure: Figure, colours: QuadMesh, plots: Sequence[Axes] | np.ndarray, unit: str) -> None:
+    bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="both")
+    bar.set_label(f"strain less that of featureless material, {literal(unit)}")

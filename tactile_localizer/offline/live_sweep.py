@@ -1,0 +1,123 @@
+"""Outcome of a live sweep over a simulated feature: error from contact on, and convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer.offline.metrics import INCH
+from tactile_localizer.sim.scan import sweep_plan
+from tactile_localizer.sim.sweep import simulate_sweep
+
+LIMIT_M = 0.1 * INCH
+"""The error that the paper reports after contact: a tenth of an inch, m."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where along x the fingers of a sweep feel the feature above noise, from ``first`` to ``last``, m."""
+
+    first: float
+    last: float
+
+
+@dataclass(frozen=True)
+class LiveSweep:
+    """A sweep's n estimates, in the order of their stamps, and the truth at those stamps.
+
+    Parameters
+    ----------
+    number : of the sweep
+    stamp_ns : (n,) int64
+    mean, truth : (n, 2) m, x and y
+    trace : (n,) m^2
+    converged : (n,) bool
+    contact : where the feature is felt; ``None``: nowhere
+    """
+
+    number: int
+    stamp_ns: np.ndarray
+    mean: np.ndarray
+    truth: np.ndarray
+    trace: np.ndarray
+    converged: np.ndarray
+    contact: Contact | None
+
+    @property
+    def error(self) -> np.ndarray:
+        """Distance of the estimate from the truth, (n,), m."""
+        return np.linalg.norm(self.mean - self.truth, axis=1)
+
+    @property
+    def after_contact(self) -> np.ndarray:
+        """Which estimates lie between contact and the feature's end, (n,) bool."""
+        if self.contact is None:
+            return np.zeros(len(self.stamp_ns), dtype=bool)
+        return (self.truth[:, 0] >= self.contact.first) & (self.truth[:, 0] <= self.contact.last)
+
+    def told(self) -> dict[str, Any]:
+        """Its numbers, by name; ``None`` for what did not happen."""
+        felt = self.after_contact
+        travel = np.abs(self.truth[:, 0] - self.truth[0, 0])
+        first = int(np.argmax(self.converged)) if self.converged.any() else None
+        contact_m = None if self.contact is None else self.contact.first
+        return {
+            "sweep": self.number,
+            "start_mm": (self.truth[0] * 1e3).round(2),
+            "error_after_contact_mm": _mean_mm(self.error[felt]),
+            "error_converged_mm": _mean_mm(self.error[felt & self.converged]),
+            "error_at_end_mm": 1e3 * float(self.error[felt][-1]) if felt.any() else None,
+            "converged": bool(self.converged[felt].any()),
+            "converged_before_contact": first is not None
+            and (contact_m is None or bool(self.truth[first, 0] < contact_m)),
+            "time_to_convergence_s": None
+            if first is None
+            else 1e-9 * float(self.stamp_ns[first] - self.stamp_ns[0]),
+            "travel_to_convergence_mm": None if first is None else 1e3 * float(travel[first]),
+        }
+
+
+def contact_of(feature: str, seed: int, number: int, speed: float, rate: float) -> Contact | None:
+    """Where the simulated hand feels the feature in a test sweep; arguments as the simulator has them."""
+    start, end = sweep_plan("test", number, seed)
+    sweep = simulate_sweep(feature, seed, number, "test", start=start, end=end, speed=speed, rate=rate)
+    if sweep.contact < 0:
+        return None
+    return Contact(float(sweep.truth[sweep.contact, 0]), float(sweep.truth[sweep.feature_end, 0]))
+
+
+def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
+    """Means over the sweeps, by name; ``within_limit``: the error after contact is at most 0.1 inch."""
+    outcomes = [sweep.told() for sweep in sweeps]
+    errors = _known(outcomes, "error_after_contact_mm")
+    mean = float(np.mean(errors)) if len(errors) else None
+    return {
+        "error_after_contact_mm": mean,
+        "error_after_contact_inch": None if mean is None else mean / (INCH * 1e3),
+        "error_converged_mm": _mean(outcomes, "error_converged_mm"),
+        "error_at_end_mm": _mean(outcomes, "error_at_end_mm"),
+        "within_limit": mean is not None and mean <= LIMIT_M * 1e3,
+        "converged": bool(outcomes) and all(one["converged"] for one in outcomes),
+        "converged_sweeps": sum(one["converged"] for one in outcomes),
+        "converged_before_contact": sum(one["converged_before_contact"] for one in outcomes),
+        "time_to_convergence_s": _mean(outcomes, "time_to_convergence_s"),
+        "travel_to_convergence_mm": _mean(outcomes, "travel_to_convergence_mm"),
+        "sweeps": outcomes,
+    }
+
+
+def _mean_mm(error: np.ndarray) -> float | None:
+    """Mean of errors in m, in mm; ``None`` for that of none."""
+    return 1e3 * float(error.mean()) if len(error) else None
+
+
+def _known(outcomes: Sequence[dict[str, Any]], name: str) -> np.ndarray:
+    return np.array([one[name] for one in outcomes if one[name] is not None])
+
+
+def _mean(outcomes: Sequence[dict[str, Any]], name: str) -> float | None:
+    values = _known(outcomes, name)
+    return float(values.mean()) if len(values) else None

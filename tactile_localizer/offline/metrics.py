@@ -1,0 +1,207 @@
+"""Measures of a replay: error, calibration, convergence, time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.likelihood.strain_map import StrainMap
+from tactile_localizer.io.recording import Recording
+from tactile_localizer.offline.replay import Track
+from tactile_localizer.scene import Scene
+
+INCH = 0.0254
+"""m"""
+
+MARKS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
+"""m of travel at which the error is reported."""
+
+CONFIDENCE = 0.95
+"""Probability of the region whose coverage is measured."""
+
+
+_ROUNDING = 1e-9
+"""m, of a sum of many steps."""
+
+_NARROWEST = 1e-18
+"""m2 (yaw: rad2); where all particles are one, their covariance is zero."""
+
+
+def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Estimate less truth (n, d); an axis that is a full turn along the shortest arc."""
+    difference = mean - truth
+    difference[:, scene.wraps] = wrap_angle(difference[:, scene.wraps])
+    return difference
+
+
+def position_error(scene: Scene, track: Track) -> np.ndarray:
+    """Distance of the estimate from the truth on the axes that are lengths, m: (n,); NaN where not known."""
+    lengths = np.array([axis.name != "yaw" for axis in scene.axes])
+    if track.truth is None or not lengths.any():
+        return np.full(len(track), np.nan)
+    return np.linalg.norm(deviation(scene, track.mean, track.truth)[:, lengths], axis=1)
+
+
+def yaw_error(scene: Scene, track: Track) -> np.ndarray:
+    """Absolute error of the yaw, rad: (n,); NaN where there is no yaw or no truth."""
+    if track.truth is None or "yaw" not in scene.axis_names:
+        return np.full(len(track), np.nan)
+    return np.abs(deviation(scene, track.mean, track.truth)[:, scene.axis_names.index("yaw")])
+
+
+def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
+    """Squared error in units of the covariance (n,): d on average when the uncertainty is right."""
+    if track.truth is None:
+        return np.full(len(track), np.nan)
+    difference = deviation(scene, track.mean, track.truth)
+    values, vectors = np.linalg.eigh(track.covariance)
+    along = np.einsum("ndk,nd->nk", vectors, difference)
+    return np.sum(along**2 / np.maximum(values, _NARROWEST), axis=1)
+
+
+def calibration(
+    scene: Scene, tracks: Sequence[Track], keep: Sequence[np.ndarray] | None = None
+) -> dict[str, Any]:
+    """Normalised estimation error squared a degree of freedom, and coverage of the 95 % region.
+
+    ``keep``: which entries of each track count; by default all with a known truth.
+    """
+    squared = _pooled([squared_mahalanobis(scene, track) for track in tracks], keep)
+    if not len(squared):
+        return {"nees": None, "coverage_95": None}
+    limit = chi2.ppf(CONFIDENCE, scene.dimension)
+    return {
+        "nees": float(np.mean(squared) / scene.dimension),
+        "coverage_95": float(np.mean(squared <= limit)),
+    }
+
+
+def statistics(values: np.ndarray) -> dict[str, Any]:
+    """Count, median, mean, 95th percentile and largest of the finite values; ``None`` for those of none."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return {"count": 0, "median": None, "mean": None, "p95": None, "max": None}
+    return {
+        "count": len(values),
+        "median": float(np.median(values)),
+        "mean": float(np.mean(values)),
+        "p95": float(np.quantile(values, 0.95)),
+        "max": float(np.max(values)),
+    }
+
+
+def error_at(errors: Sequence[np.ndarray], tracks: Sequence[Track], mark: float) -> np.ndarray:
+    """Errors at ``mark`` m of :func:`travel_from_contact`, of the tracks that go so far."""
+    found = []
+    for error, track in zip(errors, tracks, strict=True):
+        travel = travel_from_contact(track)
+        if len(track) and travel[-1] >= mark - _ROUNDING:
+            found.append(error[np.searchsorted(travel, mark - _ROUNDING)])
+    return np.array(found)
+
+
+def travel_from_contact(track: Track) -> np.ndarray:
+    """Travel (n,) m, from contact, negative before it; from the sweep's start where no contact is known."""
+    return track.travel - track.travel[track.start] if len(track) else track.travel
+
+
+def travel_to_convergence(tracks: Sequence[Track]) -> np.ndarray:
+    """:func:`travel_from_contact` of each track's first converged entry; NaN where it never converged."""
+    return np.array(
+        [
+            travel_from_contact(track)[np.argmax(track.converged)] if track.converged.any() else np.nan
+            for track in tracks
+        ]
+    )
+
+
+def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> Recording:
+    """The recording with contact known, where the truth is.
+
+    A feature is felt where it exceeds the noise: as the recording says (the simulator knows), otherwise where
+    the map expects a phalanx at the true position to feel more than the noise of one visit. Contact is the
+    first such sample, the feature's end the last. Material that is felt everywhere has no contact.
+
+    Parameters
+    ----------
+    recording : of ``scene``
+    strain_map : of the localizer
+    """
+    if strain_map.featureless_variance is None:
+        return recording
+    weights = np.exp(strain_map.log_prior - strain_map.log_prior.max(axis=1, keepdims=True))
+    weights /= weights.sum(axis=1, keepdims=True)
+    expected = np.einsum("mk,mkc->mc", weights, strain_map.mean)
+    energy = scene.layout.sum(expected**2) / np.array(scene.layout.counts)
+    is_felt = (energy > 1.0).any(axis=1)
+    sweeps = []
+    for sweep in recording.sweeps:
+        if sweep.felt is None and sweep.truth is not None and np.isfinite(sweep.truth).all():
+            sweep = replace(sweep, felt=is_felt[strain_map.nearest(sweep.truth)])
+        sweeps.append(sweep)
+    return replace(recording, sweeps=tuple(sweeps))
+
+
+def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
+    """All that can be said of the tracks, by name, in SI units; ``None`` for what is not known.
+
+    *On contact* is from contact to the feature's end (:func:`with_contact`); travel is counted from contact
+    where it is known.
+    """
+    errors = [position_error(scene, track) for track in tracks]
+    converged = [track.converged for track in tracks]
+    # Where contact is known at all, a sweep without one has nothing to count from.
+    counted = [track.contact[0] >= 0 for track in tracks]
+    counts = [index for index, one in enumerate(counted) if one or not any(counted)]
+    after = [errors[index] for index in counts], [tracks[index] for index in counts]
+    marks = [mark for mark in ((0.0,) if any(counted) else ()) + MARKS if len(error_at(*after, mark))]
+    arrived = travel_to_convergence(tracks)
+    summary = {
+        "sweeps": len(tracks),
+        "strains": sum(map(len, tracks)),
+        "measurement_updates": int(sum(track.updated.sum() for track in tracks)),
+        "refused": sum(track.refused for track in tracks),
+        "error_m": statistics(_pooled(errors)),
+        "contacts": sum(counted),
+        "error_contact_m": statistics(_pooled(errors, [track.on_contact for track in tracks])),
+        "error_converged_m": statistics(_pooled(errors, converged)),
+        "error_after_travel_m": {f"{mark:g}": statistics(error_at(*after, mark)) for mark in marks},
+        "final_error_m": statistics(np.array([error[-1] for error in errors if len(error)])),
+        **calibration(scene, tracks),
+        "converged_sweeps": int(np.isfinite(arrived).sum()),
+        "converged_share": float(np.mean(np.concatenate(converged))) if any(map(len, tracks)) else None,
+        "travel_to_convergence_m": statistics(arrived),
+    }
+    if "yaw" in scene.axis_names:
+        summary["error_rad"] = statistics(_pooled([yaw_error(scene, track) for track in tracks]))
+    return summary
+
+
+def timing(tracks: Sequence[Track]) -> dict[str, Any]:
+    """What the localizer took, us: a measurement update, any strain, and a millimetre of travel."""
+    updates = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
+    every = _pooled([track.seconds for track in tracks]) * 1e6
+    way = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
+    if not len(updates):
+        return dict.fromkeys(("update_median_us", "update_p99_us", "strain_mean_us", "us_per_mm"))
+    return {
+        "update_median_us": float(np.median(updates)),
+        "update_p99_us": float(np.quantile(updates, 0.99)),
+        "strain_mean_us": float(np.mean(every)),
+        "us_per_mm": float(every.sum() / way) if way > 0.0 else None,
+    }
+
+
+def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:
+    """The finite values of all tracks, or those of them that ``keep`` marks."""
+    if not values:
+        return np.empty(0)
+    pooled = np.concatenate(values)
+    if keep is not None:
+        pooled = pooled[np.concatenate(keep)]
+    return pooled[np.isfinite(pooled)]

@@ -1,0 +1,183 @@
+"""A recording through the localizer that runs live, as fast as the machine goes.
+
+The localizer is given stamps, positions and strains in their order, exactly as the filter node gives them; it
+starts from a uniform prior at each new sweep.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tactile_localizer.core.decision.convergence import State
+from tactile_localizer.core.likelihood.kernel_position import KernelPosition
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording, usable
+from tactile_localizer.offline.odometry import travelled
+from tactile_localizer.scene import Scene
+
+Progress = Callable[[str, float], None]
+
+_REPORT_EVERY = 500
+
+
+@dataclass(frozen=True)
+class Track:
+    """Estimates along one sweep, an entry for each of its n strains that could be used.
+
+    Parameters
+    ----------
+    number : of the sweep
+    row : (n,) int, which sample of the recorded sweep each entry belongs to
+    stamp_ns : (n,) int64
+    mean, covariance : (n, d) and (n, d, d), m (yaw: rad)
+    state : n states of convergence
+    probability : (n,) that the hand is on the map and near the estimate
+    on_map : (n,) that it is on the map
+    log_marginal : (n,) nats
+    updated : (n,) bool, whether the strain led to a measurement update
+    moved : (n,) m of travel by the localizer's own count
+    consistent : (n, F) bool, phalanges that are not stuck
+    reason : n texts
+    truth : (n, d) or ``None``
+    travel : (n,) m from the sweep's start, along the truth where all of it is known
+    seconds : (n,) s, that the localizer took
+    refused : strains that the localizer refused
+    contact : rows of the recorded sweep at which the feature is first and last felt; -1: never, or not known
+    """
+
+    number: int
+    row: np.ndarray
+    stamp_ns: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    state: tuple[State, ...]
+    probability: np.ndarray
+    on_map: np.ndarray
+    log_marginal: np.ndarray
+    updated: np.ndarray
+    moved: np.ndarray
+    consistent: np.ndarray
+    reason: tuple[str, ...]
+    truth: np.ndarray | None
+    travel: np.ndarray
+    seconds: np.ndarray
+    refused: int
+    contact: tuple[int, int] = NO_CONTACT
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    @property
+    def trace(self) -> np.ndarray:
+        """Sum of the variances, (n,)."""
+        return np.trace(self.covariance, axis1=1, axis2=2)
+
+    @cached_property
+    def converged(self) -> np.ndarray:
+        """Whether the position has converged, (n,) bool."""
+        return np.array([state is State.CONVERGED for state in self.state], dtype=bool)
+
+    @property
+    def start(self) -> int:
+        """Index of the first entry on contact; 0 where there is none."""
+        first = self.contact[0]
+        return min(int(np.searchsorted(self.row, first)), max(len(self) - 1, 0)) if first >= 0 else 0
+
+    @property
+    def on_contact(self) -> np.ndarray:
+        """Which entries lie between contact and the feature's end, (n,) bool."""
+        first, last = self.contact
+        return (self.row >= first) & (self.row <= last) & (first >= 0)
+
+
+def replay(
+    localizer: Localizer,
+    recording: Recording,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> list[Track]:
+    """Localize each sweep of a recording from a uniform prior.
+
+    Parameters
+    ----------
+    localizer : its state of before is lost
+    recording : of the localizer's scene; its positions are the odometry
+    progress : called with what is being done and the fraction of it that is done
+    clock : s, measures what the localizer takes
+    """
+    tracks = []
+    done, total = 0, max(len(recording), 1)
+    for sweep in recording.sweeps:
+        localizer.reset()
+        estimates, rows, seconds = [], [], []
+        for row, estimate, elapsed in _localise(localizer, sweep, clock):
+            if estimate is not None:
+                estimates.append(estimate)
+                rows.append(row)
+                seconds.append(elapsed)
+            if progress is not None and row % _REPORT_EVERY == 0:
+                progress("replaying", (done + row) / total)
+        done += len(sweep)
+        tracks.append(_track(localizer.scene, sweep, estimates, rows, seconds))
+    if progress is not None:
+        progress("replaying", 1.0)
+    return tracks
+
+
+def mixture_of(localizer: Localizer) -> SweepMixture:
+    """The sweep mixture of a localizer, which a kernel model has beside it."""
+    model = localizer.model
+    mixture = model.mixture if isinstance(model, KernelPosition) else model
+    assert isinstance(mixture, SweepMixture)
+    return mixture
+
+
+def _localise(
+    localizer: Localizer, sweep: RecordedSweep, clock: Callable[[], float]
+) -> Iterator[tuple[int, Estimate | None, float]]:
+    """For each sample its row, the estimate (``None``: refused) and the seconds it took."""
+    samples = zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True)
+    for row, sample in enumerate(samples):
+        began = clock()
+        try:
+            estimate = localizer.update(*sample)
+        except MeasurementError:
+            estimate = None
+        yield row, estimate, clock() - began
+
+
+def _track(
+    scene: Scene, sweep: RecordedSweep, estimates: list[Estimate], rows: list[int], seconds: list[float]
+) -> Track:
+    n, d = len(estimates), scene.dimension
+    row = np.array(rows, dtype=np.intp)
+    reference = sweep.position
+    if sweep.truth is not None and np.isfinite(sweep.truth).all():
+        reference = sweep.truth
+    return Track(
+        number=sweep.number,
+        row=row,
+        stamp_ns=sweep.stamp_ns[row],
+        mean=np.array([e.mean for e in estimates]).reshape(n, d),
+        covariance=np.array([e.covariance for e in estimates]).reshape(n, d, d),
+        state=tuple(e.state for e in estimates),
+        probability=np.array([e.probability for e in estimates]),
+        on_map=np.array([e.on_map for e in estimates]),
+        log_marginal=np.array([e.log_marginal for e in estimates]),
+        updated=np.array([e.updated for e in estimates], dtype=bool),
+        moved=np.array([e.travel for e in estimates]),
+        consistent=np.array([e.consistent for e in estimates]).reshape(n, len(scene.phalanges)),
+        reason=tuple(e.reason for e in estimates),
+        truth=None if sweep.truth is None else sweep.truth[row],
+        travel=travelled(scene, reference)[row],
+        seconds=np.array(seconds),
+        refused=len(sweep) - n,
+        contact=sweep.contact,
+    )

@@ -1,0 +1,130 @@
+"""Tables of what a scan teaches: noise, lengths, registration, and the kernel models' parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.neighbours import NeighbourTrial
+from tactile_localizer.core.calibration.sweep_model import SweepModel
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.offline.figures.axes import MM
+from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.scene import Scene
+
+FEATURELESS, EVERYWHERE = "featureless between features", "felt everywhere"
+"""What a material is like between its features."""
+
+
+def noise_table(scene: Scene, model: SweepModel, unit: str = "V") -> Table:
+    """Noise of a visit beside the signal, a row per phalanx.
+
+    Parameters
+    ----------
+    model : learned from a scan of ``scene``
+    unit : of the strain
+    """
+    noise = model.noise.model
+    coloured = np.linalg.inv(noise.whitening)
+    visit = np.sqrt(model.variance.visit) * np.linalg.norm(coloured, axis=1)
+    offset = np.sqrt((coloured**2) @ noise.offset_variance)
+    strain = np.concatenate([track.strain for track in model.noise.recorded])
+    signal = strain.std(axis=0)
+    rows = [
+        (
+            phalanx.name,
+            str(phalanx.channels),
+            _median(visit[own]),
+            f"{visit[own].max():.3g}",
+            _median(offset[own]),
+            _median(signal[own]),
+        )
+        for phalanx, own in zip(scene.phalanges, scene.layout.slices, strict=True)
+    ]
+    columns = (
+        "phalanx",
+        "channels",
+        f"noise, {unit}",
+        f"noisiest, {unit}",
+        f"offset, {unit}",
+        f"strain, {unit}",
+    )
+    note = (
+        "Standard deviations, of the median channel: by which one sweep differs from what the others let "
+        "expect; of the noisiest channel; of the constant between sweeps; and of the strain over the scan."
+    )
+    return Table("Noise", columns, rows, note)
+
+
+def learned_table(scene: Scene, mixture: SweepMixture, calibration: Calibration) -> Table:
+    """Lengths, registration and kind of the material, a row each."""
+    rows = [(name, value) for name, value in learned_values(scene, mixture, calibration).items()]
+    note = (
+        "Information length: travel that makes one independent measurement of where the hand is; presence "
+        "length: of whether it is on the map; registration: how far the positions of one sweep are from "
+        "those of another, one standard deviation."
+    )
+    return Table("Learned from the scan", ("", "value"), rows, note)
+
+
+def learned_values(scene: Scene, mixture: SweepMixture, calibration: Calibration) -> dict[str, str]:
+    """What was learned from a scan, with units, by name."""
+    registration = ", ".join(
+        _with_unit(axis, std)
+        for axis, std in zip(scene.axis_names, calibration.registration_std, strict=True)
+    )
+    return {
+        "material": EVERYWHERE if mixture.map.featureless_variance is None else FEATURELESS,
+        "information length": f"{calibration.information_length * MM:.1f} mm",
+        "presence length": f"{mixture.presence_length * MM:.1f} mm",
+        "registration": registration,
+    }
+
+
+def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> Table:
+    """Widths of the kernel models, a row each."""
+    positions = np.broadcast_to(np.asarray(parameters.position_std, dtype=np.float64), scene.dimension)
+    strains = np.broadcast_to(np.asarray(parameters.strain_std, dtype=np.float64), scene.layout.size)
+    rows = [
+        (f"position, {axis}", _with_unit(axis, std))
+        for axis, std in zip(scene.axis_names, positions, strict=True)
+    ]
+    rows += [
+        (f"strain, {phalanx.name}", f"{_median(strains[own])} {unit}")
+        for phalanx, own in zip(scene.phalanges, scene.layout.slices, strict=True)
+    ]
+    note = "Standard deviations, of the median channel; chosen by the likelihood of held-out sweeps."
+    return Table("Kernel widths", ("", "width"), rows, note)
+
+
+def neighbours_table(trials: Sequence[NeighbourTrial], best: NeighbourTrial) -> Table:
+    """The numbers of neighbours of the Gaussian models that were tried; the chosen one is marked."""
+    rows = [
+        (
+            "*" if trial is best else "",
+            str(trial.neighbours),
+            f"{trial.shrinkage.share:.2f}",
+            f"{trial.shrinkage.before:.3g}",
+            f"{trial.shrinkage.after:.3g}",
+            f"{trial.score:.2f}",
+        )
+        for trial in trials
+    ]
+    columns = ("", "k", "shrinkage", "unshrunk", "shrunk", "score, nats per measurement")
+    note = (
+        "Of the Gaussian models. Shrinkage: share of the covariance that is that of held-out residuals; "
+        "unshrunk, shrunk: median squared Mahalanobis distance of held-out strains over that of a normal "
+        "distribution; score: their log-likelihood; *: chosen."
+    )
+    return Table("Neighbours", columns, rows, note)
+
+
+def _median(values: np.ndarray) -> str:
+    return f"{np.median(values):.3g}"
+
+
+def _with_unit(axis: str, std: float) -> str:
+    return f"{axis} {np.degrees(std):.2f}°" if axis == "yaw" else f"{axis} {std * MM:.2f} mm"

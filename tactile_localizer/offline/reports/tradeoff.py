@@ -1,0 +1,144 @@
+"""Picture, tables and report of a trade-off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
+
+from tactile_localizer.core.configuration import MODELS
+from tactile_localizer.offline.evaluation.findings import TENTH_INCH
+from tactile_localizer.offline.evaluation.tradeoff import Trade, pareto_front
+from tactile_localizer.offline.figures.axes import MM
+from tactile_localizer.offline.reports.html import Report, mapping_table
+from tactile_localizer.offline.reports.machine import machine
+from tactile_localizer.offline.reports.tables import Table
+
+_COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
+_MARKERS = {"grid": "s", "particle": "o"}
+_COLUMNS = (
+    "configuration",
+    "error, mm",
+    "95 % interval, mm",
+    "coverage, %",
+    "update, µs",
+    "99 %, µs",
+    "µs/mm",
+    "memory, MB",
+)
+
+
+def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
+    """The Pareto front, the presets, and everything that was tried."""
+    front = pareto_front(trades)
+    presets = [one for one in trades if one.candidate.preset]
+    everything = sorted(trades, key=lambda one: one.update_us)
+    note = (
+        "Error from contact to the feature's end with its 95 % interval; processor time of one thread, least "
+        "of three passes; memory beside the scan."
+    )
+    return [
+        Table(
+            "Pareto front", _COLUMNS, [_row(one) for one in front], "Nothing tried is both faster and better."
+        ),
+        Table("Presets", _COLUMNS, [_row(one) for one in presets], note),
+        Table("Everything tried", _COLUMNS, [_row(one) for one in everything], note),
+    ]
+
+
+def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
+    """Error against update time of everything tried, with the Pareto front and the presets."""
+    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
+    plot = figure.add_subplot()
+    for model, colour in _COLOURS.items():
+        for filter_, marker in _MARKERS.items():
+            chosen = (model, filter_)
+            own = [
+                one
+                for one in trades
+                if (one.candidate.configuration.model, one.candidate.configuration.filter) == chosen
+            ]
+            if own:
+                plot.scatter(*_places(own), s=18, c=colour, marker=marker, label=f"{model}, {filter_}")
+    front = pareto_front(trades)
+    plot.step(*_places(front), where="post", color="0.3", lw=1, label="Pareto front")
+    _draw_presets(plot, [one for one in trades if one.candidate.preset])
+    plot.axhline(TENTH_INCH * MM, color="0.6", ls="--", lw=0.8)
+    plot.set_axisbelow(True)
+    plot.margins(x=0.1)
+    plot.set_xscale("log")
+    plot.set_yscale("log")
+    plot.set_ylim(bottom=0.85 * front[-1].error.mean * MM)
+    for axis, steps in ((plot.xaxis, (1.0, 2.0, 5.0)), (plot.yaxis, (1.0, 2.0, 3.0, 5.0))):
+        axis.set_major_locator(LogLocator(subs=steps))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
+    plot.set_xlabel("processor time of an update, median, µs")
+    plot.set_ylabel("mean error, mm (dashed: 0.1 inch)")
+    plot.grid(color="0.92", which="both")
+    plot.legend(fontsize=7)
+    return figure
+
+
+def _places(trades: Sequence[Trade]) -> tuple[list[float], list[float]]:
+    """Update times, us, and mean errors, mm."""
+    return [one.update_us for one in trades], [one.error.mean * MM for one in trades]
+
+
+def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
+    """Circles with names below, in a row so that they do not touch."""
+    in_order = sorted(presets, key=lambda one: one.update_us)
+    for row, one in enumerate(in_order):
+        place = (one.update_us, one.error.mean * MM)
+        plot.plot(*place, "o", ms=11, mfc="none", mec="black")
+        plot.annotate(
+            one.candidate.preset,
+            place,
+            xytext=(48 * (row - (len(in_order) - 1) / 2), -34),
+            textcoords="offset points",
+            fontsize=9,
+            ha="center",
+            arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.7, "shrinkB": 6},
+        )
+
+
+def tradeoff_report(
+    tables: Sequence[Table], figure: Figure, conditions: str, command: str, path: Path
+) -> None:
+    """Write a trade-off as one page; ``conditions`` says what it was tried on.
+
+    Raises
+    ------
+    ScanError
+        The file cannot be written.
+    """
+    report = Report("Tactile localisation: accuracy against cost", conditions)
+    report.add_figures("Error against time", {"tradeoff": figure})
+    for table in tables:
+        report.add_table(table)
+    report.add_table(mapping_table("Made with", {"command": command, **machine()}))
+    report.write(path)
+
+
+def describe(trade: Trade) -> str:
+    """A trade in a line."""
+    return (
+        f"{trade.candidate.name}: error {trade.error.mean * MM:.2f} mm, update {trade.update_us:.0f} µs "
+        f"(99 %: {trade.update_p99_us:.0f} µs), {trade.memory_mb:.0f} MB"
+    )
+
+
+def _row(trade: Trade) -> tuple[str, ...]:
+    return (
+        trade.candidate.name,
+        f"{trade.error.mean * MM:.2f}",
+        f"{trade.error.low * MM:.2f}-{trade.error.high * MM:.2f}",
+        f"{100 * trade.coverage:.1f}",
+        f"{trade.update_us:.0f}",
+        f"{trade.update_p99_us:.0f}",
+        f"{trade.us_per_mm:.0f}",
+        f"{trade.memory_mb:.0f}",
+    )

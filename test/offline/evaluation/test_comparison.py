@@ -1,0 +1,90 @@
+"""Methods are tried on conditions, and the results can be asked by method and condition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.evaluations import CALIBRATION, QUICK, TUNED, condition, results
+
+from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.offline.evaluation.comparison import choose_widths, evaluate, localise
+from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
+from tactile_localizer.offline.evaluation.jobs import Workers
+from tactile_localizer.offline.evaluation.methods import PAPER_PARAMETERS, standard_methods
+
+
+def test_every_method_is_tried_on_every_condition(tmp_path: Path) -> None:
+    found = evaluate([condition(1), condition(2)], QUICK, tmp_path, Workers(1))
+    assert found.condition_names == ["bump"]
+    for method in ("default", "other"):
+        assert len(found.sweeps(method)) == 4
+        assert np.isfinite(found.values(method, "error_contact_m")).all()
+        assert found.interval(method, "error_contact_m").low > 0
+        assert found.times(method)[0] > 0
+    axis, middles = found.sweep_axis("bump")
+    assert axis == "x"
+    assert np.isclose(np.diff(middles), 0.0528 / 50).all()
+
+
+def test_what_a_scene_gives_is_not_chosen_again() -> None:
+    parameters = choose_widths(condition())
+    assert parameters == {**TUNED, "neighbours": 8}
+
+
+def test_a_simulated_condition_has_its_contacts_and_blank_sweeps() -> None:
+    material = SimulatedCondition("snap", 3, sweeps=2, blanks=1).load()
+    assert len(material.recording.sweeps) == 2
+    for sweep in material.recording.sweeps:
+        first, last = sweep.contact
+        assert 0 < first < last < len(sweep)
+        assert not np.allclose(sweep.position[0], sweep.truth[0])
+    (blank,) = material.blank.sweeps
+    assert blank.truth[:, 0].max() < 0.0145
+
+
+def test_blank_sweeps_are_replayed_too() -> None:
+    tried = SimulatedCondition("bump", 1, sweeps=1, blanks=1)
+    outcome = localise(tried, CALIBRATION, {}, QUICK[0].configuration)
+    assert len(outcome["blanks"]) == 1
+    assert 0.0 < outcome["narrow_trace_m2"] < 2 * QUICK[0].configuration.convergence_radius ** 2
+
+
+def test_an_own_recording_keeps_its_contact_and_differs_by_seed() -> None:
+    material = condition(1).load()
+    assert material.blank is None
+    assert all(sweep.contact[0] > 0 for sweep in material.recording.sweeps)
+    assert condition(1).identity != condition(2).identity
+    assert condition(1).identity["data"] == condition(2).identity["data"]
+
+
+def test_the_standard_methods_are_the_default_the_presets_and_the_papers_models_in_two_forms() -> None:
+    methods = standard_methods()
+    assert {"default", "fast", "balanced", "accurate"} <= methods.keys()
+    for model in ("gaussian", "gaussian_independent", "sum_of_gaussians", "featureless"):
+        paper, exact = methods[f"{model}-paper"], methods[f"{model}-paper-grid"]
+        assert paper.configuration.particles == 75
+        assert paper.configuration.random_particles == 10
+        assert exact.configuration.filter == "grid"
+        assert paper.measurement == exact.measurement == PAPER_PARAMETERS
+
+
+def test_kernel_widths_that_a_scene_leaves_open_are_chosen() -> None:
+    open_scene = replace(condition().scene, measurement={"strain_std": 0.03})
+    chosen = ModelParameters.from_mapping(choose_widths(replace(condition(), scene=open_scene)))
+    assert chosen.strain_std == 0.03
+    assert np.all(np.asarray(chosen.position_std) > 0.0)
+
+
+def test_the_papers_widths_are_variances_in_inches() -> None:
+    assert PAPER_PARAMETERS["position_std"] == pytest.approx(np.sqrt(0.0075) * 0.0254)
+    assert PAPER_PARAMETERS["strain_std"] == pytest.approx(np.sqrt(0.001))
+
+
+def test_results_can_be_asked_by_condition() -> None:
+    found = results(sweeps=5)
+    assert len(found.sweeps("default")) == 10
+    assert len(found.sweeps("default", "snap")) == 5
+    assert len(found.blanks("default", "bump")) == 3

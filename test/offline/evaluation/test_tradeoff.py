@@ -1,0 +1,129 @@
+"""Accuracy against cost: what nothing beats, and what is best for a budget or a target."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+from support.browser import look_at
+from support.evaluations import CALIBRATION, QUICK, TUNED, condition
+
+from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
+from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
+from tactile_localizer.io.configuration_file import PRESETS, load_configuration
+from tactile_localizer.offline.evaluation.confidence_interval import Interval
+from tactile_localizer.offline.evaluation.jobs import Workers
+from tactile_localizer.offline.evaluation.tradeoff import (
+    Candidate,
+    Thinned,
+    Trade,
+    candidates,
+    cost,
+    for_target,
+    pareto_front,
+    trade,
+    within_budget,
+)
+from tactile_localizer.offline.reports.tradeoff import tradeoff_figure, tradeoff_report, tradeoff_tables
+
+
+def made(update_us: float, error_mm: float, **candidate: object) -> Trade:
+    error = Interval(error_mm * 1e-3, error_mm * 0.9e-3, error_mm * 1.1e-3)
+    of = Candidate(Configuration(filter="particle", particles=round(update_us)), **candidate)
+    return Trade(of, error, 0.95, update_us, 2 * update_us, 3 * update_us, 10.0)
+
+
+def test_the_front_is_what_nothing_is_both_faster_and_better_than() -> None:
+    trades = [made(500, 2.0), made(100, 4.0), made(300, 4.5), made(200, 3.0), made(900, 2.5)]
+    assert [one.update_us for one in pareto_front(trades)] == [100, 200, 500]
+
+
+@given(st.lists(st.tuples(st.floats(1, 1e4), st.floats(0.1, 10)), min_size=1, max_size=30))
+def test_every_trade_is_on_the_front_or_beaten_by_one_that_is(pairs: list[tuple[float, float]]) -> None:
+    trades = [made(us, mm) for us, mm in pairs]
+    front = pareto_front(trades)
+    for one in trades:
+        assert any(f.update_us <= one.update_us and f.error.mean <= one.error.mean for f in front)
+    for a, b in pairwise(front):
+        assert a.update_us < b.update_us
+        assert a.error.mean > b.error.mean
+
+
+def test_a_budget_buys_the_best_and_a_target_the_cheapest() -> None:
+    trades = [made(500, 2.0), made(100, 4.0), made(200, 3.0), made(50, 1.0, every=4)]
+    assert within_budget(trades, 250).update_us == 200
+    assert within_budget(trades, 60) is None
+    assert for_target(trades, 0.0035).update_us == 200
+    assert for_target(trades, 0.0005) is None
+
+
+def test_candidates_span_what_users_choose_between_and_hold_the_presets() -> None:
+    tried = candidates()
+    configurations = [one.configuration for one in tried]
+    assert {c.model for c in configurations} == set(MODELS)
+    assert {c.filter for c in configurations} == set(FILTERS)
+    assert {c.evaluation for c in configurations} == set(EVALUATIONS)
+    assert {c.precision for c in configurations} == {"float64", "float32"}
+    assert len({c.particles for c in configurations}) >= 4
+    assert len({one.neighbours for one in tried}) >= 3
+    assert len({one.every for one in tried}) >= 3
+    assert {one.preset: one.configuration for one in tried if one.preset} == {
+        preset: load_configuration(preset) for preset in PRESETS
+    }
+    assert len({one.name for one in tried}) == len(tried)
+    assert max(len(one.name) for one in tried) <= 60
+
+
+def test_a_thinned_map_keeps_each_so_many_th_pair() -> None:
+    whole, thin = condition().load(), Thinned(condition(), 4).load()
+    np.testing.assert_array_equal(thin.scan.states, whole.scan.states[::4])
+    assert Thinned(condition(), 4).identity != Thinned(condition(), 2).identity
+
+
+def test_candidates_are_tried_and_weighed(tmp_path: Path) -> None:
+    few = [Candidate(QUICK[0].configuration), Candidate(QUICK[0].configuration, every=4)]
+    found = trade([condition()], few, tmp_path, Workers(1))
+    assert [one.candidate for one in found] == few
+    for one in found:
+        assert 0 < one.error.low <= one.error.mean <= one.error.high
+        assert 0 < one.update_us <= one.update_p99_us
+        assert one.us_per_mm > 0
+    assert found[1].memory_mb < found[0].memory_mb
+
+
+def test_a_larger_map_takes_more_memory() -> None:
+    sums = Configuration(model="sum_of_gaussians", filter="particle", particles=60)
+    whole, thin = (cost(Thinned(condition(), every), CALIBRATION, TUNED, sums) for every in (1, 4))
+    assert thin["peak_bytes"] < whole["peak_bytes"]
+
+
+def test_the_report_shows_the_picture_and_the_tables(tmp_path: Path) -> None:
+    trades = [made(500, 2.0, preset="accurate"), made(100, 4.0, preset="fast"), made(200, 3.0)]
+    trades.append(replace(made(150, 9.0), candidate=Candidate(Configuration(model="gaussian"))))
+    tables, figure = tradeoff_tables(trades), tradeoff_figure(trades)
+    assert [len(table.rows) for table in tables] == [3, 2, 4]
+    assert {text.get_text() for text in figure.axes[0].texts} == {"accurate", "fast"}
+    tradeoff_report(tables, figure, "Tried on bump.", "tactile-localizer tradeoff", tmp_path / "report.html")
+    found = look_at(tmp_path / "report.html", tmp_path, 375)
+    assert [image["name"] for image in found["images"]] == ["tradeoff"]
+    assert found["images"][0]["width"] > 300
+    assert found["width"] <= found["view"]
+
+
+def test_presets_that_cost_the_same_have_labels_that_do_not_touch() -> None:
+    figure = tradeoff_figure([made(500, 2.0, preset=preset) for preset in PRESETS])
+    figure.set_dpi(100)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    axes = figure.axes[0]
+    # The extent of an annotation has its line in it: wanted is that of its text.
+    boxes = [Text.get_window_extent(text, renderer) for text in axes.texts]
+    assert len(boxes) == 3
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert all(axes.bbox.contains(*corner) for box in boxes for corner in box.corners())

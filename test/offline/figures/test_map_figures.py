@@ -1,0 +1,96 @@
+"""Pictures of a scan: every element on one sheet, in one scale, in millimetres with inches beside."""
+
+import numpy as np
+import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.patches import Rectangle
+
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import make_map
+from tactile_localizer.errors import SceneError
+from tactile_localizer.offline.figures.tactile_map import map_sheet, neighbour_values, scan_figures
+from tactile_localizer.scene import Axis, Phalanx, Region, Scene
+
+SCENE = Scene(
+    "bump",
+    (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.04)),
+    (Phalanx("index", (0.0, 0.01)), Phalanx("middle", (0.0, -0.01))),
+    Region((0.02, -np.inf), (0.03, np.inf)),
+)
+
+
+@pytest.fixture(scope="module")
+def scan():
+    x, lines = np.linspace(0, 0.05, 100), np.arange(0, 0.0401, 0.004)
+    states = np.concatenate([np.column_stack([x, np.full_like(x, y)]) for y in lines])
+    bump = np.exp(-((states[:, :1] - 0.025) ** 2 + (states[:, 1:] - 0.02) ** 2) / 1e-5)
+    strain = 1.0 + bump * np.linspace(-1, 1, 16)
+    return Scan(
+        states, strain, np.repeat(np.arange(1, len(lines) + 1), len(x)), ("x", "y"), ("index", "middle")
+    )
+
+
+def meshes(figure):
+    return [artist for plot in figure.axes for artist in plot.collections if isinstance(artist, QuadMesh)]
+
+
+def test_a_scan_over_two_axes_has_a_sheet_and_neighbours_for_each_phalanx(scan, tmp_path):
+    figures = scan_figures(scan, SCENE)
+    expected = ["sweeps", "map", "map_index", "neighbours_index", "map_middle", "neighbours_middle"]
+    assert list(figures) == expected
+    for name, figure in figures.items():
+        figure.savefig(tmp_path / f"{name}.png", dpi=40)
+        assert (tmp_path / f"{name}.png").stat().st_size > 5000
+
+
+def test_all_eight_elements_share_one_symmetric_scale_of_colours_on_every_sheet(scan):
+    tactile_map = make_map(scan, SCENE)
+    drawn = [m for name in ("index", "middle") for m in meshes(map_sheet(tactile_map, scan, SCENE, name))]
+    elements = [mesh for mesh in drawn if mesh.get_array().size == tactile_map.covered.size]
+    assert len(elements) == 16
+    assert {(mesh.norm.vmin, mesh.norm.vmax, mesh.get_cmap().name) for mesh in elements} == {
+        (elements[0].norm.vmin, -elements[0].norm.vmin, "RdBu_r")
+    }
+
+
+def test_the_region_is_outlined_where_the_palm_is_when_the_phalanx_is_in_it(scan):
+    scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
+    figure = scan_figures(scan, scene)["map_index"]
+    (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle))
+    np.testing.assert_allclose(box.get_bbox().extents, [20.0, 5.0, 30.0, 25.0])
+
+
+def test_axes_are_in_millimetres_with_inches_beside(scan):
+    figure = map_sheet(make_map(scan, SCENE), scan, SCENE, "index")
+    labels = {plot.get_xlabel() for plot in figure.axes} | {
+        child.get_xlabel() for plot in figure.axes for child in plot.child_axes
+    }
+    assert {"x, mm", "x, inch"} <= labels
+    np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
+
+
+def test_neighbours_of_other_sweeps_are_drawn_along_the_trajectory(scan):
+    figure = neighbour_values(scan, SCENE, "index", element=0, sweep=5, k=2)
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    assert labels[-1] == "sweep 5 itself"
+    assert 2 <= len(labels) - 1 <= 4
+    assert "sweep 5" not in labels
+
+
+def test_a_scan_over_one_axis_has_profiles(scan):
+    scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.0,)),), Region((0.02,), (0.03,)))
+    line = Scan(scan.states[:, :1], scan.strain[:, :8], scan.sweep, ("x",), ("index",))
+    figures = scan_figures(line, scene, unit="counts")
+    assert list(figures) == ["sweeps", "map_index", "neighbours_index"]
+    assert len(figures["map_index"].axes) == 8
+
+
+def test_a_single_sweep_can_be_drawn(scan, tmp_path):
+    for name, figure in scan_figures(scan.select(scan.sweep == 3), SCENE).items():
+        figure.savefig(tmp_path / f"{name}.png", dpi=30)
+
+
+def test_a_phalanx_that_the_scene_lacks_is_refused(scan):
+    scene = Scene("bump", SCENE.axes, (Phalanx("thumb", (0.0, 0.0)),))
+    with pytest.raises(SceneError, match="phalanx 'index': expected one of thumb"):
+        map_sheet(make_map(scan, SCENE), scan, scene, "index")

@@ -1,0 +1,98 @@
+"""The report is one file that shows every picture without a network, on a desk, a phone and on paper."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from support.browser import look_at
+from support.evaluations import results
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.offline.figures.comparison import evaluation_figures
+from tactile_localizer.offline.reports.evaluation import configuration_table, evaluation_report
+from tactile_localizer.offline.reports.html import Report, save_figures
+from tactile_localizer.offline.reports.tables import Table, evaluation_tables
+
+NAMES = ["fig5_bump", "fig5_snap", "fig8_bump", "fig8_snap", "methods", "convergence", "past"]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Path:
+    found = results()
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    evaluation_report(found, evaluation_tables(found), evaluation_figures(found), "the <command>", path)
+    return path
+
+
+@pytest.mark.parametrize("width", [1200, 375])
+def test_a_browser_shows_every_picture_within_the_page(page: Path, tmp_path: Path, width: int) -> None:
+    found = look_at(page, tmp_path, width)
+    assert [image["name"] for image in found["images"]] == NAMES
+    for image in found["images"]:
+        assert image["width"] > 300
+        assert image["shown"] > 250
+    assert found["loaded"] == []
+    assert found["width"] <= found["view"]
+
+
+def test_on_paper_no_column_is_cut_off(page: Path, tmp_path: Path) -> None:
+    """A4 less its margins is 718 pixels; what is for print is shown on the screen instead."""
+    text = page.read_text()
+    assert "@media print {" in text
+    (tmp_path / "print.html").write_text(text.replace("@media print {", "@media all {"))
+    found = look_at(tmp_path / "print.html", tmp_path, 718)
+    assert found["width"] <= found["view"]
+
+
+def test_the_page_refers_to_nothing_outside_itself(page: Path) -> None:
+    text = page.read_text()
+    addresses = re.findall(r'(?:src|href)="([^"]{0,40})', text)
+    assert len(addresses) == len(NAMES)
+    assert all(address.startswith("data:image/svg+xml;base64,") for address in addresses)
+    assert "@import" not in text
+    assert "url(" not in text
+
+
+def test_the_page_holds_tables_configurations_and_machine(page: Path) -> None:
+    text = page.read_text()
+    for heading in ("Error", "False alarms", "Findings of the paper", "Configurations", "Made with"):
+        assert f"<h2>{heading}</h2>" in text
+    assert "the &lt;command&gt;" in text
+    assert "numpy" in text
+    assert "@media print" in text
+
+
+def test_the_same_results_give_the_same_pictures(tmp_path: Path) -> None:
+    found = results()
+    for name in ("a", "b"):
+        report = Report("title", "summary")
+        report.add_figures("pictures", {"methods": evaluation_figures(found)["methods"]})
+        report.write(tmp_path / f"{name}.html")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_texts_are_escaped(tmp_path: Path) -> None:
+    report = Report("a < b", "c & d")
+    report.add_table(Table("t", ("<x>",), [("<script>",)], "note > note"))
+    report.write(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert "<script>" not in text
+    assert "a &lt; b" in text
+    assert "note &gt; note" in text
+
+
+def test_an_unwritable_tare_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ScanError, match="expected to write a report"):
+        Report("t", "s").write(tmp_path / "file" / "page.html")
+    with pytest.raises(ScanError, match="expected to write pictures"):
+        save_figures({}, tmp_path / "file" / "folder")
+
+
+def test_configurations_are_told_by_what_differs_from_the_default() -> None:
+    rows = dict(configuration_table(results()).rows)
+    assert rows["default"] == "the defaults"
+    assert "particles: 75" in rows["gaussian-paper"]
+    assert "position_std: 0.0022" in rows["gaussian-paper"]

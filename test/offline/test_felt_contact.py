@@ -1,0 +1,58 @@
+"""Contact is the first sample at which a feature is felt above the noise: one definition for all commands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tactile_localizer.cli import main
+from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.recording import NO_CONTACT
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.evaluation.conditions import SimulatedCondition, recording_of
+from tactile_localizer.offline.live_sweep import contact_of
+from tactile_localizer.offline.metrics import with_contact
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim.sweep import RATE_HZ, SPEED_MPS
+
+SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
+
+
+def test_a_simulated_recording_has_the_simulators_contact_in_every_form(tmp_path: Path) -> None:
+    test = simulate_scan("bump", 1, "test", sweeps=2)
+    assert main(["simulate", "bump", "-o", str(tmp_path), "--test", "2", "--train", "1"]) == 0
+    from_file = read_csv(tmp_path / "test.csv", SCENE)
+    of_condition = SimulatedCondition("bump", 1, sweeps=2, blanks=0).load().recording
+    for number, part in enumerate(test.slices()):
+        expected = test.contact[number] - part.start, test.feature_end[number] - part.start
+        assert from_file.sweeps[number].contact == expected
+        assert of_condition.sweeps[number].contact == expected
+        live = contact_of("bump", 1, number, SPEED_MPS, RATE_HZ)
+        assert live is not None
+        assert live.first == test.truth[part][expected[0], 0]
+
+
+def test_a_blank_sweep_has_no_contact() -> None:
+    blank = recording_of(simulate_scan("bump", 1, "test", sweeps=1, reach_feature=False))
+    assert blank.sweeps[0].contact == NO_CONTACT
+
+
+def test_where_it_is_not_recorded_the_map_says_where_a_feature_is_felt() -> None:
+    test = recording_of(simulate_scan("bump", 1, "test"))
+    unmarked = replace(test, sweeps=tuple(replace(sweep, felt=None) for sweep in test.sweeps))
+    scan = simulate_scan("bump", 1).to_scan()
+    table = learn_sweep_model(scan, SCENE).mixture(SCENE, 0.3, 0.003).map
+    marked = with_contact(unmarked, SCENE, table)
+    away = []
+    for own, found in zip(test.sweeps, marked.sweeps, strict=True):
+        assert own.truth is not None
+        ends = own.truth[list(own.contact), 0], own.truth[list(found.contact), 0]
+        away.append(ends[1] - ends[0])
+    assert np.abs(np.mean(away, axis=0)).max() < 0.002  # folds differ from sweep to sweep
+    assert with_contact(unmarked, SCENE, table._replace(featureless_variance=None)) is unmarked
+    without_truth = replace(test, sweeps=tuple(replace(s, felt=None, truth=None) for s in test.sweeps))
+    assert with_contact(without_truth, SCENE, table).sweeps[0].felt is None

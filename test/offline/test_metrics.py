@@ -1,0 +1,128 @@
+"""The numbers of a replay, on tracks whose numbers are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.tracks import made_track
+
+from tactile_localizer.offline.metrics import (
+    calibration,
+    error_at,
+    position_error,
+    statistics,
+    summarize,
+    timing,
+    travel_to_convergence,
+    yaw_error,
+)
+from tactile_localizer.offline.replay import Track
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene("sheet", (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1)), (Phalanx("index", (0.0, 0.0)),))
+
+
+def track(errors, *, converged=None, truth=True, std=0.001, number=0, d=2, contact=(-1, -1)) -> Track:
+    """Entries 1 mm of travel apart whose estimates are off by ``errors`` (n, d), m."""
+    errors = np.asarray(errors, dtype=float)
+    n = len(errors)
+    places = np.zeros((n, d))
+    places[:, 0] = 0.001 * np.arange(n)
+    return made_track(
+        places + errors,
+        std,
+        places if truth else None,
+        converged=converged,
+        contact=contact,
+        number=number,
+        updated=np.arange(n) % 2 == 0,
+        seconds=np.where(np.arange(n) % 2 == 0, 1e-3, 1e-5),
+    )
+
+
+def test_the_error_is_the_distance_from_the_truth() -> None:
+    np.testing.assert_allclose(position_error(SCENE, track([[0.003, 0.004], [0.0, -0.001]])), [0.005, 0.001])
+
+
+def test_yaw_counts_apart_and_along_the_shortest_arc() -> None:
+    scene = Scene("turning", (Axis("x", 0.0, 0.1), Axis("yaw", -math.pi, math.pi)), SCENE.phalanges)
+    turned = track([[0.002, 2 * math.pi - 0.1]])
+    assert position_error(scene, turned)[0] == pytest.approx(0.002)
+    assert yaw_error(scene, turned)[0] == pytest.approx(0.1)
+
+
+def test_a_belief_without_any_width_is_no_failure_but_wrong() -> None:
+    collapsed = track([[0.001, 0.0], [0.0, 0.0]], std=0.0)
+    assert calibration(SCENE, [collapsed])["coverage_95"] == 0.5
+    assert calibration(SCENE, [collapsed])["nees"] > 1e6
+
+
+def test_without_truth_no_error_is_claimed() -> None:
+    unknown = track(np.zeros((3, 2)), truth=False)
+    summary = summarize(SCENE, [unknown])
+    assert summary["error_m"]["count"] == 0
+    assert summary["error_m"]["median"] is None
+    assert summary["nees"] is None
+    assert summary["strains"] == 3
+
+
+def test_an_honest_uncertainty_has_nees_one_and_covers_95_percent() -> None:
+    rng = np.random.default_rng(0)
+    honest = calibration(SCENE, [track(0.001 * rng.standard_normal((20000, 2)))])
+    assert honest["nees"] == pytest.approx(1.0, abs=0.03)
+    assert honest["coverage_95"] == pytest.approx(0.95, abs=0.01)
+    boastful = calibration(SCENE, [track(0.003 * rng.standard_normal((20000, 2)))])
+    assert boastful["nees"] == pytest.approx(9.0, rel=0.05)
+    assert boastful["coverage_95"] < 0.4
+
+
+def test_statistics_leave_out_what_is_not_known() -> None:
+    found = statistics(np.array([1.0, np.nan, 3.0]))
+    assert (found["count"], found["median"], found["mean"], found["max"]) == (2, 2.0, 2.0, 3.0)
+
+
+def test_the_error_at_a_mark_is_that_of_the_sweeps_which_go_so_far() -> None:
+    short, long = track([[0.009, 0.0]] * 5), track([[0.001 * i, 0.0] for i in range(20)])
+    errors = [position_error(SCENE, t) for t in (short, long)]
+    np.testing.assert_allclose(error_at(errors, [short, long], 0.004), [0.009, 0.004])
+    np.testing.assert_allclose(error_at(errors, [short, long], 0.01), [0.010])
+
+
+def test_convergence_is_reached_at_the_first_converged_entry() -> None:
+    tracks = [track(np.zeros((4, 2)), converged=[False, False, True, False]), track(np.zeros((4, 2)))]
+    np.testing.assert_array_equal(travel_to_convergence(tracks), [0.002, np.nan])
+    summary = summarize(SCENE, tracks)
+    assert summary["converged_sweeps"] == 1
+    assert summary["converged_share"] == 1 / 8
+
+
+def test_errors_on_contact_are_those_from_contact_to_the_features_end() -> None:
+    errors = [[0.0, 0.02], [0.0, 0.02], [0.0, 0.001], [0.0, 0.003], [0.0, 0.02]]
+    summary = summarize(SCENE, [track(errors, contact=(2, 3))])
+    assert summary["error_contact_m"]["count"] == 2
+    assert summary["error_contact_m"]["mean"] == pytest.approx(0.002)
+
+
+def test_travel_is_counted_from_contact_where_it_is_known() -> None:
+    touched = track([[0.001 * i, 0.0] for i in range(8)], contact=(2, 7), converged=np.arange(8) == 4)
+    blank = track([[0.009, 0.0]] * 8)
+    summary = summarize(SCENE, [touched, blank])
+    assert summary["contacts"] == 1
+    assert summary["error_after_travel_m"]["0"]["median"] == pytest.approx(0.002)
+    assert summary["error_after_travel_m"]["0.005"]["median"] == pytest.approx(0.007)
+    assert summary["travel_to_convergence_m"]["median"] == pytest.approx(0.002)
+
+
+def test_timing_tells_weighed_strains_from_all() -> None:
+    found = timing([track(np.zeros((10, 2)))])
+    assert found["update_median_us"] == pytest.approx(1000.0)
+    assert found["strain_mean_us"] == pytest.approx(505.0)
+
+
+def test_a_sweep_without_samples_is_no_stumbling_block() -> None:
+    summary = summarize(SCENE, [track(np.empty((0, 2))), track(np.zeros((3, 2)))])
+    assert summary["sweeps"] == 2
+    assert summary["error_m"]["count"] == 3
+    assert timing([track(np.empty((0, 2)))])["update_median_us"] is None

@@ -1,0 +1,100 @@
+"""What a filter is told of the motion: never the truth, only its displacements with the scene's noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.offline.odometry import (
+    EXACT,
+    SIMULATED,
+    displacements,
+    random_starts,
+    travelled,
+    with_odometry,
+)
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene(
+    "strip", (Axis("x", 0.0, 1.0, 0.004), Axis("y", 0.0, 1.0, 0.001)), (Phalanx("index", (0.0, 0.0)),)
+)
+
+
+def recording(*lengths: int, step: float = 0.001) -> Recording:
+    sweeps = []
+    for number, n in enumerate(lengths):
+        position = np.column_stack([0.3 + step * np.arange(n), np.full(n, 0.5)])
+        strain = np.arange(n)[:, None] + np.zeros(8)
+        stamps = np.arange(n, dtype=np.int64) * 10**7
+        sweeps.append(RecordedSweep(number, stamps, position, strain, np.zeros((n, 1), np.uint8)))
+    return Recording("strip.csv", ("x", "y"), ("index",), tuple(sweeps))
+
+
+def test_exact_odometry_has_the_truths_displacements_but_not_its_place() -> None:
+    (sweep,) = with_odometry(recording(50), SCENE, np.random.default_rng(0), EXACT).sweeps
+    np.testing.assert_array_equal(sweep.position[0], [0.0, 0.0])
+    np.testing.assert_allclose(np.diff(sweep.position, axis=0), np.diff(sweep.truth, axis=0), atol=1e-15)
+
+
+@pytest.mark.parametrize("step", [0.001, 0.0001])
+def test_the_noise_after_a_metre_is_the_scenes_whatever_the_sample_rate(step: float) -> None:
+    n = round(0.04 / step) + 1
+    noisy = with_odometry(recording(*[n] * 400, step=step), SCENE, np.random.default_rng(0), SIMULATED)
+    ends = np.array([s.position[-1] - (s.truth[-1] - s.truth[0]) for s in noisy.sweeps])
+    expected = np.array([0.004, 0.001]) * math.sqrt(0.04)
+    np.testing.assert_allclose(ends.std(axis=0), expected, rtol=0.12)
+    np.testing.assert_allclose(ends.mean(axis=0), 0.0, atol=4 * expected.max() / 20)
+
+
+def test_the_same_seed_gives_the_same_noise() -> None:
+    first, second, other = (
+        with_odometry(recording(20), SCENE, np.random.default_rng(seed), SIMULATED) for seed in (3, 3, 4)
+    )
+    np.testing.assert_array_equal(first.sweeps[0].position, second.sweeps[0].position)
+    assert not np.array_equal(first.sweeps[0].position, other.sweeps[0].position)
+
+
+def test_a_sweep_without_samples_stays_empty() -> None:
+    (sweep,) = with_odometry(recording(0), SCENE, np.random.default_rng(0), SIMULATED).sweeps
+    assert sweep.position.shape == (0, 2)
+
+
+def test_yaw_is_followed_along_the_shortest_arc() -> None:
+    scene = Scene("disc", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (0.0,)),))
+    steps = displacements(scene, np.array([[3.1], [-3.1], [3.1]]))
+    np.testing.assert_allclose(steps[:, 0], [2 * math.pi - 6.2, 6.2 - 2 * math.pi])
+
+
+def test_the_way_is_the_sum_of_the_steps() -> None:
+    way = travelled(SCENE, np.array([[0.0, 0.0], [0.003, 0.004], [0.0, 0.0]]))
+    np.testing.assert_allclose(way, [0.0, 0.005, 0.01])
+
+
+def test_random_starts_are_pieces_of_the_wanted_length() -> None:
+    source = recording(100, 30, 200)
+    pieces = random_starts(source, SCENE, 40, 0.08, np.random.default_rng(1)).sweeps
+    assert [piece.number for piece in pieces] == list(range(1, 41))
+    for piece in pieces:
+        assert travelled(SCENE, piece.position)[-1] == pytest.approx(0.08)
+        assert piece.strain[0, 0] == round((piece.position[0, 0] - 0.3) / 0.001)
+    assert len({float(piece.position[0, 0]) for piece in pieces}) > 20
+
+
+def test_without_a_length_each_start_goes_on_to_the_end_of_its_sweep() -> None:
+    pieces = random_starts(recording(100), SCENE, 10, None, np.random.default_rng(1)).sweeps
+    assert {float(piece.strain[-1, 0]) for piece in pieces} == {99.0}
+
+
+def test_starts_that_find_no_sweep_long_enough_are_refused() -> None:
+    with pytest.raises(
+        ScanError, match=r"expected a sweep of at least 120.0 mm to start in, the longest is 99.0 mm"
+    ):
+        random_starts(recording(100), SCENE, 5, 0.12, np.random.default_rng(1))
+    with pytest.raises(
+        ScanError, match=r"expected a sweep that goes anywhere to start in, the longest is 0.0"
+    ):
+        random_starts(recording(100, step=0.0), SCENE, 5, None, np.random.default_rng(1))

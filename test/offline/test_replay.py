@@ -1,0 +1,139 @@
+"""A replay feeds the localizer as the filter node does: in order, and from nowhere at each sweep."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.io.status import MISSING
+from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.reports.json_file import plain, plain_columns, write_json
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+
+SCENE = replace(
+    load_scene(resource_path("config/scenes/bump.yaml")),
+    measurement={"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003},
+)
+SCAN = simulate_scan("bump", 1).to_scan()
+QUICK = Configuration(filter="particle", particles=100)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    test = simulate_scan("bump", 1, "test", sweeps=2, rate=40.0)
+    sweeps = tuple(
+        RecordedSweep(
+            number=number,
+            stamp_ns=test.stamp_ns[part],
+            position=test.odometry[part],
+            strain=test.strain[part].copy(),
+            status=np.zeros((part.stop - part.start, 2), np.uint8),
+            truth=test.truth[part],
+        )
+        for number, part in enumerate(test.slices())
+    )
+    return Recording("simulated", ("x", "y"), ("index", "middle"), sweeps)
+
+
+def localizer(seed: int = 1) -> Localizer:
+    return build_localizer(SCAN, SCENE, QUICK, np.random.default_rng(seed))
+
+
+def test_the_track_is_what_the_localizer_says_when_fed_by_hand(recording: Recording) -> None:
+    tracks = replay(localizer(), recording)
+    by_hand = localizer()
+    for sweep, track in zip(recording.sweeps, tracks, strict=True):
+        by_hand.reset()
+        estimates = [
+            by_hand.update(int(s), p, z)
+            for s, p, z in zip(sweep.stamp_ns, sweep.position, sweep.strain, strict=True)
+        ]
+        np.testing.assert_array_equal(track.mean, [e.mean for e in estimates])
+        np.testing.assert_array_equal(track.covariance, [e.covariance for e in estimates])
+        np.testing.assert_array_equal(track.trace, [e.trace for e in estimates])
+        np.testing.assert_array_equal(track.stamp_ns, sweep.stamp_ns)
+        assert track.reason == tuple(e.reason for e in estimates)
+        assert (track.seconds > 0).all()
+
+
+def test_each_sweep_starts_from_nowhere(recording: Recording) -> None:
+    uniform = (SCENE.upper - SCENE.lower) ** 2 / 12
+    for track in replay(localizer(), recording):
+        assert track.trace[0] > 0.5 * uniform.sum()
+        assert track.trace.min() < 0.1 * uniform.sum()
+        assert track.travel[0] == 0.0
+
+
+def test_the_truth_makes_no_difference_to_what_is_believed(recording: Recording) -> None:
+    told = replay(localizer(), recording)
+    untold = replay(
+        localizer(), replace(recording, sweeps=tuple(replace(s, truth=None) for s in recording.sweeps))
+    )
+    for a, b in zip(told, untold, strict=True):
+        np.testing.assert_array_equal(a.mean, b.mean)
+        assert b.truth is None
+
+
+def test_only_displacements_count_not_where_the_odometry_begins(recording: Recording) -> None:
+    away = np.array([5.0, -2.0])
+    moved = replace(recording, sweeps=tuple(replace(s, position=s.position + away) for s in recording.sweeps))
+    for a, b in zip(replay(localizer(), recording), replay(localizer(), moved), strict=True):
+        np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
+
+
+def test_a_silent_phalanx_drops_out_and_a_silent_hand_is_counted(recording: Recording) -> None:
+    sweep = recording.sweeps[0]
+    status, strain = sweep.status.copy(), sweep.strain.copy()
+    status[50:90, 0] = MISSING
+    strain[50:90, :8] = np.nan
+    status[100:107] = MISSING
+    strain[110, 3] = np.nan  # said to be well, but is not
+    (track,) = replay(localizer(), replace(recording, sweeps=(replace(sweep, status=status, strain=strain),)))
+    assert track.refused == 8
+    np.testing.assert_array_equal(np.setdiff1d(np.arange(len(sweep)), track.row), [*range(100, 107), 110])
+    assert np.isfinite(track.mean).all()
+
+
+def test_progress_ends_at_one(recording: Recording) -> None:
+    told: list[float] = []
+    replay(localizer(), recording, lambda text, share: told.append(share))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_rows_of_columns_are_written_as_each_row_alone_would_be(tmp_path: Path) -> None:
+    columns = {
+        "stamp_ns": np.array([2**62 + 1, 5]),
+        "mean": np.array([[0.1, np.nan], [1e-300, -0.0]]),
+        "converged": np.array([True, False]),
+        "evidence": np.array([np.inf, 1 / 3]),
+        "reason": ["lost: é", ""],
+    }
+    rows = list(plain_columns(columns))
+    assert rows == [plain({name: column[row] for name, column in columns.items()}) for row in range(2)]
+    write_json(
+        tmp_path / "out.json", {"n": 2, "rows": [*rows, {"odd": np.nan, "array": np.ones(2)}]}, rows="rows"
+    )
+    assert json.loads((tmp_path / "out.json").read_text())["rows"] == [
+        *rows,
+        {"odd": None, "array": [1.0, 1.0]},
+    ]
+
+
+def test_results_that_cannot_be_written_leave_nothing_behind(tmp_path: Path) -> None:
+    (tmp_path / "out.json").mkdir()
+    for path, reason in ((tmp_path / "out.json", "Is a directory"), (Path("/proc/none/out.json"), "No such")):
+        with pytest.raises(ScanError, match=f"{path}: expected to write results, {reason}"):
+            write_json(path, {"n": 1})
+    assert [path.name for path in tmp_path.iterdir()] == ["out.json"]
