@@ -103,7 +103,7 @@ class Phalanx:
     Parameters
     ----------
     name : what messages and files call it
-    offset : from the palm on each axis of the scene, m (``yaw``: rad)
+    offset : in the palm's frame on each axis of the scene, m (``yaw``: rad); it turns with the palm's yaw
     channels : values that the sensor gives at a time
     """
 
@@ -217,25 +217,6 @@ class Scene:
     def wraps(self) -> np.ndarray:
         """Which axes are full turns, (d,) bool."""
         return np.array([axis.wraps for axis in self.axes])
-
-    def placed(self, states: np.ndarray, phalanx: Phalanx) -> np.ndarray:
-        """Where ``phalanx`` is when the palm is at ``states`` (P, d): (P, d), full turns in [-pi, pi)."""
-        positions = states + np.asarray(phalanx.offset)
-        for axis in np.flatnonzero(self.wraps):
-            positions[:, axis] = (positions[:, axis] + math.pi) % (2.0 * math.pi) - math.pi
-        return positions
-
-    def phalanges_on_feature(self, states: np.ndarray) -> np.ndarray:
-        """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, without a region."""
-        on = np.ones((len(states), len(self.phalanges)), dtype=bool)
-        if self.feature is not None:
-            for index, phalanx in enumerate(self.phalanges):
-                on[:, index] = self.feature.contains(self.placed(states, phalanx))
-        return on
-
-    def on_feature(self, states: np.ndarray) -> np.ndarray:
-        """At which palm ``states`` (P, d) some phalanx is in the feature's region: (P,) bool."""
-        return np.logical_or.reduce(self.phalanges_on_feature(states).T)
 
     def columns(self, names: tuple[str, ...]) -> np.ndarray:
         """Columns of this scene's axes in states on the axes ``names``, (d,) int.

@@ -221,12 +221,6 @@ def test_a_scene_made_in_code_is_checked_too(change: dict[str, Any], reason: str
         Scene("made", **made)
 
 
-def test_a_phalanx_that_turns_past_half_a_turn_comes_in_on_the_other_side() -> None:
-    scene = Scene("turn", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (1.0,)),))
-    placed = scene.placed(np.array([[3.0]]), scene.phalanges[0])
-    assert placed == pytest.approx(4.0 - 2 * math.pi)
-
-
 def test_what_a_scan_does_not_have_is_named() -> None:
     scene = scene_from_dict(GOOD)
     with pytest.raises(SceneError, match=r"axis 'yaw' of scene 'strip': expected one of x, y"):

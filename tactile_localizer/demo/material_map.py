@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 from rich.text import Text
 
+from tactile_localizer.core.geometry.phalanges import on_feature
 from tactile_localizer.demo.observations import Observations
 from tactile_localizer.scene import Scene
 
@@ -62,7 +63,7 @@ def _feature(scene: Scene) -> np.ndarray:
         for axis, count in zip(scene.axes, (_COLUMNS, _ROWS), strict=True)
     )
     grid = np.stack(np.meshgrid(x, y[::-1]), axis=-1).reshape(-1, 2)
-    return scene.on_feature(grid).reshape(_ROWS, _COLUMNS)
+    return on_feature(scene, grid).reshape(_ROWS, _COLUMNS)
 
 
 def _cells(scene: Scene, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -60,6 +60,8 @@ class Sliding:
     direction : (n, 2) unit vectors of the sliding direction
     tension : (n,) relative change of the friction by stick-slip
     spacing, dt : distance (m) and time (s) between samples
+    heading : rotation by which the load cells are turned too, rad; that the hand deviates from it by less
+        than a degree is neglected there, where it is 1 % of a shear force
     """
 
     position: np.ndarray
@@ -68,6 +70,7 @@ class Sliding:
     tension: np.ndarray
     spacing: float
     dt: float
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,14 @@ def contact_wrenches(
     for touch, error in zip(touches, loop_error.T, strict=True):
         wrenches.append(_wrench(touch, _grip(rng, sliding), error, sliding.direction))
         departures.append(_wrench(touch, steady, np.zeros(n), sliding.direction) - bare)
-    return np.stack(wrenches, axis=1), np.stack(departures, axis=1)
+    cells = np.stack(wrenches, axis=1), np.stack(departures, axis=1)
+    return cells[0] @ _turn(sliding.heading), cells[1] @ _turn(sliding.heading)
+
+
+def _turn(heading: float) -> np.ndarray:
+    """Matrix (6, 6) by which rows of wrenches along the material's axes become those along a cell's."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.kron(np.eye(2), [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _grip(rng: np.random.Generator, sliding: Sliding) -> _Grip:

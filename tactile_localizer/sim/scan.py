@@ -114,6 +114,7 @@ def simulate_scan(
     *,
     sweeps: int | None = None,
     reach_feature: bool = True,
+    yaw: float = 0.0,
     speed: float = SPEED_MPS,
     rate: float = RATE_HZ,
     channels: tuple[int, ...] = (),
@@ -127,6 +128,7 @@ def simulate_scan(
     kind : ``train`` or ``test``
     sweeps : number of sweeps; default: 21 for training (about 16,300 samples), 18 for test
     reach_feature : if false, every sweep ends before the feature
+    yaw : nominal rotation of the hand, rad
     speed : speed of the palm, m/s
     rate : sampling rate, Hz
     channels : channels of the two phalanges; empty: load cells with 8 each
@@ -144,7 +146,16 @@ def simulate_scan(
         start, end = sweep_plan(kind, number, seed) if reach_feature else featureless_plan(number, seed)
         recorded.append(
             simulate_sweep(
-                feature, seed, number, kind, start=start, end=end, speed=speed, rate=rate, channels=channels
+                feature,
+                seed,
+                number,
+                kind,
+                start=start,
+                end=end,
+                yaw=yaw,
+                speed=speed,
+                rate=rate,
+                channels=channels,
             )
         )
     return _join(feature, recorded, channels)

@@ -81,6 +81,7 @@ def simulate_sweep(
     *,
     start: tuple[float, float] = (0.0, SIDE_M / 2),
     end: tuple[float, float] | None = None,
+    yaw: float = 0.0,
     speed: float = SPEED_MPS,
     rate: float = RATE_HZ,
     channels: tuple[int, ...] = (),
@@ -94,6 +95,7 @@ def simulate_sweep(
     kind : one of :data:`KINDS`
     start, end : nominal start and end of the palm, m; default of ``end``: along x to the far side of the
         square
+    yaw : nominal rotation of the hand about the palm, in the plane of the material, rad
     speed : speed of the palm, m/s
     rate : sampling rate, Hz
     channels : channels of the two phalanges; empty: those of :data:`CELLS`
@@ -114,7 +116,9 @@ def simulate_sweep(
     mode = mode_of_sweep(child(seed, *session, _MODE_STREAM), number)
     position = motion.truth - FEATURE_CENTER_M
     deformed = deformation(rng, mode, position[:, 0], spacing=speed / rate)
-    sliding = Sliding(position, motion.yaw, motion.direction, motion.tension, speed / rate, 1 / rate)
+    sliding = Sliding(
+        position, yaw + motion.yaw, motion.direction, motion.tension, speed / rate, 1 / rate, yaw
+    )
     wrench, departure = contact_wrenches(feature, sliding, deformed, rng)
 
     begin_s = number * (SIDE_M / speed + _PAUSE_S)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from tactile_localizer.core.geometry.phalanges import phalanx_positions
 from tactile_localizer.core.likelihood.noise_model import estimate_noise
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Region, Scene
@@ -54,7 +55,7 @@ def propose_region(scan: Scan, scene: Scene) -> Proposal:
     cells, axes, boxes = [], [], []
     for phalanx, own in zip(scene.phalanges, scene.layout.slices, strict=True):
         felt = np.any(strain[:, own] != 0.0, axis=1)
-        index, centres = _cells(scene.placed(positions, phalanx))
+        index, centres = _cells(phalanx_positions(scene, phalanx, positions))
         group, own_cells = _largest_group(index, felt)
         cells.append(own_cells)
         axes.append(centres)

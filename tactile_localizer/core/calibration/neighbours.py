@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from tactile_localizer.core.calibration.kernel_widths import held_out_log_densities
+from tactile_localizer.core.geometry.phalanges import on_feature
 from tactile_localizer.core.likelihood.gaussian import Gaussian, Shrinkage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
@@ -54,7 +55,7 @@ def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None
     ScanError
         The scan has no pairs on the feature.
     """
-    rows = np.flatnonzero(scene.on_feature(scan.states[:, scene.columns(scan.axes)]))
+    rows = np.flatnonzero(on_feature(scene, scan.states[:, scene.columns(scan.axes)]))
     if not len(rows):
         raise ScanError(f"scan: expected pairs in the feature region of scene {scene.name}, found none")
     trials = []

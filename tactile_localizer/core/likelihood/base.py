@@ -34,13 +34,6 @@ class MeasurementModel(Protocol):
             The strain of a present phalanx is not finite, or the shape is wrong.
         """
 
-    def log_likelihood_on(
-        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
-    ) -> np.ndarray:
-        """The same at every combination of the coordinates of ``axes``: an array (C1, ..., Cd)."""
-        shape = tuple(len(coordinates) for coordinates in axes)
-        return self.log_likelihood(flatten_axes(axes), strain, present).reshape(shape)
-
 
 def checked(
     strain: np.ndarray, layout: ChannelLayout, present: np.ndarray | None

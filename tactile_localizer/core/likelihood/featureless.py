@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.phalanges import phalanx_positions
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive
 from tactile_localizer.core.likelihood.kernels.interpolation import interpolated
 from tactile_localizer.core.likelihood.kernels.normal import Normal
@@ -21,12 +21,12 @@ from tactile_localizer.scene import Phalanx, Scene
 class Featureless(MeasurementModel):
     """A product over phalanges: a sum of Gaussians on the feature, one Gaussian off it.
 
-    The position of phalanx f is a_f = x + offset_f; whether it is on the feature is decided by where *it* is,
-    and its training pairs are placed by where it was. Both branches are densities over the phalanx's strain
-    on the same scale and with the same blur: the sum of Gaussians in its conditional form, whose kernels have
-    the variance S_z, and one Gaussian whose covariance is that of the featureless strains plus S_z. Without
-    the latter, featureless strains would be likelier off the feature than on it, and push the belief out of
-    the region. Both have the broad background as their floor.
+    The position of phalanx f is a_f, its offset from the palm turned by yaw; whether it is on the feature is
+    decided by where *it* is, and its training pairs are placed by where it was. Both branches are densities
+    over the phalanx's strain on the same scale and with the same blur: the sum of Gaussians in its
+    conditional form, whose kernels have the variance S_z, and one Gaussian whose covariance is that of the
+    featureless strains plus S_z. Without the latter, featureless strains would be likelier off the feature
+    than on it, and push the belief out of the region. Both have the broad background as their floor.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Featureless(MeasurementModel):
         self._phalanges = []
         self._layout = scene.layout
         for phalanx, columns in zip(scene.phalanges, self._layout.slices, strict=True):
-            places = scene.placed(positions, phalanx)
+            places = phalanx_positions(scene, phalanx, positions)
             kernels = PhalanxKernels(
                 places,
                 strain[:, columns],
@@ -85,16 +85,6 @@ class Featureless(MeasurementModel):
             total += phalanx.at_states(states, own, self._evaluation == "field")
         return total
 
-    def log_likelihood_on(
-        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See :meth:`MeasurementModel.log_likelihood_on`."""
-        strain, present = checked(strain, self._layout, present)
-        total = np.zeros(tuple(len(coordinates) for coordinates in axes))
-        for phalanx, own in self._present(strain, present):
-            total += phalanx.on_axes(axes, own)
-        return total
-
     def _present(self, strain: np.ndarray, present: np.ndarray) -> list[tuple[_PhalanxModel, np.ndarray]]:
         return [
             (phalanx, own)
@@ -114,7 +104,7 @@ class _PhalanxModel:
         self._kernels, self._off = kernels, off
 
     def at_states(self, states: np.ndarray, strain: np.ndarray, field: bool) -> np.ndarray:
-        positions = self._scene.placed(states, self._phalanx)
+        positions = phalanx_positions(self._scene, self._phalanx, states)
         total = np.full(len(states), self._log_off(strain))
         on = self._region.contains(positions)
         if on.any():
@@ -131,21 +121,6 @@ class _PhalanxModel:
         if not field:
             return at_states(positions)
         return interpolated(positions, self._kernels.kernels.position_std, at_states, on_axes)
-
-    def on_axes(self, axes: list[np.ndarray], strain: np.ndarray) -> np.ndarray:
-        moved = [
-            wrap_angle(coordinates + offset) if wraps else coordinates + offset
-            for coordinates, offset, wraps in zip(axes, self._phalanx.offset, self._scene.wraps, strict=True)
-        ]
-        total = np.full(tuple(len(coordinates) for coordinates in axes), self._log_off(strain))
-        inside = [
-            np.flatnonzero((coordinates >= low) & (coordinates <= high))
-            for coordinates, low, high in zip(moved, self._region.lower, self._region.upper, strict=True)
-        ]
-        if all(len(index) for index in inside):
-            window = [coordinates[index] for coordinates, index in zip(moved, inside, strict=True)]
-            total[np.ix_(*inside)] = self._kernels.on_axes(window, strain, self._PRESENT)
-        return total
 
     def _log_off(self, strain: np.ndarray) -> float:
         background = self._kernels.background.log_density(strain, self._PRESENT)

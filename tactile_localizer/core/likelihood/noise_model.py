@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
@@ -249,7 +250,8 @@ def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Tr
         energy = _means(scene.layout, _smoothed(strain**2))
         strain = strain * scene.layout.expand(np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0))
     if featureless and scene.feature is not None:
-        strain = strain * scene.layout.expand(scene.phalanges_on_feature(track.positions).astype(np.float64))
+        on = phalanges_on_feature(scene, track.positions)
+        strain = strain * scene.layout.expand(on.astype(np.float64))
     return Track(track.positions, strain)
 
 

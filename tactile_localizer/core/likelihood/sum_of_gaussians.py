@@ -144,13 +144,6 @@ class SumOfGaussians(MeasurementModel):
             )
         return self._kernels.at_states(states, strain, present)
 
-    def log_likelihood_on(
-        self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See :meth:`MeasurementModel.log_likelihood_on`."""
-        strain, present = checked(strain, self._layout, present)
-        return self._kernels.on_axes(axes, strain, present)
-
 
 def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """The scan's positions (N, d) and strains (N, C) on the axes and phalanges that the scene names.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +11,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.phalanges import phalanx_positions, turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.scene import Scene
+from tactile_localizer.scene import Phalanx, Scene
 
 DEFAULT_NEIGHBOURS = 8
 """Neighbours that a node of the grid is interpolated from; the paper's k."""
@@ -56,10 +58,18 @@ class TactileMap:
         columns = self.layout.slices[self.phalanges.index(name)]
         return self.values[..., columns] - self.background[columns]
 
+    def places(self, scene: Scene, phalanx: Phalanx) -> np.ndarray:
+        """Where a phalanx is when the palm is at the nodes, (n1, 1) or (n1, n2, 2), m (yaw: rad)."""
+        nodes = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1)
+        states = np.zeros((*nodes.shape[:-1], scene.dimension))
+        states[..., : len(self.axes)] = nodes
+        placed = phalanx_positions(scene, phalanx, states.reshape(-1, scene.dimension))
+        return placed.reshape(states.shape)[..., : len(self.axes)]
+
     @property
     def covered(self) -> np.ndarray:
         """Which nodes have data, bool of the grid's shape."""
-        return np.isfinite(self.values[..., 0])
+        return np.asarray(np.isfinite(self.values).all(axis=-1))
 
 
 def make_map(
@@ -76,6 +86,7 @@ def make_map(
     first one that does not count, so that the map changes without steps. Pairs are first averaged by
     cells of half the sweeps' distance, so that the neighbours lie on several sweeps and a slow palm does
     not outweigh a fast one. Of three axes the first two are shown; pairs of all values of the third count.
+    Where that is yaw, each phalanx is shown where it was: the nodes are palm positions of a hand at yaw zero.
 
     Parameters
     ----------
@@ -101,8 +112,9 @@ def make_map(
     step = float(np.max(upper - lower)) / (nodes - 1)
     counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
     grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
+    palms = scan.states[:, scene.columns(scan.axes)]
     scan = Scan(
-        scan.states[:, scene.columns(scan.axes)[:shown]] * scale,
+        palms[:, :shown] * scale,
         scan.strain[:, scene.channels(scan.phalanges, scan.channels)],
         scan.sweep,
         scene.axis_names[:shown],
@@ -111,11 +123,13 @@ def make_map(
     )
     distance = sweep_distance(scan, step)
     cell = max(step, distance / 2)
-    places, strain = _cell_means(scan.states, scan.strain, lower, cell)
     if reach is None:
         reach = max(1.5 * distance, 1.5 * _pair_distance(scan), cell)
     queries = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
-    values = _local_mean(places, strain, queries, neighbours, reach)
+    values = np.empty((len(queries), scan.strain.shape[1]))
+    for columns, states in _shown_where(scene, palms, shown):
+        places, strain = _cell_means(states * scale, scan.strain[:, columns], lower, cell)
+        values[:, columns] = _local_mean(places, strain, queries, neighbours, reach)
     return TactileMap(
         axes=scan.axes,
         nodes=tuple(nodes / unit for nodes, unit in zip(grid, scale, strict=True)),
@@ -124,6 +138,16 @@ def make_map(
         phalanges=scan.phalanges,
         channels=scan.channels,
     )
+
+
+def _shown_where(scene: Scene, palms: np.ndarray, shown: int) -> Iterator[tuple[slice, np.ndarray]]:
+    """Columns of the strain and where on the first axes their pairs are shown, (N, shown)."""
+    if "yaw" not in scene.axis_names[shown:]:
+        yield slice(None), palms[:, :shown]
+        return
+    for phalanx, columns in zip(scene.phalanges, scene.layout.slices, strict=True):
+        moved = turned_offsets(scene, phalanx, palms) - np.asarray(phalanx.offset)
+        yield columns, (palms + moved)[:, :shown]
 
 
 def axis_scale(scene: Scene) -> np.ndarray:

@@ -56,7 +56,7 @@ def _draw_plane(
     figure = Figure(figsize=(4.6 * count + 1.5, 5.8), layout="constrained")
     plots = figure.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
     for number, plot in enumerate(plots):
-        x, y = _places(tactile_map, scene, number)
+        x, y = (places.T for places in _places(tactile_map, scene, number))
         values = np.ma.masked_invalid(felt[number].T)
         colours = plot.pcolormesh(x, y, values, cmap="Greys", vmin=0, vmax=limit)
         plot.plot(*_touched(tactile_map, proposal, number), ".", color=_TOUCHED, markersize=3, label=_DOTS)
@@ -91,12 +91,9 @@ def _draw_line(
 
 
 def _places(tactile_map: TactileMap, scene: Scene, number: int) -> list[np.ndarray]:
-    """By axis, where a phalanx is when the palm is at the map's nodes, as shown."""
-    offset = scene.phalanges[number].offset
-    return [
-        shown(axis, nodes + offset[column])
-        for column, (axis, nodes) in enumerate(zip(tactile_map.axes, tactile_map.nodes, strict=True))
-    ]
+    """By axis, where a phalanx is when the palm is at the map's nodes, as shown: arrays of its shape."""
+    places = tactile_map.places(scene, scene.phalanges[number])
+    return [shown(axis, places[..., column]) for column, axis in enumerate(tactile_map.axes)]
 
 
 def _touched(tactile_map: TactileMap, proposal: Proposal, number: int) -> list[np.ndarray]:
@@ -110,7 +107,7 @@ def _touched(tactile_map: TactileMap, proposal: Proposal, number: int) -> list[n
 
 def _span(tactile_map: TactileMap, scene: Scene, column: int) -> tuple[float, float]:
     """Lowest and highest place that a phalanx comes to on an axis, as shown."""
-    ends = np.array([_places(tactile_map, scene, n)[column][[0, -1]] for n in range(len(scene.phalanges))])
+    ends = np.stack([_places(tactile_map, scene, n)[column] for n in range(len(scene.phalanges))])
     return float(ends.min()), float(ends.max())
 
 

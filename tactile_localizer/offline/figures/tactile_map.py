@@ -10,9 +10,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon
 from scipy.spatial import cKDTree
 
+from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
@@ -23,6 +24,8 @@ _COLOURS = "RdBu_r"
 _NO_DATA = "0.82"
 _LINES = ("black", "tab:green", "tab:orange")
 _NEIGHBOURS = 4
+_OUTLINE = 61
+"""Points along each side of a region's outline."""
 
 MOST_ELEMENTS = 48
 """Elements of a phalanx that a picture shows at most."""
@@ -322,16 +325,31 @@ def _palm_limits(region: Region, phalanx: Phalanx, scene: Scene) -> tuple[np.nda
     return lower, upper
 
 
+def _palm_outline(region: Region, phalanx: Phalanx, scene: Scene) -> np.ndarray:
+    """Palm positions on the first two axes that have the phalanx on the region's edge, (n, 2), m (yaw: rad).
+
+    Where one of them is a yaw, the phalanx's offset along the other turns with it.
+    """
+    lower, upper = _palm_limits(region, phalanx, scene)
+    along = 0 if scene.axis_names[0] == "yaw" else 1
+    across = 1 - along
+    states = np.zeros((_OUTLINE, scene.dimension))
+    states[:, along] = np.linspace(lower[along], upper[along], _OUTLINE)
+    offset = turned_offsets(scene, phalanx, states)[:, across]
+    sides = []
+    for limit in (region.lower, region.upper):
+        side = states[:, :2].copy()
+        side[:, across] = np.clip(limit[across] - offset, scene.lower[across], scene.upper[across])
+        sides.append(side)
+    return np.concatenate([sides[0], sides[1][::-1]])
+
+
 def _outline(plot: Axes, regions: Mapping[str, Region] | None, phalanx: Phalanx, scene: Scene) -> None:
     names = scene.axis_names
     for number, (label, region) in enumerate((regions or {}).items()):
-        lower, upper = _palm_limits(region, phalanx, scene)
-        low = [float(shown(name, value)) for name, value in zip(names[:2], lower, strict=False)]
-        high = [float(shown(name, value)) for name, value in zip(names[:2], upper, strict=False)]
-        box = Rectangle(
-            (low[0], low[1]),
-            high[0] - low[0],
-            high[1] - low[1],
+        edge = _palm_outline(region, phalanx, scene)
+        box = Polygon(
+            np.stack([shown(name, edge[:, column]) for column, name in enumerate(names[:2])], axis=1),
             fill=False,
             edgecolor=_LINES[number % len(_LINES)],
             linestyle=("-", "--", "-.")[number % 3],

@@ -9,6 +9,7 @@ from geometry_msgs.msg import Point, Pose
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from tactile_localizer.core.geometry.phalanges import phalanx_positions
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.conversions.timestamps import from_ns
 from tactile_localizer.scene import Scene
@@ -34,8 +35,8 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
     pads = Marker(type=Marker.SPHERE_LIST, ns="phalanges", color=colour)
     pads.scale.x = pads.scale.y = pads.scale.z = _PAD_M
     for phalanx in scene.phalanges:
-        along, across = _planar(scene.axis_names, np.asarray(phalanx.offset))
-        pads.points.append(Point(x=x + along, y=y + across))
+        along, across = _planar(scene.axis_names, phalanx_positions(scene, phalanx, estimate.mean[None])[0])
+        pads.points.append(Point(x=along, y=across))
     text = Marker(type=Marker.TEXT_VIEW_FACING, ns="reason", color=ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0))
     text.text = f"stale: {stale}" if stale else estimate.reason
     centre, top = (

@@ -8,11 +8,14 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
+from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.tactile_map import TactileMap
 from tactile_localizer.ros.conversions.posteriors import cloud
 from tactile_localizer.scene import Scene
 
 _LAYER_M = 0.0005
+_TURNS = 33
+"""Angles of the palm at which its phalanges are looked up to see how far they reach."""
 _LINE_M = 0.0006
 _FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
 
@@ -30,19 +33,19 @@ def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
     scene : says where the phalanges sit
     frame : the material's
     """
-    nodes = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)[tactile_map.covered]
+    covered = tactile_map.covered
+    count = np.count_nonzero(covered)
     places, values = [], []
     for number, phalanx in enumerate(scene.phalanges):
-        offset = np.asarray(phalanx.offset)[: nodes.shape[1]]
-        elements = tactile_map.phalanx(phalanx.name)[tactile_map.covered]
+        elements = tactile_map.phalanx(phalanx.name)[covered]
         felt = np.linalg.norm(elements, axis=1)
-        places.append(nodes + offset)
-        unused = np.full((len(nodes), max(scene.layout.counts) - phalanx.channels), np.nan)
-        values.append(np.column_stack([np.full(len(nodes), -number * _LAYER_M), felt, elements, unused]))
+        places.append(tactile_map.places(scene, phalanx)[covered])
+        unused = np.full((count, max(scene.layout.counts) - phalanx.channels), np.nan)
+        values.append(np.column_stack([np.full(count, -number * _LAYER_M), felt, elements, unused]))
     columns = np.concatenate(values).T
     fields = {"z": columns[0], "felt": columns[1]}
     fields |= {f"element_{element}": column for element, column in enumerate(columns[2:], start=1)}
-    fields["phalanx"] = np.repeat(np.arange(len(places)), len(nodes))
+    fields["phalanx"] = np.repeat(np.arange(len(places)), count)
     return cloud(0, np.concatenate(places), tactile_map.axes, frame, **fields)
 
 
@@ -58,7 +61,8 @@ def region_marker(scene: Scene, frame: str) -> Marker:
     if scene.feature is None:
         marker.action = Marker.DELETE
         return marker
-    offsets = np.array([phalanx.offset for phalanx in scene.phalanges])
+    turns = np.linspace(scene.lower, scene.upper, _TURNS)
+    offsets = np.concatenate([turned_offsets(scene, phalanx, turns) for phalanx in scene.phalanges])
     lower = np.maximum(scene.feature.lower, scene.lower + offsets.min(axis=0))
     upper = np.minimum(scene.feature.upper, scene.upper + offsets.max(axis=0))
     low, high = (

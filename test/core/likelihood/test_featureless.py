@@ -177,7 +177,6 @@ def test_the_evaluations_agree(evaluation):
         measured = scan.strain[row]
         expected = density(exact.log_likelihood(states, measured))
         assert total_variation(density(other.log_likelihood(states, measured)), expected) < 2e-3
-        assert total_variation(density(other.log_likelihood_on(axes, measured)).ravel(), expected) < 2e-3
         many = np.repeat(states, 10, axis=0)
         assert total_variation(density(other.log_likelihood(many, measured))[::10] * 10, expected) < 2e-3
 
@@ -200,11 +199,6 @@ def test_a_finger_that_is_turned_finds_its_region_across_the_seam():
     for measured in (feels[3], np.full(8, 1.0)):
         np.testing.assert_allclose(
             models[1].log_likelihood(palm, measured), models[0].log_likelihood(place, measured), atol=0.01
-        )
-        np.testing.assert_allclose(
-            models[1].log_likelihood_on([palm[:, 0]], measured),
-            models[0].log_likelihood(place, measured),
-            atol=0.01,
         )
 
 

@@ -177,15 +177,6 @@ def test_a_silent_phalanx_drops_out(small):
         model.log_likelihood(states, measured)
 
 
-def test_a_grid_of_states_gives_what_its_states_give(small):
-    made, model = small
-    axes = [np.linspace(0, 0.05, 6), np.linspace(0, 0.05, 4)]
-    states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    np.testing.assert_allclose(
-        model.log_likelihood_on(axes, made.strain[0]).ravel(), model.log_likelihood(states, made.strain[0])
-    )
-
-
 def test_neighbours_are_found_across_the_turn():
     of = scene(3, full_turn=True)
     made = scan(np.random.default_rng(1), of, 2000)

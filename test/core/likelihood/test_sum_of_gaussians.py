@@ -143,19 +143,6 @@ def test_axes_and_phalanges_that_the_scene_does_not_name_do_not_matter():
     )
 
 
-@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
-def test_a_grid_of_states_gives_what_its_states_give(evaluation):
-    of, made = setting()
-    model = SumOfGaussians(made, of, *widths(), evaluation=evaluation)
-    axes = [np.linspace(0, 0.05, 12), np.linspace(0, 0.05, 9)]
-    states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    on_axes = model.log_likelihood_on(axes, made.strain[0])
-    assert on_axes.shape == (12, 9)
-    np.testing.assert_allclose(
-        on_axes.ravel(), model.log_likelihood(states.reshape(-1, 2), made.strain[0]), atol=0.01
-    )
-
-
 def test_many_states_are_interpolated_and_agree_with_few():
     of, made = setting(pairs=2000)
     model = SumOfGaussians(made, of, *widths())

@@ -50,14 +50,6 @@ def test_it_is_made_of_scan_scene_and_parameters() -> None:
     assert made.made_of == (SCAN, SCENE, PARAMETERS)  # type: ignore[attr-defined]
 
 
-def test_a_whole_grid_is_evaluated_by_its_points_where_the_model_knows_nothing_better() -> None:
-    axes = [np.linspace(0.0, 0.02, 3), np.linspace(0.02, 0.04, 5)]
-    made, strain = model("slopes_of_ones_own:Slope"), np.zeros(2 * DEFAULT_CHANNELS)
-    on_grid = made.log_likelihood_on(axes, strain)
-    assert on_grid.shape == (3, 5)
-    assert on_grid[1, 3] == made.log_likelihood(np.array([[axes[0][1], axes[1][3]]]), strain)[0]
-
-
 @pytest.mark.parametrize("kind", ["grid", "particle"])
 def test_both_filters_follow_it(kind: str) -> None:
     configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)

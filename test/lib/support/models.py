@@ -30,10 +30,6 @@ class LinearModel:
         constant = -0.5 * here.sum() * math.log(2 * math.pi * self.std**2)
         return constant - 0.5 * np.sum(residual**2, axis=1)
 
-    def log_likelihood_on(self, axes, strain, present=None):
-        states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        return self.log_likelihood(states.reshape(-1, len(axes)), strain, present).reshape(states.shape[:-1])
-
 
 class FlatModel:
     """The same log-likelihood everywhere: nothing can be learned."""
@@ -43,9 +39,6 @@ class FlatModel:
 
     def log_likelihood(self, states, strain, present=None):
         return np.full(len(states), self.value)
-
-    def log_likelihood_on(self, axes, strain, present=None):
-        return np.full(tuple(len(coordinates) for coordinates in axes), self.value)
 
 
 class KalmanFilter:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
@@ -56,8 +56,8 @@ def test_all_eight_elements_share_one_symmetric_scale_of_colours_on_every_sheet(
 def test_the_region_is_outlined_where_the_palm_is_when_the_phalanx_is_in_it(scan):
     scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
     figure = scan_figures(scan, scene)["map_index"]
-    (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle))
-    np.testing.assert_allclose(box.get_bbox().extents, [20.0, 5.0, 30.0, 25.0])
+    (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Polygon))
+    np.testing.assert_allclose(box.get_path().get_extents().extents, [20.0, 5.0, 30.0, 25.0])
 
 
 def test_axes_are_in_millimetres_with_inches_beside(scan):

@@ -1,0 +1,51 @@
+"""Positions of the phalanges on the material, from those of the palm.
+
+With ``T_material_palm`` the palm's state (x, y, yaw) and ``T_palm_phalanx`` the phalanx's offset in the
+palm's frame, a phalanx is at ``T_material_phalanx = T_material_palm @ T_palm_phalanx``: its offset turns with
+the palm. An axis that the scene does not name is zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.scene import Phalanx, Scene
+
+
+def phalanx_positions(scene: Scene, phalanx: Phalanx, states: np.ndarray) -> np.ndarray:
+    """Position of a phalanx at palm ``states`` (P, d): (P, d), m (yaw: rad), full turns in [-pi, pi)."""
+    positions = states + turned_offsets(scene, phalanx, states)
+    for axis in np.flatnonzero(scene.wraps):
+        positions[:, axis] = wrap_angle(positions[:, axis])
+    return positions
+
+
+def turned_offsets(scene: Scene, phalanx: Phalanx, states: np.ndarray) -> np.ndarray:
+    """Offset of a phalanx from the palm at ``states`` (P, d) along the scene's axes: (P, d), m (yaw: rad)."""
+    names = scene.axis_names
+    offsets = np.tile(np.asarray(phalanx.offset, dtype=np.float64), (len(states), 1))
+    if "yaw" not in names:
+        return offsets
+    yaw = states[:, names.index("yaw")]
+    given = dict(zip(names, phalanx.offset, strict=True))
+    x, y = given.get("x", 0.0), given.get("y", 0.0)
+    turned = {"x": x * np.cos(yaw) - y * np.sin(yaw), "y": x * np.sin(yaw) + y * np.cos(yaw)}
+    for column, name in enumerate(names):
+        if name in turned:
+            offsets[:, column] = turned[name]
+    return offsets
+
+
+def phalanges_on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
+    """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, without a region."""
+    on = np.ones((len(states), len(scene.phalanges)), dtype=bool)
+    if scene.feature is not None:
+        for index, phalanx in enumerate(scene.phalanges):
+            on[:, index] = scene.feature.contains(phalanx_positions(scene, phalanx, states))
+    return on
+
+
+def on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
+    """At which palm ``states`` (P, d) some phalanx is in the feature's region: (P,) bool."""
+    return np.logical_or.reduce(phalanges_on_feature(scene, states).T)

@@ -1,0 +1,87 @@
+"""Phalanges turn with the palm: T_material_phalanx = T_material_palm @ T_palm_phalanx."""
+
+import math
+
+import numpy as np
+import pytest
+from support.turned import REGION, SCENE, YAWS, bump_strength, turned_scan
+
+from tactile_localizer.core.geometry.phalanges import phalanges_on_feature, phalanx_positions
+from tactile_localizer.core.scan.tactile_map import make_map
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+
+def transform(x: float, y: float, yaw: float) -> np.ndarray:
+    """T_target_source of a pose in the plane, (3, 3)."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, x], [sin, cos, y], [0.0, 0.0, 1.0]])
+
+
+def test_a_phalanx_is_at_the_product_of_the_palms_and_its_own_transform() -> None:
+    scene = Scene(
+        "turned",
+        (Axis("yaw", -math.pi, math.pi), Axis("x", 0.0, 1.0), Axis("y", 0.0, 1.0)),
+        (Phalanx("index", (0.3, 0.01, 0.02)),),
+    )
+    for yaw, x, y in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3)):
+        T_material_phalanx = transform(x, y, yaw) @ transform(0.01, 0.02, 0.3)
+        placed = phalanx_positions(scene, scene.phalanges[0], np.array([[yaw, x, y]]))[0]
+        np.testing.assert_allclose(placed[1:], T_material_phalanx[:2, 2], atol=1e-12)
+        assert placed[0] == pytest.approx(math.atan2(T_material_phalanx[1, 0], T_material_phalanx[0, 0]))
+
+
+def test_a_fifth_of_a_radian_moves_a_fingertip_by_two_and_a_half_millimetres() -> None:
+    index = Phalanx("index", (0.0, 0.0127, 0.0))
+    placed = phalanx_positions(SCENE, index, np.array([[0.02, 0.02, 0.0], [0.02, 0.02, 0.2]]))
+    assert np.hypot(*(placed[1] - placed[0])[:2]) == pytest.approx(2.54e-3, rel=0.01)
+
+
+def test_without_yaw_an_offset_is_added_as_it_is() -> None:
+    scene = Scene("plain", SCENE.axes[:2], (Phalanx("index", (0.001, 0.0127)),))
+    placed = phalanx_positions(scene, scene.phalanges[0], np.array([[0.02, 0.03]]))
+    np.testing.assert_allclose(placed, [[0.021, 0.0427]])
+
+
+def test_a_phalanx_that_turns_past_half_a_turn_comes_in_on_the_other_side() -> None:
+    scene = Scene("turn", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (1.0,)),))
+    placed = phalanx_positions(scene, scene.phalanges[0], np.array([[3.0]]))
+    assert placed == pytest.approx(4.0 - 2 * math.pi)
+
+
+def centre(strength: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Mean of places (..., d), weighted by the squares of the strongest strains (...): (2,) m."""
+    weights = np.where(strength > 0.3 * strength.max(), strength**2, 0.0).ravel()
+    return weights @ places.reshape(len(weights), -1)[:, :2] / weights.sum()
+
+
+@pytest.mark.parametrize("yaw", [-0.2, 0.2])
+def test_a_turned_simulated_hand_feels_the_feature_at_the_same_place(yaw: float) -> None:
+    for number, phalanx in enumerate(SCENE.phalanges):
+        straight, turned = (
+            centre(bump_strength(scan, number), phalanx_positions(SCENE, phalanx, scan.states))
+            for scan in (turned_scan((0.0,)), turned_scan((yaw,)))
+        )
+        np.testing.assert_allclose(turned, straight, atol=0.4e-3)
+
+
+@pytest.mark.parametrize("yaw", YAWS)
+def test_a_turned_simulated_hand_feels_nothing_outside_the_region(yaw: float) -> None:
+    assert SCENE.feature == REGION
+    scan = turned_scan((yaw,))
+    on = phalanges_on_feature(SCENE, scan.states)
+    for number in range(len(SCENE.phalanges)):
+        strength = bump_strength(scan, number)
+        assert strength[~on[:, number]].max() < 0.25 * strength.max()
+
+
+def test_the_map_of_a_turned_hand_shows_the_feature_at_the_same_place() -> None:
+    turned, straight = (make_map(turned_scan(yaws), SCENE) for yaws in (YAWS, (0.0,)))
+    for phalanx in SCENE.phalanges:
+        found = [
+            centre(
+                np.nan_to_num(np.linalg.norm(each.phalanx(phalanx.name), axis=-1)),
+                each.places(SCENE, phalanx),
+            )
+            for each in (turned, straight)
+        ]
+        np.testing.assert_allclose(found[0], found[1], atol=0.4e-3)
