@@ -103,6 +103,8 @@ class CycleAssembler:
             _LoadCell(phalanx_of.count(p), self._alignment.counters[p], counts)
             for p, counts in enumerate(self.counts.phalanges)
         ]
+        # A counter that is half a span further on may also be of an earlier cycle.
+        self._shortest_span = min(1 if own is None else own.span for own in self._alignment.counters)
         self._cell_of = [self._cells[p] for p in phalanx_of]
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
         self._channel = layout.channel
@@ -226,6 +228,7 @@ class CycleAssembler:
         kind = self._count(cell, own, bit, counter, stamp_ns)
         if kind != FrameKind.DATA:
             return kind
+        cell.began_ns = stamp_ns
         cycle = self._cycle_of(cell, own, counter, stamp_ns)
         joins = self._open and cycle == self._cycle != cell.cycle
         if cycle is not None and cycle <= self._cycle and not joins:
@@ -235,7 +238,8 @@ class CycleAssembler:
             cell.have = bit
             return FrameKind.OUT_OF_ORDER
         alone = self._alignment.alone(own)
-        if cycle is None or not (alone or own.admits(first=not joins)):
+        late = joins and self._is_late(stamp_ns)
+        if cycle is None or not (alone or own.admits(first=not joins, late=late)):
             self._put(cell, counter, _UNALIGNED)
             cell.counts.unaligned += 1
             return FrameKind.DATA
@@ -251,6 +255,10 @@ class CycleAssembler:
         self._open_cycle(cell, counter, cycle, stamp_ns)
         return FrameKind.DATA
 
+    def _is_late(self, stamp_ns: int) -> bool:
+        """Whether a sample that begins belongs, by time, rather to the cycle after the open one."""
+        return 0 < self._period_ns < 2 * (stamp_ns - self._first_ns)
+
     def _count(
         self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
     ) -> FrameKind:
@@ -259,7 +267,9 @@ class CycleAssembler:
             cell.sequence += (counter - cell.sequence) % own.span
             return FrameKind.DATA
         step = (counter - cell.counter) % own.span or own.span
-        if step != 1:
+        if step == 1:
+            self._learn_period(cell, stamp_ns)
+        else:
             own.broken()
         alternated = cell.breaks.alternates(cell.counter, counter, own.span)
         if alternated and cell.breaks.two_senders:
@@ -280,6 +290,7 @@ class CycleAssembler:
         advance = least + (step - least) % own.span
         if advance - passed > MAX_LOST:
             advance = max(1, passed)
+            own.forget()
         used = 0 if cell.cycle == _LATE else cell.have.bit_count()
         cell.sequence += advance
         cell.breaks.skip(advance - 1, advance * cell.parts - used)
@@ -378,7 +389,7 @@ class CycleAssembler:
         self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
 
     def _learn_period(self, cell: _LoadCell, stamp_ns: int) -> None:
-        """Update the period with the time between two samples of a load cell without a counter."""
+        """Update the period with the time between two samples of a load cell, one after the other."""
         elapsed = stamp_ns - cell.began_ns
         if cell.began_ns and elapsed > SHORTEST_PAUSE_NS:
             if self._period_ns:
@@ -387,7 +398,7 @@ class CycleAssembler:
             else:
                 self._period_ns = elapsed
             self._periods += 1
-            self._window_ns = min(self._wait_ns, self._period_ns // 2)
+            self._window_ns = min(self._wait_ns, self._shortest_span * self._period_ns // 2)
 
     def _keep(self) -> None:
         # Copy the open cycle's voltages out of the batch when the cycle closes or the batch ends.

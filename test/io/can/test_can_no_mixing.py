@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import pytest
-from support.load_cells import START_NS, number_of, protocol, strain_of
+from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample, strain_of, warm_up
 
 from tactile_localizer.io.can.assembler import CycleAssembler
 from tactile_localizer.io.can.cycle import Cycle
@@ -41,9 +42,13 @@ def hand_of(dbc: str, phalanges: int) -> tuple[LoadCellProtocol, np.ndarray]:
 
 @dataclass
 class Bus:
-    """What happens to the frames of one case, drawn from ``rng``."""
+    """What happens to the frames of one case, drawn from ``rng``.
+
+    Silences of the load cells follow each other, or, ``overlapping``, each load cell has its own.
+    """
 
     rng: np.random.Generator
+    overlapping: bool = False
 
     def __post_init__(self) -> None:
         rng = self.rng
@@ -73,10 +78,18 @@ class Bus:
         first = rng.integers(0, self.span, self.phalanges if rng.random() < 0.5 else 1)[:, None]
         self.counter = np.tile(np.arange(self.cycles), (self.phalanges, 1)) + first
         self.silent = np.zeros((self.phalanges, self.cycles), dtype=bool)
-        begin = 20
+        if self.overlapping:
+            for p in range(self.phalanges):
+                self._silences(lambda p=p: p)
+        else:
+            self._silences(lambda: int(rng.integers(self.phalanges)))
+
+    def _silences(self, phalanx: Callable[[], int]) -> None:
+        """Silences one after the other, each of the load cell that ``phalanx`` returns, with restarts."""
+        rng, begin = self.rng, 20
         while rng.random() < 0.7:
             begin += int(rng.integers(0, 40))
-            p, end = int(rng.integers(self.phalanges)), begin + int(rng.choice([2, 3, 9, 15, 16, 17, 40, 60]))
+            p, end = phalanx(), begin + int(rng.choice([2, 3, 9, 15, 16, 17, 40, 60]))
             if end > self.cycles - QUIET:
                 return
             self.silent[p, begin:end] = True
@@ -155,15 +168,72 @@ def numbers_in(cycle: Cycle) -> set[int]:
     }
 
 
+@pytest.mark.parametrize("overlapping", [False, True])
 @pytest.mark.parametrize("first", range(0, CASES, BLOCK))
-def test_no_vector_mixes_cycles(first: int) -> None:
+def test_no_vector_mixes_cycles(first: int, overlapping: bool) -> None:
     not_back = 0
     for seed in range(first, min(first + BLOCK, CASES)):
-        bus = Bus(np.random.default_rng(seed))
+        bus = Bus(np.random.default_rng(seed), overlapping)
         made = bus.assemble()
         assert all(len(numbers_in(cycle)) <= 1 for cycle in made), f"seed {seed}"
         not_back += set(made[-1].status) != {OK}
     assert not_back <= 0.03 * BLOCK  # most load cells are aligned again after the quiet end
+
+
+def assembled(hand: LoadCellProtocol, numbers: Sequence[tuple[int, int, int]]) -> list[Cycle]:
+    """Cycles from samples (phalanx, number, counter), each stamped when it is due, after a warm-up."""
+    assembler = warm_up(CycleAssembler(hand, 0.2), hand)
+    return [
+        cycle
+        for phalanx, number, counter in numbers
+        for frame in hand.encode(
+            phalanx,
+            strain_of(phalanx, number),
+            counter,
+            stamp_s=1e-9 * (START_NS + number * PERIOD_NS + phalanx * MS // 4),
+        )
+        for cycle in assembler.feed(hand.batch([frame]))
+    ]
+
+
+def both(numbers: Iterable[int]) -> list[tuple[int, int, int]]:
+    return [(phalanx, number, number) for number in numbers for phalanx in (0, 1)]
+
+
+def assert_not_mixed(made: Sequence[Cycle]) -> None:
+    assert all(len(numbers_in(cycle)) <= 1 for cycle in made)
+
+
+def test_load_cells_that_restart_a_cycle_apart_are_not_joined() -> None:
+    hand, _ = hand_of(FD, 2)
+    restarted = [(1, 151, 0)] + [(p, n, n - 152 + p) for n in range(152, 200) for p in (0, 1)]
+    made = assembled(hand, both(range(100)) + restarted)
+    assert_not_mixed(made)
+    assert made[-1].status.tolist() == [OK, OK]
+
+
+def test_a_silence_of_a_counters_span_joins_nothing() -> None:
+    hand, _ = hand_of(CLASSIC, 2)
+    made = assembled(hand, [*both(range(40)), (0, 40, 40), (1, 56, 56), *both(range(57, 80))])
+    assert_not_mixed(made)
+    assert made[-1].status.tolist() == [OK, OK]
+
+
+def test_a_sample_is_not_put_together_across_a_counters_span() -> None:
+    hand, _ = hand_of(CLASSIC, 2)
+    assembler = warm_up(CycleAssembler(hand, 0.2), hand)
+    frames = [frame for n in range(40) for frame in cycle(hand, n)]
+    frames += sample(hand, 0, 40)[:1] + sample(hand, 0, 56)[1:]
+    frames += [frame for n in range(57, 80) for frame in cycle(hand, n)]
+    assert_not_mixed([made for frame in frames for made in assembler.feed(hand.batch([frame]))])
+
+
+def test_a_load_cell_that_restarts_a_count_too_low_is_not_joined_while_another_is_silent() -> None:
+    hand, _ = hand_of(CLASSIC, 3)
+    usual = [(p, n, n) for n in range(40) for p in (0, 1, 2)]
+    without_first = [(2, n, n) for n in range(40, 57)]
+    restarted = [one for n in range(57, 80) for one in ((1, n, n - 1), (2, n, n))]
+    assert_not_mixed(assembled(hand, usual + without_first + restarted))
 
 
 @pytest.mark.parametrize("dbc", [CLASSIC, FD])
