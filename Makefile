@@ -70,6 +70,7 @@ mutants: build ## Seed known faults into copies of the core, one by one, and see
 docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of the pages
 	$(run) python docs/make/parameters.py >docs/parameters.md
 	$(run) python docs/make/drawings.py
+	$(run) python docs/make/animation.py
 	$(run) python docs/make/essentials.py
 	$(run) python docs/make/layouts.py
 

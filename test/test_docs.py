@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_localizer.cli import _parser
+from tactile_localizer.cli import command_parser
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md")])
@@ -48,7 +48,7 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 def test_every_command_is_understood(page: Path) -> None:
     for command in commands(page, "tactile-localizer"):
         try:
-            _parser(command[1:]).parse_args(command[1:])
+            command_parser(command[1:]).parse_args(command[1:])
         except SystemExit:
             pytest.fail(f"expected a command line that is understood, found: {shlex.join(command)}")
 

@@ -1,14 +1,16 @@
-"""The ``tactile-localizer`` command: one module a subcommand, imported only when it is asked for.
+"""The ``tactile-localizer`` command.
 
-A subcommand's module has ``NAME``, ``HELP``, ``add_arguments(parser)`` and ``run(args) -> int``; its name is
-``NAME`` as an identifier (``import`` is in ``import_.py``), and :data:`COMMANDS` lists it. ``args`` holds the
-whole command line too, as ``command_line``. ``RESUMES = True``: an interrupted run goes on when run again.
+:data:`COMMANDS` lists the subcommands with their one-line help. A subcommand's module has the same name
+(``import`` is in ``import_.py``) and is imported only when that subcommand is called. It defines
+``add_arguments(parser)`` and ``run(args) -> int``; ``args.command_line`` holds the whole command line. A
+module with ``RESUMES = True`` keeps finished work when it is interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import keyword
 import os
 import sys
 from collections.abc import Sequence
@@ -16,49 +18,49 @@ from collections.abc import Sequence
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError
 
-COMMANDS: tuple[str, ...] = (
-    "import_",
-    "scan",
-    "simulate",
-    "replay",
-    "identify",
-    "view",
-    "evaluate",
-    "tradeoff",
-    "tune",
-    "can",
-    "demo",
-)
-"""Modules of the subcommands, in the order of the help text."""
+COMMANDS: dict[str, str] = {
+    "demo": "scan a simulated feature and localize on it with all ROS 2 nodes running",
+    "can": "decode and check the load cells on a CAN bus, or in a CAN log",
+    "import": "make a scan file from recordings (CSV or rosbag2)",
+    "scan": "inspect, plot, repair and convert scan files",
+    "replay": "localize the palm in a recording, as the filter node would have",
+    "view": "replay into the Rerun viewer: belief, truth and strain on a timeline",
+    "identify": "identify which of several scans a recording belongs to, or none of them",
+    "tune": "print what is learned from a scan, and store it in the scan file",
+    "simulate": "write recordings of the simulated hand (train.csv, test.csv)",
+    "evaluate": "compare accuracy, convergence and calibration of all models and filters",
+    "tradeoff": "measure accuracy against computing time, and choose a configuration",
+}
+"""Help of the subcommands by name, in the order of the help text: what a new user needs comes first."""
 
 _EPILOG = """\
-Five values matter on a new hand and material; the rest has defaults or is chosen from the scan:
-  bounds of each axis (scene)         the ends of where the palm will be, and 2 to 5 mm more
-  distance of the scanned lines       half the smallest detail that is felt
-  motion_std of each axis (scene)     slip in the fingers after a slide, over the root of its metres
-  convergence_radius (filter)         the largest position error that the task tolerates
-  offset of each phalanx (scene)      from the palm to the fingertip, by the hand's drawing
-docs/essentials.md says how to measure each and what happens when it is wrong."""
+Try it without ROS:
+  tactile-localizer simulate bump -o recording
+  tactile-localizer import csv recording/train.csv --scene bump.yaml -o scan.db
+  tactile-localizer replay recording/test.csv --scan scan.db
+
+`tactile-localizer COMMAND --help` lists the options of a command. docs/essentials.md describes the five
+values to set for a new hand and material; everything else has a default or is learned from the scan."""
 
 _COMPLETING = "_ARGCOMPLETE"
-"""Set by a shell that asks what may come next on a command line."""
+"""Environment variable that a shell sets when it asks for completions."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, an interrupt status
-    130; a reader of standard output that has gone away ends the command quietly.
+    A :class:`TactileLocalizerError` becomes one line on standard error and status 2. An interrupt gives
+    status 130, a closed standard output status 141.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    # Matrices are small: threads of BLAS would only wait for each other, ten times longer on a busy machine.
+    # BLAS threads do not pay for small matrices: on a busy machine updates take ten times longer with them.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     if _COMPLETING in os.environ:
         _complete()
     args = argparse.Namespace(command_line=arguments, resumes=False)
     try:
-        args = _parser(arguments).parse_args(arguments, args)
+        args = command_parser(arguments).parse_args(arguments, args)
         status: int = args.run(args)
         sys.stdout.flush()
         return status
@@ -66,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        kept = ": what is done is kept, run again to go on" if args.resumes else ""
+        kept = ": finished tasks are kept, run the command again to resume" if args.resumes else ""
         print(f"interrupted{kept}", file=sys.stderr)
         return 130
     except BrokenPipeError:
@@ -76,31 +78,28 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complete() -> None:
-    """Print what may come next on the shell's command line, and exit."""
+    """Print the completions of the shell's command line, and exit."""
     import argcomplete
 
     words = os.environ.get("COMP_LINE", "").split()[1:]
-    argcomplete.autocomplete(_parser(words))
+    argcomplete.autocomplete(command_parser(words))
 
 
-def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """A parser of the subcommand that ``arguments`` begin with, or of all where they begin with none."""
+def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """A parser of all subcommands, with the options of the one that ``arguments`` begin with."""
     parser = argparse.ArgumentParser(
         prog="tactile-localizer",
-        description="Where a robot hand is on a piece of flexible material, by touch alone.",
+        description="Localize a robot hand on flexible material by touch.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    asked = [module for module in COMMANDS if arguments and _name(module) == arguments[0]]
-    for module in asked or COMMANDS:
-        command = importlib.import_module(f"{__name__}.{module}")
-        subparser = subparsers.add_parser(command.NAME, help=command.HELP, description=command.HELP)
-        command.add_arguments(subparser)
-        subparser.set_defaults(run=command.run, resumes=getattr(command, "RESUMES", False))
+    for name, text in COMMANDS.items():
+        subparser = subparsers.add_parser(name, help=text, description=text)
+        if name in arguments[:1]:
+            suffix = "_" if keyword.iskeyword(name) else ""
+            command = importlib.import_module(f"{__name__}.{name}{suffix}")
+            command.add_arguments(subparser)
+            subparser.set_defaults(run=command.run, resumes=getattr(command, "RESUMES", False))
     return parser
-
-
-def _name(module: str) -> str:
-    return module.rstrip("_").replace("_", "-")

@@ -25,9 +25,6 @@ from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.resources import given_or_shipped
 
-NAME = "can"
-HELP = "look at the load cells on a CAN bus, or in a log of one"
-
 DEFAULTS: dict[str, Any] = {
     "dbc": "loadcells.dbc",
     "gauge_signals": list(SignalNames.gauges),

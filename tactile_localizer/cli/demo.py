@@ -26,9 +26,6 @@ from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep, summarize
 from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.resources import resource_path
 
-NAME = "demo"
-HELP = "scan a simulated feature, then localize on it: simulator, driver, mapping and filter live"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""

@@ -26,8 +26,6 @@ from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.offline.reports.tables import Table, evaluation_tables
 
-NAME = "evaluate"
-HELP = "measure accuracy, convergence and calibration of all models and filters"
 RESUMES = True
 
 

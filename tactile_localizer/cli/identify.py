@@ -30,9 +30,6 @@ from tactile_localizer.offline.identification import (
 from tactile_localizer.offline.odometry import RECORDED, with_odometry
 from tactile_localizer.scene import Scene
 
-NAME = "identify"
-HELP = "identify which of several scans a recording was felt on, or none of them"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""

@@ -31,9 +31,6 @@ from tactile_localizer.offline.reports.tables import Table
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
-NAME = "import"
-HELP = "make a scan file of recordings"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``import csv`` and ``import bag``."""

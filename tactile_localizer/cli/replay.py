@@ -35,9 +35,6 @@ from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.offline.reports.learned import learned_values
 from tactile_localizer.offline.reports.replay import replay_document
 
-NAME = "replay"
-HELP = "localize a recording (CSV, scan file or bag) as the filter node would have"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""

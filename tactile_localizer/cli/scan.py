@@ -27,9 +27,6 @@ from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Phalanx, Scene
 
-NAME = "scan"
-HELP = "look at scan files, mend them, write them in other forms"
-
 _PIPE_WIDTH = 120
 
 

@@ -20,9 +20,6 @@ from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
 from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, SimulatedScan, simulate_scan
 
-NAME = "simulate"
-HELP = "record the simulated hand: train.csv and test.csv, for import and replay"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the feature, the seed and the numbers of sweeps."""

@@ -43,8 +43,6 @@ from tactile_localizer.offline.reports.tradeoff import (
     tradeoff_tables,
 )
 
-NAME = "tradeoff"
-HELP = "measure accuracy against cost of many configurations, and choose one"
 RESUMES = True
 
 

@@ -24,9 +24,6 @@ from tactile_localizer.offline.reports.learned import (
     widths_table,
 )
 
-NAME = "tune"
-HELP = "show what is learned from a scan, and keep it there for the next start"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the scan and the scene to write."""

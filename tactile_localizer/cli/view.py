@@ -23,9 +23,6 @@ from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.odometry import RECORDED, with_odometry
 from tactile_localizer.offline.rerun_recording import ReplayView
 
-NAME = "view"
-HELP = "look into a replay in the Rerun viewer: belief, truth, strains, explanations along the time"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""

@@ -19,12 +19,10 @@ def run_command(monkeypatch: pytest.MonkeyPatch):
 
     def install(body) -> None:
         module = types.ModuleType("tactile_localizer.cli.try_")
-        module.NAME = "try"
-        module.HELP = "Try something"
         module.add_arguments = lambda parser: parser.add_argument("--status", type=int, default=0)
         module.run = body
         monkeypatch.setitem(sys.modules, module.__name__, module)
-        monkeypatch.setattr(cli, "COMMANDS", ("absent", "try_"))
+        monkeypatch.setattr(cli, "COMMANDS", {"absent": "missing", "try": "try something"})
 
     return install
 
@@ -34,11 +32,22 @@ def test_a_subcommand_gets_its_arguments_and_gives_the_exit_status(run_command) 
     assert cli.main(["try", "--status", "3"]) == 3
 
 
-def test_only_the_subcommand_that_is_asked_for_is_imported(run_command) -> None:
+def test_only_the_called_subcommand_is_imported(run_command) -> None:
     run_command(lambda args: 0)
     assert cli.main(["try"]) == 0
     with pytest.raises(ModuleNotFoundError, match="absent"):
-        cli.main(["--help"])
+        cli.main(["absent"])
+
+
+def test_the_help_imports_no_subcommand() -> None:
+    program = (
+        "import sys; from tactile_localizer import cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy', 'matplotlib', 'can', 'rich'} & set(sys.modules)), file=sys.stderr)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ended.stderr == "[]\n"
 
 
 def test_an_error_of_the_package_is_one_line_and_status_2(run_command, capsys: pytest.CaptureFixture) -> None:
@@ -59,7 +68,7 @@ def test_an_interrupted_command_says_where_it_goes_on_when_run_again(
     run_command(interrupted)
     monkeypatch.setattr(sys.modules["tactile_localizer.cli.try_"], "RESUMES", True, raising=False)
     assert cli.main(["try"]) == 130
-    assert "run again to go on" in capsys.readouterr().err
+    assert "run the command again" in capsys.readouterr().err
 
 
 def test_an_interrupt_is_status_130(run_command) -> None:
@@ -87,8 +96,7 @@ def test_every_subcommand_explains_itself(capsys: pytest.CaptureFixture) -> None
     with pytest.raises(SystemExit) as end:
         cli.main(["--help"])
     assert end.value.code == 0
-    for module in cli.COMMANDS:
-        name = module.rstrip("_").replace("_", "-")
+    for name in cli.COMMANDS:
         with pytest.raises(SystemExit) as end:
             cli.main([name, "--help"])
         assert end.value.code == 0
@@ -98,10 +106,10 @@ def test_every_subcommand_explains_itself(capsys: pytest.CaptureFixture) -> None
 def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
     program = (
         "import sys, types; from tactile_localizer import cli\n"
-        "m = types.ModuleType('tactile_localizer.cli.flood'); m.NAME = 'flood'; m.HELP = ''\n"
+        "m = types.ModuleType('tactile_localizer.cli.flood'); \n"
         "m.add_arguments = lambda parser: None\n"
         "m.run = lambda args: [print('x' * 1000) for _ in range(10000)] and 0\n"
-        "sys.modules[m.__name__] = m; cli.COMMANDS = ('flood',); sys.exit(cli.main(['flood']))\n"
+        "sys.modules[m.__name__] = m; cli.COMMANDS = {'flood': ''}; sys.exit(cli.main(['flood']))\n"
     )
     with subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -123,9 +131,7 @@ def test_a_seed_that_is_none_is_refused(command, seed, capsys: pytest.CaptureFix
     assert capsys.readouterr().err.endswith(refusal)
 
 
-def test_the_help_ends_with_the_values_that_matter(capsys):
+def test_the_help_points_to_the_values_to_set(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit):
         cli.main(["--help"])
-    text = capsys.readouterr().out
-    for value in ("bounds", "motion_std", "convergence_radius", "offset", "docs/essentials.md"):
-        assert value in text.split("Five values matter")[1]
+    assert "docs/essentials.md" in capsys.readouterr().out
