@@ -74,6 +74,10 @@ docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of
 	$(run) python docs/make/essentials.py
 	$(run) python docs/make/layouts.py
 
+.PHONY: site
+site: venv ## Build the pages as a web site in out/site
+	$(run) mkdocs build --strict
+
 .PHONY: demo
 demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap or grommet)
 	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo

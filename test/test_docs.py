@@ -101,6 +101,19 @@ def test_the_readme_leads_to_every_page() -> None:
     assert missing == []
 
 
+def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert built.returncode == 0, built.stderr
+    assert (tmp_path / "site/docs/concepts/index.html").exists()
+
+
+def test_the_navigation_leads_to_every_page() -> None:
+    navigation = (ROOT / "mkdocs.yml").read_text()
+    assert [name for page in PAGES if (name := str(page.relative_to(ROOT))) not in navigation] == []
+
+
 def test_every_field_of_every_message_is_described() -> None:
     text = (ROOT / "docs/messages.md").read_text()
     for file in [*ROOT.glob("msg/*.msg"), *ROOT.glob("srv/*.srv")]:

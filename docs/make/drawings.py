@@ -144,7 +144,7 @@ def belief() -> None:
     proof.plot(x, [estimate.probability for estimate in estimates], label="and within the radius")
     proof.axhline(Configuration().convergence_probability, color="0.5", ls="--", lw=0.8)
     proof.set_title("probability (dashed: converged above)")
-    proof.legend(frameon=False, loc="center right")
+    proof.legend(frameon=False, loc="lower right")
     converged = np.array([estimate.converged for estimate in estimates])
     for axes in (spread, proof):
         axes.fill_between(
