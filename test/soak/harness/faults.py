@@ -163,6 +163,9 @@ def _silence(name: str, acts: Acts, message: str) -> Fault:
     return Fault(name, acts, _says(INPUTS, message), starves=True)
 
 
+_UNLIKE_THE_MAP = "outside the range of the scan", "unknown material", "lost"
+
+
 def _lie(name: str, acts: Acts, *messages: str) -> Fault:
     """A phalanx that sends plausible numbers which are wrong: found once the hand has felt enough."""
     return Fault(name, acts, _says(BELIEF, *messages), within_s=15.0, misleads=True)
@@ -191,8 +194,8 @@ FAULTS = (
         Acts(lambda system: _strain(spoiling.stuck()).begin(system), _strain(leave_alone).end),
         "stuck",
     ),
-    _lie("phalanx swapped", _strain(spoiling.swapped), "unknown material", "lost"),
-    _lie("phalanx scaled", _strain(spoiling.scaled), "unknown material", "lost"),
+    _lie("phalanx swapped", _strain(spoiling.swapped), *_UNLIKE_THE_MAP),
+    _lie("phalanx scaled", _strain(spoiling.scaled), *_UNLIKE_THE_MAP),
     Fault("wrong seed", _seed(0.045, 0.005), _logs("belief seeded"), misleads=True),
     Fault("seed out of bounds", _seed(0.4, 0.005), _gains(INPUTS, "unread_initial_pose")),
     Fault("belief spread", _asked(Empty, "filter/reinitialize_global_localization"), _logs("belief spread")),
