@@ -1,1 +1,1 @@
-"""ROS 2 nodes: declare parameters, wire topics, convert messages, call the layers below."""
+"""ROS 2 nodes, and the conversion between messages and the values of :mod:`tactile_localizer.core`."""

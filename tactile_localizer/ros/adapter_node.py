@@ -1,4 +1,7 @@
-"""Strain vectors from the messages of any tactile sensor's driver, as a YAML file says."""
+"""Adapter node: publishes strain vectors from the messages of other tactile sensors.
+
+A YAML file maps message fields to strain; see ``docs/sensors.md``.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from typing import Any
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from tactile_localizer.errors import MeasurementError, ParameterError
-from tactile_localizer.io.strain_adapter import StrainAdapter, load_adapter
+from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
@@ -23,19 +26,16 @@ _WARNING_PERIOD_S = 5.0
 
 
 class AdapterNode(ManagedNode):
-    """Subscribes to the drivers of tactile sensors and publishes what they feel as ``strain``."""
+    """Subscribes to sensor messages and publishes their values on ``strain``."""
 
     def __init__(self) -> None:
         super().__init__("adapter", PARAMETERS)
-        self._adapter: StrainAdapter | None = None
-        self._subscriptions_made: list[Any] = []
-        self._publisher: Any = None
         self._sequence = 0
 
     def configure(self) -> None:
-        """Read the file and make the publisher."""
+        """Read the YAML file and create the publisher."""
         self._adapter = load_adapter(given_or_shipped(self.parameters["adapter_file"], "config/adapters"))
-        self._types = {topic: message_type(kind) for topic, kind in self._adapter.topics.items()}
+        self._types = {topic: message_type(name) for topic, name in self._adapter.topics.items()}
         self._message = StrainVectors(
             phalanges=list(self._adapter.phalanges), channels=self._adapter.layout.counts
         )
@@ -43,29 +43,12 @@ class AdapterNode(ManagedNode):
         self._publisher = self.create_lifecycle_publisher(StrainVectors, "strain", STRAIN_QOS)
 
     def activate(self) -> None:
-        """Subscribe."""
-        assert self._adapter is not None
+        """Subscribe to the sensor messages."""
         self._adapter.reset()
-        self._subscriptions_made = [
-            self.create_subscription(kind, topic, partial(self._take, topic), STRAIN_QOS)
-            for topic, kind in self._types.items()
-        ]
+        for topic, kind in self._types.items():
+            self.create_subscription(kind, topic, partial(self._on_message, topic), STRAIN_QOS)
 
-    def deactivate(self) -> None:
-        """End the subscriptions."""
-        for subscription in self._subscriptions_made:
-            self.destroy_subscription(subscription)
-        self._subscriptions_made = []
-
-    def cleanup(self) -> None:
-        """Destroy the publisher."""
-        if self._publisher is not None:
-            self.destroy_lifecycle_publisher(self._publisher)
-            self._publisher = None
-        self._adapter = None
-
-    def _take(self, topic: str, message: Any) -> None:
-        assert self._adapter is not None
+    def _on_message(self, topic: str, message: Any) -> None:
         try:
             vector = self._adapter.feed(topic, message, self.get_clock().now().nanoseconds)
         except MeasurementError as error:
@@ -82,19 +65,19 @@ class AdapterNode(ManagedNode):
         self._publisher.publish(outgoing)
 
 
-def message_type(kind: str) -> Any:
-    """The Python class of a message type such as ``geometry_msgs/msg/WrenchStamped``.
+def message_type(name: str) -> Any:
+    """The class of a message type such as ``geometry_msgs/msg/WrenchStamped``.
 
     Raises
     ------
     ParameterError
-        No package of that name is installed, or it has no such message.
+        The type is not installed.
     """
-    package, _, name = kind.split("/")
+    package, _, message = name.split("/")
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
+        return getattr(importlib.import_module(f"{package}.msg"), message)
     except (ImportError, AttributeError):
-        raise ParameterError(f"type {kind}: expected a message type that is installed, found none") from None
+        raise ParameterError(f"type {name}: expected an installed message type, found none") from None
 
 
 def main() -> int:

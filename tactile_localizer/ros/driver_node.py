@@ -1,9 +1,9 @@
-"""Driver node: load cell frames from a CAN bus to one ``StrainVectors`` a cycle.
+"""Driver node: publishes one ``StrainVectors`` message per cycle of the load cells on a CAN bus.
 
-Publishes ``strain`` (best effort, depth 100), ``~/tare_offset`` (kept for late subscribers) and
-``/diagnostics`` at 1 Hz; offers ``~/tare``, ``~/clear_tare`` and ``~/reconnect``.
+Publishes ``strain`` (best effort, depth 100), ``~/tare_offset`` (latched) and ``/diagnostics`` at 1 Hz.
+Services: ``~/tare``, ``~/clear_tare`` and ``~/reconnect``.
 
-Strain is published from the receive thread: a cycle waits for no executor.
+Strain is published from the receive thread, without the latency of the executor.
 """
 
 from __future__ import annotations
@@ -11,17 +11,14 @@ from __future__ import annotations
 import os
 from array import array
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
-from tactile_localizer.errors import CanError, TactileLocalizerError
+from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.bus import BusSettings, parse_options
 from tactile_localizer.io.can.cycle import Cycle
 from tactile_localizer.io.can.driver import DriverSettings, LoadCellDriver
@@ -35,26 +32,25 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.conversions.timestamps import from_ns
 from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.parameters.driver import PARAMETERS, messages_of
 
 STRAIN_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-_KEPT_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DIAGNOSTICS_PERIOD_S = 1.0
 
 
 class DriverNode(ManagedNode):
-    """Reads load cells and publishes what they feel."""
+    """Reads load cells on a CAN bus and publishes their strain."""
 
     def __init__(self) -> None:
-        super().__init__("driver", PARAMETERS, threads=2)  # a tare takes its time, diagnostics go on
+        super().__init__("driver", PARAMETERS, threads=2)  # diagnostics continue during a tare
         self._driver: LoadCellDriver | None = None
-        self._timer: Any = None  # of the diagnostics; there while the node is active
-        self._made: list = []  # services, destroyed in cleanup
         self._declare_messages()
 
     def configure(self) -> None:
-        """Read the DBC and the stored tare, make publishers and services."""
-        self._declare_messages()  # of phalanges that were named since
+        """Read the DBC and the stored tare, create publishers and services."""
+        self._declare_messages()  # the phalanges can have changed
         parameters = self.parameters
         phalanges = parameters["phalanges"]
         protocol = LoadCellProtocol.from_dbc(
@@ -84,9 +80,10 @@ class DriverNode(ManagedNode):
         log = self.get_logger()
         self._driver = LoadCellDriver(protocol, settings, self._publish, log.warning, log.info)
         self._driver.offset = load_tare(self._tare_file, phalanges, protocol.channels)
+        self._health = DiagnosticsPublisher(self, self._bus)
         self._diagnostics = DriverDiagnostics(
             self._driver,
-            self.get_fully_qualified_name().lstrip("/"),
+            self._health,
             self._bus,
             parameters["stale_timeout_s"],
             lambda: self.count_publishers("strain"),
@@ -97,52 +94,36 @@ class DriverNode(ManagedNode):
         self._strain = self.create_lifecycle_publisher(
             StrainVectors, "strain", STRAIN_QOS, qos_overriding_options=options
         )
-        self._offset = self.create_lifecycle_publisher(StrainVectors, "~/tare_offset", _KEPT_QOS)
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._offset = self.create_lifecycle_publisher(StrainVectors, "~/tare_offset", _LATCHED_QOS)
         group = MutuallyExclusiveCallbackGroup()
-        self._made = [
-            self.create_service(Trigger, "~/tare", self._on_tare, callback_group=group),
-            self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group),
-            self.create_service(Trigger, "~/reconnect", self._on_reconnect),
-        ]
+        self.create_service(Trigger, "~/tare", self._on_tare, callback_group=group)
+        self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group)
+        self.create_service(Trigger, "~/reconnect", self._on_reconnect)
 
     def activate(self) -> None:
-        """Open the bus and begin to read."""
+        """Open the bus and start to read."""
         assert self._driver is not None
         self._driver.start()
         if self._driver.status.state != WAITING:
             names = ", ".join(self._driver.protocol.phalanges)
             self.get_logger().info(f"CAN bus {self._bus} is open, reading {names}")
         self._publish_offset()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where simulated time stands still
-        self._timer = self.create_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics, clock=steady)
+        self.create_steady_timer(
+            _DIAGNOSTICS_PERIOD_S, lambda: self._health.publish(*self._diagnostics.statuses())
+        )
 
     def deactivate(self) -> None:
-        """End the receive thread and close the bus."""
-        if self._timer is not None:
-            self.destroy_timer(self._timer)
-            self._timer = None
+        """Stop the receive thread and close the bus."""
         if self._driver is not None and not self._driver.stop():
-            self.get_logger().error("CAN receive thread: expected it to end within 1 s, it did not")
-
-    def cleanup(self) -> None:
-        """Destroy publishers and services."""
-        for service in self._made:
-            self.destroy_service(service)
-        if self._made:
-            for publisher in (self._strain, self._offset):
-                self.destroy_lifecycle_publisher(publisher)
-            self.destroy_publisher(self._health)
-        self._made = []
-        self._driver = None
+            self.get_logger().error("CAN receive thread: expected its end within 1 s, it is still running")
 
     def _declare_messages(self) -> None:
-        """One parameter per phalanx: the messages that carry it."""
+        """Declare the parameters that name the CAN messages of each phalanx."""
         self.parameters.declare(map(messages_of, self.parameters["phalanges"]))
 
     def _publish(self, cycle: Cycle) -> None:
         message = self._message
-        # Under simulated time there is no mapping from the time of receipt: the node's clock has to do.
+        # Receive times cannot be converted to simulated time, so use the time of the node's clock.
         stamp_ns = self.get_clock().now().nanoseconds if self._use_sim_time else cycle.stamp_ns
         message.header.stamp = from_ns(stamp_ns)
         message.strain = array("d", cycle.strain.tobytes())
@@ -151,7 +132,7 @@ class DriverNode(ManagedNode):
         try:
             self._strain.publish(message)
         except RuntimeError:
-            if self.context.ok():  # else the process is about to end
+            if self.context.ok():  # otherwise the process is shutting down
                 raise
 
     def _publish_offset(self) -> None:
@@ -167,34 +148,21 @@ class DriverNode(ManagedNode):
         message.header.stamp = self.get_clock().now().to_msg()
         self._offset.publish(message)
 
-    def _publish_diagnostics(self) -> None:
-        message = DiagnosticArray(status=self._diagnostics.statuses())
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._health.publish(message)
-
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            driver = self._running()
-            driver.tare(
-                self.parameters["tare_duration_s"],
-                self.parameters["tare_spread_limit"],
-                cancelled=lambda: self._timer is None or not self.context.ok(),
-            )
-            return self._new_offset(driver, response)
-        except TactileLocalizerError as error:
-            response.message = str(error)
-        return response
+        driver = self._active_driver()
+        driver.tare(
+            self.parameters["tare_duration_s"],
+            self.parameters["tare_spread_limit"],
+            cancelled=lambda: not (self.is_active and self.context.ok()),
+        )
+        return self._adopt_offset(driver, response)
 
     def _on_clear_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            driver = self._running()
-            driver.offset = np.zeros_like(driver.offset)
-            return self._new_offset(driver, response)
-        except TactileLocalizerError as error:
-            response.message = str(error)
-        return response
+        driver = self._active_driver()
+        driver.offset = np.zeros_like(driver.offset)
+        return self._adopt_offset(driver, response)
 
-    def _new_offset(self, driver: LoadCellDriver, response: Trigger.Response) -> Trigger.Response:
+    def _adopt_offset(self, driver: LoadCellDriver, response: Trigger.Response) -> Trigger.Response:
         self._publish_offset()
         store_tare(self._tare_file, driver.protocol.phalanges, driver.offset, driver.protocol.channels)
         response.success = True
@@ -203,22 +171,18 @@ class DriverNode(ManagedNode):
         return response
 
     def _on_reconnect(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            self._running().reconnect()
-            response.success = True
-            response.message = "the bus is closed and opened again"
-        except TactileLocalizerError as error:
-            response.message = str(error)
+        self._active_driver().reconnect()
+        response.success, response.message = True, "reopening the bus"
         return response
 
-    def _running(self) -> LoadCellDriver:
-        if self._driver is None or self._timer is None:
-            raise CanError("driver: expected the node to be active, it is not")
+    def _active_driver(self) -> LoadCellDriver:
+        if self._driver is None or not self.is_active:
+            raise CanError("driver: expected an active node, it is inactive")
         return self._driver
 
 
 def _tare_path(name: str, namespace: str) -> Path:
-    """Where the tare is kept; unless named, each namespace has its own: two hands have two."""
+    """File that stores the tare; by default one per namespace, because each hand has its own."""
     own = Path(os.environ.get("ROS_HOME", "~/.ros"), "tactile_localizer", namespace.lstrip("/"), "tare.yaml")
     return (Path(name) if name else own).expanduser()
 

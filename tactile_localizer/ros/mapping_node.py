@@ -1,4 +1,9 @@
-"""Records a training scan: by sweeps, strain vectors and the palm positions at their stamps."""
+"""Mapping node: records a training scan, sweeps of strain vectors with the palm positions at their stamps.
+
+Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~/start_sweep`` and
+``~/end_sweep`` delimit the sweeps, unless they are detected from the motion. When no sweep has been active
+for some seconds, the scan is calibrated in the background and the result stored in the scan file.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.clock import Clock, ClockType
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.geometry.synchronization import Pair, Pairing
@@ -29,11 +32,13 @@ from tactile_localizer.ros.conversions import timestamps
 from tactile_localizer.ros.conversions.palm_poses import palm_frame, position
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
 from tactile_localizer.ros.diagnostics.mapping import MappingDiagnostics
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.parameters.mapping import PARAMETERS
-from tactile_localizer.ros.publishers.maps import RecordedMap
+from tactile_localizer.ros.publishers.maps import LATCHED, MapPublisher
+from tactile_localizer.ros.scan_calibration import ScanCalibration
 from tactile_localizer.ros.subscriptions import palm_poses
-from tactile_localizer.ros.subscriptions.draining import Topic, hear
-from tactile_localizer.ros.subscriptions.sender_clock import SendersClock
+from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
+from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.5
@@ -47,112 +52,94 @@ class MappingNode(ManagedNode):
         super().__init__("mapping", PARAMETERS)
         self._recorder: SweepRecorder | None = None
         self._pairing: Pairing[StrainSample] | None = None
-        self._status: Any = None
-        self._health: Any = None
-        self._map: RecordedMap | None = None
-        self._made: list[tuple[Callable[[Any], Any], Any]] = []
 
     def configure(self) -> None:
-        """Open the scan file and offer the status."""
-        of = self.parameters
+        """Open the scan file and create the publishers."""
+        parameters = self.parameters
         for name in ("scan_file", "scene_file"):
-            if not of[name]:
+            if not parameters[name]:
                 raise ParameterError(f"{name}: expected a path, got none")
-        self._scene = load_scene(given_or_shipped(of["scene_file"], "config/scenes"))
-        self._frame = palm_frame(of, self._scene)
-        self._lookup = palm_poses.lookup(of, self._on_pose, partial(self._refuse, "palm_pose"))
+        self._scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
+        self._frame = palm_frame(parameters, self._scene)
+        self._lookup = palm_poses.tf_lookup(parameters, self._on_pose, partial(self._reject, "palm_pose"))
         self._reader = StrainReader(self._scene)
-        self._coverage = Coverage(self._scene, of["sweep_distance_m"])
-        store = ScanStore.open_or_create(of["scan_file"], self._scene)
+        self._coverage = Coverage(self._scene, parameters["sweep_distance_m"])
+        store = ScanStore.open_or_create(parameters["scan_file"], self._scene)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
         for _, _, states, _ in store.batches():
             self._coverage.add(states)
         store.note("record", {"node": self.get_fully_qualified_name()})
-        latched = QoSProfile(
-            depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-        )
-        self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", latched)
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._diagnostics = MappingDiagnostics(self.get_fully_qualified_name().lstrip("/"))
-        self._map = RecordedMap(self, store.path, of["material_frame"])
+        self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", LATCHED)
+        self._health = DiagnosticsPublisher(self)
+        self._diagnostics = MappingDiagnostics(self._health)
+        self._map = MapPublisher(self, parameters["material_frame"])
+        self._calibration = ScanCalibration(self, self._recorder, self._health)
 
     def activate(self) -> None:
-        """Listen to strain and poses, offer the services, and publish the status."""
-        of = self.parameters
-        self._pairing = Pairing(self._scene.axes, max_gap_s=of["max_gap_s"], patience_s=of["patience_s"])
-        self._clock_of_stamps = SendersClock()
+        """Subscribe to strain and poses, create the services and timers."""
+        parameters = self.parameters
+        self._pairing = Pairing(
+            self._scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
+        )
+        self._sender_clock = SenderClock()
         self._rate = 0.0
         self._last_sweep: int | None = None
-        self._refusals: dict[str, str] = {}
+        self._rejections: dict[str, str] = {}
         self._poses = 0
-        self._failure = ""
+        self._write_error = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        heard = (
-            Topic(StrainVectors, "strain", self._on_strain, best_effort),
-            *palm_poses.pose_topics(self._lookup, self._on_pose),
-        )
-        self._made = [(self.destroy_subscription, one) for one in hear(self, heard)]
-        for name, answer in (("~/start_sweep", self._on_start), ("~/end_sweep", self._on_end)):
-            self._made.append((self.destroy_service, self.create_service(Trigger, name, answer)))
-        # Time that cannot be set back or stand still, whatever the nodes' clock does.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        for period_s, tick in (
-            (_COMMIT_PERIOD_S, self._commit),
-            (_STATUS_PERIOD_S, self._on_status_due),
-            (_DIAGNOSTICS_PERIOD_S, self._on_diagnostics_due),
-        ):
-            self._made.append((self.destroy_timer, self.create_timer(period_s, tick, clock=steady)))
+        strain = Topic(StrainVectors, "strain", self._on_strain, best_effort)
+        subscribe(self, (strain, *palm_poses.pose_topics(self._lookup, self._on_pose)))
+        self.create_service(Trigger, "~/start_sweep", self._on_start)
+        self.create_service(Trigger, "~/end_sweep", self._on_end)
+        self.create_steady_timer(_COMMIT_PERIOD_S, self._commit)
+        self.create_steady_timer(_STATUS_PERIOD_S, self._on_status_due)
+        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._on_diagnostics_due)
         self._publish_status(self._newest_ns)
-        if self._map is not None:
-            self._map.refresh()
+        self._refresh_map()
 
     def deactivate(self) -> None:
-        """End the sweep and stop listening."""
-        for destroy, made in self._made:
-            destroy(made)
-        self._made = []
+        """End the sweep."""
         if self._recorder is not None and self._pairing is not None:
             self._record(self._pairing.finish())
-            self._attempt_to(self._recorder.close)
+            self._try_to_write(self._recorder.close)
             self._pairing = None
 
     def cleanup(self) -> None:
         """Close the scan file."""
-        if self._map is not None:
-            self._map.close()
-            self._map = None
         if self._recorder is not None:
+            self._calibration.close()
             recorder, self._recorder = self._recorder, None
-            self._attempt_to(recorder.store.close)
-        if self._status is not None:
-            self.destroy_lifecycle_publisher(self._status)
-        if self._health is not None:
-            self.destroy_publisher(self._health)
-        self._status = self._health = None
+            self._try_to_write(recorder.store.close)
+
+    def _refresh_map(self) -> None:
+        """Publish the map of the sweeps so far."""
+        if self._recorder is not None:
+            self._map.publish_file(self._recorder.store.path)
 
     def _detector(self) -> SweepDetector | None:
-        of = self.parameters
-        if of["sweep_detection"] == "off":
+        parameters = self.parameters
+        if parameters["sweep_detection"] == "off":
             return None
         return SweepDetector(
             self._scene.axes,
-            one_way=of["sweep_detection"] == "one_way",
-            reversal_m=of["reversal_m"],
-            rest_s=of["rest_s"],
+            one_way=parameters["sweep_detection"] == "one_way",
+            reversal_m=parameters["reversal_m"],
+            rest_s=parameters["rest_s"],
         )
 
     def _on_strain(self, message: StrainVectors) -> None:
         stamp_ns = timestamps.to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
-        self._hear(stamp_ns, self._pairing)
+        self._receive(stamp_ns, self._pairing)
         try:
             felt = self._reader.read(message)
         except TactileLocalizerError as error:
-            self._refuse("strain", error)
+            self._reject("strain", error)
             return
-        self._refusals.pop("strain", None)
+        self._rejections.pop("strain", None)
         self._record(self._pairing.add_strain(stamp_ns, felt))
         if self._lookup is not None:
             self._lookup.look_up(stamp_ns)
@@ -161,56 +148,56 @@ class MappingNode(ManagedNode):
         stamp_ns = timestamps.to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
-        self._hear(stamp_ns, self._pairing)
+        self._receive(stamp_ns, self._pairing)
         try:
             pairs = self._pairing.add_pose(stamp_ns, position(self._frame, message))
         except MeasurementError as error:
-            self._refuse("palm_pose", error)
+            self._reject("palm_pose", error)
             return
-        self._refusals.pop("palm_pose", None)
+        self._rejections.pop("palm_pose", None)
         self._poses += 1
         self._record(pairs)
 
-    def _hear(self, stamp_ns: int, pairing: Pairing[StrainSample]) -> None:
-        self._clock_of_stamps.hear(stamp_ns, self.get_clock().now().nanoseconds, pairing.resets)
+    def _receive(self, stamp_ns: int, pairing: Pairing[StrainSample]) -> None:
+        self._sender_clock.update(stamp_ns, self.get_clock().now().nanoseconds, pairing.resets)
 
-    def _refuse(self, topic: str, error: TactileLocalizerError) -> None:
-        """A message cannot be used: no sweep begins until the next of its topic can."""
-        self._refusals[topic] = f"{topic}: {error}"
-        self._complain(self._refusals[topic])
+    def _reject(self, topic: str, error: TactileLocalizerError) -> None:
+        """Reject a message; no sweep can start until a valid message arrives on its topic."""
+        self._rejections[topic] = f"{topic}: {error}"
+        self._log_error(self._rejections[topic])
 
     def _record(self, pairs: list[Pair[StrainSample]]) -> None:
         if self._recorder is not None:
-            self._attempt_to(self._recorder.take, pairs)
+            self._try_to_write(self._recorder.take, pairs)
 
     def _commit(self) -> None:
         if self._recorder is None or self._pairing is None:
             return
-        self._attempt_to(self._recorder.settle, self._pairing.waiting_ns)
-        before, self._last_sweep = self._last_sweep, self._recorder.store.active_sweep
-        if before is not None and before != self._last_sweep and self._map is not None:
-            self._map.refresh()
+        self._try_to_write(self._recorder.settle, self._pairing.waiting_ns)
+        previous, self._last_sweep = self._last_sweep, self._recorder.store.active_sweep
+        if previous is not None and previous != self._last_sweep:
+            self._refresh_map()
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Begin a sweep with what is felt from now on."""
+        """Start a sweep with the strain measured from now on."""
 
         def start(recorder: SweepRecorder) -> str:
-            for reason in self._refusals.values():
+            for reason in self._rejections.values():
                 raise ScanError(f"start sweep: {reason}")
             number = recorder.start(self._now_ns)
-            self._failure = ""
-            return f"sweep {number} begins"
+            self._write_error = ""
+            return f"sweep {number} started"
 
         return self._answer(response, start)
 
     def _on_end(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """End the sweep after the newest sample that has come."""
-        return self._answer(response, lambda recorder: f"sweep {recorder.end(self._newest_ns)} ends")
+        """End the sweep after the newest sample received."""
+        return self._answer(response, lambda recorder: f"sweep {recorder.end(self._newest_ns)} ended")
 
     def _answer(self, response: Trigger.Response, work: Callable[[SweepRecorder], str]) -> Trigger.Response:
         try:
             if self.parameters["sweep_detection"] != "off":
-                raise ScanError("sweeps are found from the motion: expected sweep_detection off")
+                raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
             if self._recorder is None:
                 raise ScanError("expected an active node")
             response.message = work(self._recorder)
@@ -231,14 +218,12 @@ class MappingNode(ManagedNode):
     def _on_diagnostics_due(self) -> None:
         if self._recorder is None or self._pairing is None:
             return
-        message = DiagnosticArray()
-        message.header.stamp = self.get_clock().now().to_msg()
-        message.status = [
+        self._health.publish(
             self._diagnostics.status(
-                self._recorder, self._pairing, self._poses, self._refusals, self._failure
+                self._recorder, self._pairing, self._poses, self._rejections, self._write_error
             )
-        ]
-        self._health.publish(message)
+        )
+        self._calibration.poll()
 
     @property
     def _newest_ns(self) -> int:
@@ -247,11 +232,11 @@ class MappingNode(ManagedNode):
 
     @property
     def _now_ns(self) -> int:
-        """Stamp of what is felt now, ns: what was felt before may come after a request, on a busy machine."""
-        return self._clock_of_stamps.now_ns(self.get_clock().now().nanoseconds)
+        """Stamp of strain measured now, ns; older strain can still arrive after a request."""
+        return self._sender_clock.now_ns(self.get_clock().now().nanoseconds)
 
     def _publish_status(self, stamp_ns: int) -> None:
-        """Tell how the scan is going; stamps are samples', so that a bag shows what belongs to a sweep."""
+        """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""
         recorder = self._recorder
         if recorder is None or not self.context.ok():
             return
@@ -270,19 +255,19 @@ class MappingNode(ManagedNode):
         message.rate = self._rate
         self._status.publish(message)
 
-    def _attempt_to(self, work: Callable[..., None], *arguments: Any) -> None:
-        """Do what may fail for want of disk space; the node says so and goes on."""
+    def _try_to_write(self, work: Callable[..., None], *arguments: Any) -> None:
+        """Write to the scan file; on an error, such as a full disk, log it and continue."""
         try:
             work(*arguments)
         except ScanError as error:
-            self._failure = str(error)
-            self._complain(self._failure)
+            self._write_error = str(error)
+            self._log_error(self._write_error)
             self._publish_status(self._newest_ns)
 
-    def _complain(self, text: str) -> None:
+    def _log_error(self, text: str) -> None:
         self.get_logger().error(text, throttle_duration_sec=1.0)
 
 
 def main() -> int:
-    """Run the node."""
+    """Run the node; returns the exit status."""
     return run(MappingNode)

@@ -1,8 +1,8 @@
-"""The simulated hand as a ROS node: palm poses over DDS, load cells' frames on a CAN bus, in paced time.
+"""Simulator node: a simulated hand that publishes palm poses and sends load cell frames on a CAN bus.
 
-Between the sweeps the fingers are open. ``~/prepare`` brings the palm to the start of the next sweep and
-closes the fingers; ``~/sweep`` moves it. After a sweep the fingers stay closed until the next is prepared,
-so whoever records has time to stop.
+Between sweeps the fingers are open. ``~/prepare`` moves the palm to the start of the next sweep and closes
+the fingers; ``~/sweep`` starts the motion. After a sweep the fingers stay closed until the next sweep is
+prepared, so that a recorder has time to stop.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import math
 import threading
 import time
 import traceback
-from typing import Any
 
 import can
 import numpy as np
@@ -20,7 +19,6 @@ import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.service import Service
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -41,19 +39,18 @@ _BUS_NOISE = 5 << 30
 
 
 class SimulatorNode(ManagedNode):
-    """Runs a :class:`~tactile_localizer.sim.rig.Rig`; a thread of its own publishes what happens to it."""
+    """Runs a :class:`~tactile_localizer.sim.rig.Rig` in a thread that paces and publishes its readings."""
 
     def __init__(self) -> None:
         super().__init__("simulator", PARAMETERS)
         self._bus: can.BusABC | None = None
-        self._made: list[Any] = []
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self.add_post_set_parameters_callback(self._on_set)
 
     def configure(self) -> None:
-        """Make the rig, open the bus, offer the topics and services."""
+        """Create the rig, publishers and services, and open the bus."""
         of = self.parameters
         self._speed = of["speed"]
         self._rig = Rig(of["feature"], of["seed"], of["sweep_speed_mps"], of["load_cell_rate_hz"])
@@ -67,46 +64,38 @@ class SimulatorNode(ManagedNode):
         self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
         self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
         self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", latched)
-        self._made = [
-            self._pose,
-            self._truth,
-            self._active,
-            self.create_service(Trigger, "~/prepare", self._on_prepare),
-            self.create_service(Trigger, "~/sweep", self._on_sweep),
-        ]
+        self.create_service(Trigger, "~/prepare", self._on_prepare)
+        self.create_service(Trigger, "~/sweep", self._on_sweep)
 
     def activate(self) -> None:
-        """Let time run."""
+        """Start simulated time."""
         self._origin_s = time.monotonic()
         self._stop.clear()
-        self._thread = threading.Thread(target=self._live, name="simulated hand", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="simulated hand", daemon=True)
         self._thread.start()
 
     def deactivate(self) -> None:
-        """Stop time."""
+        """Stop simulated time."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
 
     def cleanup(self) -> None:
-        """Close the bus, withdraw topics and services."""
+        """Close the bus."""
         if self._bus is not None:
             self._bus.shutdown()
             self._bus = None
-        for made in self._made:
-            (self.destroy_service if isinstance(made, Service) else self.destroy_lifecycle_publisher)(made)
-        self._made = []
 
     def _now_s(self) -> float:
         """Simulated time, s."""
         return self._speed * (time.monotonic() - self._origin_s)
 
-    def _live(self) -> None:
+    def _run(self) -> None:
         try:
             self._publish_until_stopped()
         except Exception:
-            if self.context.ok():  # else the context went away under a publisher: the process is ending
+            if self.context.ok():  # otherwise the process is shutting down
                 self.get_logger().fatal(traceback.format_exc())
 
     def _publish_until_stopped(self) -> None:
@@ -117,52 +106,52 @@ class SimulatorNode(ManagedNode):
         active = None
         while not self._stop.wait(max(0.0, min(pose_due, cell_due) - time.monotonic())):
             with self._lock:
-                moment = self._rig.read(self._now_s())
+                reading = self._rig.read(self._now_s())
             if time.monotonic() >= cell_due:
-                self._send(moment)
+                self._send(reading)
                 cell_due = _next_due(cell_due, cell_period)
             if time.monotonic() >= pose_due:
-                self._publish(moment)
+                self._publish(reading)
                 pose_due = _next_due(pose_due, pose_period)
-            if active != (moment.phase is Phase.SWEEPING):
-                active = moment.phase is Phase.SWEEPING
+            if active != (reading.phase is Phase.SWEEPING):
+                active = reading.phase is Phase.SWEEPING
                 self._active.publish(Bool(data=active))
 
-    def _send(self, moment: Reading) -> None:
+    def _send(self, reading: Reading) -> None:
         try:
-            self._cells.send(moment.strain, self._faults)
+            self._cells.send(reading.strain, self._faults)
         except CanError as error:
             self.get_logger().error(str(error), throttle_duration_sec=1.0)
 
-    def _publish(self, moment: Reading) -> None:
+    def _publish(self, reading: Reading) -> None:
         stamp = self.get_clock().now().to_msg()
-        self._pose.publish(_pose(stamp, self.parameters["frame_id"], moment.odometry))
-        if moment.truth is not None:
-            self._truth.publish(_pose(stamp, self.parameters["material_frame_id"], moment.truth))
+        self._pose.publish(_pose(stamp, self.parameters["frame_id"], reading.odometry))
+        if reading.truth is not None:
+            self._truth.publish(_pose(stamp, self.parameters["material_frame_id"], reading.truth))
 
     def _on_prepare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Answers when the fingers are closed at the start of the next sweep."""
+        """Respond when the fingers are closed at the start of the next sweep."""
         with self._lock:
-            moment = self._rig.read(self._now_s())
-            if moment.phase is Phase.SWEEPING:
-                response.message = "the hand is sweeping: expected it to be at rest"
+            reading = self._rig.read(self._now_s())
+            if reading.phase is Phase.SWEEPING:
+                response.message = "expected a hand at rest, it is sweeping"
                 return response
             sweep = self._rig.prepare(MODES[self.parameters["mode"]], self._now_s())
             self._number = sweep.number
         self._stop.wait((self._rig.ready_s - self._now_s()) / self._speed)
-        return self._answer(response)
+        return self._respond(response)
 
     def _on_sweep(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Answers when the palm begins to move; prepares the sweep where that was not asked for."""
+        """Respond when the palm starts to move; prepare the sweep first if it is not prepared."""
         with self._lock:
             phase = self._rig.read(self._now_s()).phase
         if phase is not Phase.READY and not self._on_prepare(request, response).success:
             return response
         with self._lock:
             self._rig.start(self._now_s())
-        return self._answer(response)
+        return self._respond(response)
 
-    def _answer(self, response: Trigger.Response) -> Trigger.Response:
+    def _respond(self, response: Trigger.Response) -> Trigger.Response:
         sweep = {
             "mode": self.parameters["mode"],
             "sweep": self._number,
@@ -176,7 +165,7 @@ class SimulatorNode(ManagedNode):
             try:
                 self._faults = self._read_faults()
             except ParameterError as error:
-                self.get_logger().error(f"{error}; the faults stay as they were")
+                self.get_logger().error(f"{error}; the faults are unchanged")
 
     def _read_faults(self) -> Faults:
         of = self.parameters
@@ -188,7 +177,7 @@ class SimulatorNode(ManagedNode):
 
 
 def _next_due(due: float, period: float) -> float:
-    """The next tick that is not past: late, the simulator leaves ticks out and never sends a burst."""
+    """The next tick in the future; ticks that were missed are skipped instead of sent in a burst."""
     return due + period * max(1, math.ceil((time.monotonic() - due) / period))
 
 
@@ -202,5 +191,5 @@ def _pose(stamp: Time, frame_id: str, position: np.ndarray) -> PoseStamped:
 
 
 def main() -> int:
-    """Run the node."""
+    """Run the node; returns the exit status."""
     return run(SimulatorNode)

@@ -121,4 +121,4 @@ def test_a_file_or_a_type_that_cannot_be_used_is_refused_in_one_line(refusal, tm
         "phalanges: {index: {topic: a, type: no_such/msg/Skin, fields: [data]}}"
     )
     (line,) = refusal("adapter_node", {"adapter_file": tmp_path / "own.yaml"})
-    assert "type no_such/msg/Skin: expected a message type that is installed, found none" in line
+    assert "type no_such/msg/Skin: expected an installed message type, found none" in line

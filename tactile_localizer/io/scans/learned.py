@@ -7,7 +7,6 @@ the time to compute it again.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import logging
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
 from tactile_localizer.io.scans.lock import ScanLock
+from tactile_localizer.io.scans.rows import LearnedEntry, learned_seal
 from tactile_localizer.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ class LearnedResults:
                 row = connection.execute(query, (key, digest)).fetchone()
             except scan_file.SQLITE_ERRORS:  # no such table yet, or damage
                 return None
-        if row is None or not isinstance(row[0], bytes) or row[1] != _seal(key, digest, row[0]):
+        if row is None or not isinstance(row[0], bytes) or row[1] != learned_seal(key, digest, row[0]):
             return None
         return bytes(row[0])
 
@@ -88,22 +88,13 @@ class LearnedResults:
             connection = scan_file.open_existing(self.path, writable=True)
             try:
                 connection.execute("BEGIN IMMEDIATE")
-                connection.execute(scan_file.LEARNED_TABLE)
-                connection.execute(
-                    "INSERT OR REPLACE INTO learned VALUES (?, ?, ?, ?)",
-                    (key, digest, payload, _seal(key, digest, payload)),
-                )
+                for statement, values in LearnedEntry(key, digest, payload).statements():
+                    connection.execute(statement, values)
                 connection.execute("COMMIT")
             finally:
                 scan_file.close(connection)
         finally:
             lock.release()
-
-
-def _seal(key: str, digest: str, payload: bytes) -> bytes:
-    seal = hashlib.blake2b(f"{key}\0{digest}\0".encode(), digest_size=16)
-    seal.update(payload)
-    return seal.digest()
 
 
 KEY = "calibration on held-out sweeps, 1"
@@ -121,19 +112,31 @@ def learned_calibration(
     scan, scene : what is learned from
     progress : called with what is being done and the fraction of it that is done
     """
-    learned, digest = LearnedResults(path), digest_of(scan, scene)
-    if (kept := learned.load_learned(KEY, digest)) is not None:
+    calibration, entry = find_calibration(path, scan, scene, progress)
+    if entry is not None:
+        LearnedResults(path).store_learned(*entry)
+    return calibration
+
+
+def find_calibration(
+    path: Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
+) -> tuple[Calibration, LearnedEntry | None]:
+    """The calibration of a scan, and the entry to store in the scan file; ``None`` if it is stored already.
+
+    Takes the parameters of :func:`learned_calibration` and only reads the file.
+    """
+    digest = digest_of(scan, scene)
+    if (kept := LearnedResults(path).load_learned(KEY, digest)) is not None:
         with contextlib.suppress(KeyError, TypeError, ValueError):
             values = json.loads(kept)
             calibration = Calibration(
                 float(values["information_length"]), np.array(values["registration_std"], dtype=np.float64)
             )
             if calibration.registration_std.shape == (scene.dimension,):
-                return calibration
+                return calibration, None
     calibration = learn(scan, scene, progress)
     values = {
         "information_length": calibration.information_length,
         "registration_std": calibration.registration_std.tolist(),
     }
-    learned.store_learned(KEY, digest, json.dumps(values).encode())
-    return calibration
+    return calibration, LearnedEntry(KEY, digest, json.dumps(values).encode())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,17 @@ BATCH_COLUMNS = "id, sweep, pairs, first_ns, last_ns, stamp_ns, states, strain, 
 
 UNSEALED_BATCH_COLUMNS = "id, sweep, pairs, first_ns, last_ns, stamp_ns, states, strain"
 """Columns in files of schema version 1, which have no checksums."""
+
+
+LEARNED_TABLE = """
+CREATE TABLE IF NOT EXISTS learned (
+    key TEXT PRIMARY KEY,                 -- name of the result, its algorithm and version
+    digest TEXT NOT NULL,                 -- of the scan and the scene that it was computed from
+    payload BLOB NOT NULL,
+    seal BLOB NOT NULL                    -- checksum of the other columns
+)
+"""
+"""Table of cached results computed from the scan; files of any schema version may have it."""
 
 
 @dataclass(frozen=True)
@@ -205,3 +216,30 @@ def contents_seal(sweep_seals: Iterable[bytes]) -> str:
 def sweep_seal(sweep: SweepInfo) -> bytes:
     """Seal of a sweep's entry."""
     return seal_of("sweep", *sweep.row)
+
+
+class LearnedEntry(NamedTuple):
+    """A row of the table ``learned``.
+
+    Parameters
+    ----------
+    key : name of the result, its algorithm and version
+    digest : digest of the data that it was computed from
+    payload : any bytes, for instance JSON or npz
+    """
+
+    key: str
+    digest: str
+    payload: bytes
+
+    def statements(self) -> list[tuple[str, tuple[Any, ...]]]:
+        """SQL statements, with their values, that store the entry."""
+        row = (self.key, self.digest, self.payload, learned_seal(self.key, self.digest, self.payload))
+        return [(LEARNED_TABLE, ()), ("INSERT OR REPLACE INTO learned VALUES (?, ?, ?, ?)", row)]
+
+
+def learned_seal(key: str, digest: str, payload: bytes) -> bytes:
+    """Checksum of a row of the table ``learned``."""
+    seal = hashlib.blake2b(f"{key}\0{digest}\0".encode(), digest_size=16)
+    seal.update(payload)
+    return seal.digest()

@@ -31,6 +31,7 @@ from tactile_localizer.io.scans.reader import ScanReader
 from tactile_localizer.io.scans.rows import (
     BATCH_COLUMNS,
     Batch,
+    LearnedEntry,
     SweepInfo,
     contents_seal,
     require_plausible,
@@ -341,6 +342,16 @@ class ScanStore(ScanReader):
         insert = "INSERT INTO history (at, what, detail) VALUES (?, ?, ?)"
         entry = json.dumps({**detail, "version": __version__})
         self._write([(insert, (at, what, entry))], "history entry")
+
+    def store_learned(self, entry: LearnedEntry) -> None:
+        """Store a result computed from the scan, replacing an earlier one under the same key.
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written.
+        """
+        self._write(entry.statements(), entry.key)
 
     def _write_batches(self, batches: list[Batch], what: str) -> None:
         """Write consecutive batches of one sweep."""

@@ -1,1 +1,1 @@
-"""What every node is made from: lifecycle, parameters, guarded callbacks."""
+"""Foundation of every node: lifecycle, parameters, guarded callbacks, background work."""

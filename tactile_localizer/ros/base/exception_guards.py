@@ -1,7 +1,7 @@
-"""The boundary between a node and what it receives: no message, request or timer ends the process.
+"""Guards around callbacks: no message, service request or timer terminates the process.
 
-What a callback expects to go wrong it refuses by itself, with a :class:`TactileLocalizerError`. Anything else
-that it raises is caught here: a service answers with a refusal, a message is dropped, and one line is logged.
+A callback handles the failures that it expects (:class:`TactileLocalizerError`) itself. Any other exception
+is caught here and logged in one line; a message is dropped, and a service request is rejected.
 """
 
 from __future__ import annotations
@@ -17,67 +17,67 @@ from rclpy.node import Node
 
 from tactile_localizer.errors import TactileLocalizerError
 
-_LONGEST = 300
+_MAX_LENGTH = 300
 _LOG_PERIOD_S = 1.0
 
 
-def in_one_line(error: BaseException) -> str:
-    """What went wrong, and where, if it is not an error that the package raises on purpose."""
+def one_line(error: BaseException) -> str:
+    """The text of an error in one line; for an unexpected type of error also the type and the location."""
     if isinstance(error, TactileLocalizerError):
         return str(error)
-    text = " ".join(str(error).split())[:_LONGEST]
+    text = " ".join(str(error).split())[:_MAX_LENGTH]
     frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return f"unexpected {type(error).__name__}: {text}{place}"
+    location = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+    return f"unexpected {type(error).__name__}: {text}{location}"
 
 
-def dropping(node: Node, name: str, work: Callable[..., None]) -> Callable[..., None]:
-    """``work``, the callback of the topic or timer ``name``, that logs what goes wrong and goes on."""
+def guard_callback(node: Node, name: str, callback: Callable[..., None]) -> Callable[..., None]:
+    """The callback of the topic or timer ``name``, changed to log exceptions instead of raising them."""
 
-    @wraps(work)
+    @wraps(callback)
     def guarded(*arguments: Any) -> None:
         try:
-            work(*arguments)
+            callback(*arguments)
         except Exception as error:
-            _report(node, name, error)
+            _log(node, name, error)
 
     return guarded
 
 
-def refusing(
-    node: Node, name: str, kind: Any, answer: Callable[[Any, Any], Any]
+def guard_service(
+    node: Node, name: str, service_type: Any, callback: Callable[[Any, Any], Any]
 ) -> Callable[[Any, Any], Any]:
-    """``answer``, the callback of the service ``name`` of type ``kind``, that refuses when it fails.
+    """The callback of the service ``name``, changed to reject a request instead of raising an exception.
 
-    The refusal is a response as it is made: ``success`` is false where there is such a field, and ``message``
-    has the reason. A coroutine is guarded as one.
+    The rejection is a default response (``success`` is false) with the reason in its field ``message``, if
+    it has one. A coroutine stays a coroutine.
     """
 
-    def refused(error: Exception) -> Any:
-        _report(node, name, error)
-        refusal = kind.Response()
-        if hasattr(refusal, "message"):
-            refusal.message = in_one_line(error)
-        return refusal
+    def reject(error: Exception) -> Any:
+        _log(node, name, error)
+        response = service_type.Response()
+        if hasattr(response, "message"):
+            response.message = one_line(error)
+        return response
 
-    @wraps(answer)
+    @wraps(callback)
     def guarded(request: Any, response: Any) -> Any:
         try:
-            return answer(request, response)
+            return callback(request, response)
         except Exception as error:
-            return refused(error)
+            return reject(error)
 
-    @wraps(answer)
-    async def awaited(request: Any, response: Any) -> Any:
+    @wraps(callback)
+    async def guarded_coroutine(request: Any, response: Any) -> Any:
         try:
-            return await answer(request, response)
+            return await callback(request, response)
         except Exception as error:
-            return refused(error)
+            return reject(error)
 
-    return awaited if inspect.iscoroutinefunction(answer) else guarded
+    return guarded_coroutine if inspect.iscoroutinefunction(callback) else guarded
 
 
-def _report(node: Node, name: str, error: Exception) -> None:
-    if not node.context.ok():  # the process is about to end, and nothing can be published any more
+def _log(node: Node, name: str, error: Exception) -> None:
+    if not node.context.ok():  # shutting down: nothing can be published or logged any more
         raise error
-    node.get_logger().error(f"{name}: {in_one_line(error)}", throttle_duration_sec=_LOG_PERIOD_S)
+    node.get_logger().error(f"{name}: {one_line(error)}", throttle_duration_sec=_LOG_PERIOD_S)

@@ -1,4 +1,4 @@
-"""Runs a node as a process."""
+"""Main function of the executables: runs a node until the process is asked to end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import (
     Executor,
     ExternalShutdownException,
@@ -19,52 +18,53 @@ from rclpy.executors import (
 )
 
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
-from tactile_localizer.ros.base.exception_guards import in_one_line
+from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
 
 _WAKE_PERIOD_S = 0.5
 
 REFUSED = 2
-"""Exit status of a node that refuses its command line or its configuration: to start it again is no use."""
+"""Exit status for an invalid command line or configuration: starting the node again would fail again."""
 
 
 def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
-    """Run a node until Ctrl-C, SIGTERM or shutdown: the body of every executable.
+    """Run a node until SIGINT, SIGTERM or shutdown.
 
     Parameters
     ----------
-    make : makes the node, once rclpy is initialised
-    args : command line; ``None``: that of the process
+    make : constructs the node after rclpy is initialised
+    args : command line; ``None`` for that of the process
 
     Returns
     -------
     int
-        Exit status: 0, or :data:`REFUSED` where the node could not be made, or refused to start by itself.
+        Exit status: 0, or :data:`REFUSED` if the node could not be constructed or autostarted.
     """
     spinning = threading.Event()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        # rclpy, which has the signal first, ends the spin after the callback that runs: none is cut in two.
+        # The handler of rclpy runs first and ends spinning after the running callback; do not interrupt it.
         if not spinning.is_set():
             raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
     try:
         rclpy.init(args=args)
-    except RuntimeError as error:  # the command line's own mistakes
+    except RuntimeError as error:  # invalid arguments
         print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
         return REFUSED
     node = None
     try:
-        node = _made(make)
+        node = _construct(make)
         with _executor(node) as executor:
             executor.add_node(node)
-            # rclpy wakes its executor for a signal before it shuts down: one that waits again would wait on.
-            node.create_timer(_WAKE_PERIOD_S, _look_around, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            # On a signal rclpy wakes the executor before it shuts down; an executor that waits again at that
+            # moment misses the shutdown. After a timer callback it checks again.
+            node.create_steady_timer(_WAKE_PERIOD_S, lambda: None)
             spinning.set()
-            if node.parameters["autostart"] and not _started(node, executor):
+            if node.parameters["autostart"] and not _autostart(node, executor):
                 return REFUSED
-            # What is there now stays: looking through it again for garbage would stop the stream for 50 ms.
+            # Exclude the existing objects from garbage collection, which would pause the node for 50 ms.
             gc.collect()
             gc.freeze()
             executor.spin()
@@ -73,7 +73,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     except TactileLocalizerError as error:
         rclpy.logging.get_logger("tactile_localizer").error(str(error))
         return REFUSED
-    except RuntimeError:  # rclpy's own, where a signal comes while it prepares to wait
+    except RuntimeError:  # from rclpy, if a signal arrives while it prepares to wait
         if rclpy.ok():
             raise
     finally:
@@ -84,21 +84,17 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     return 0
 
 
-def _made(make: Callable[[], ManagedNode]) -> ManagedNode:
+def _construct(make: Callable[[], ManagedNode]) -> ManagedNode:
     try:
         return make()
     except (KeyboardInterrupt, ExternalShutdownException, TactileLocalizerError):
         raise
-    except Exception as error:  # rclpy's own, of parameters that it cannot take
-        raise ParameterError(in_one_line(error)) from None
+    except Exception as error:  # from rclpy, for invalid parameter overrides
+        raise ParameterError(one_line(error)) from None
 
 
-def _look_around() -> None:
-    """Nothing: after each callback the executor sees whether rclpy is down."""
-
-
-def _started(node: ManagedNode, executor: Executor) -> bool:
-    """Whether the node has started by itself, or was interrupted before it could refuse to."""
+def _autostart(node: ManagedNode, executor: Executor) -> bool:
+    """Whether autostart succeeded, or was interrupted before its result was known."""
     started = executor.create_task(node.start())
     executor.spin_until_future_complete(started)
     return bool(started.result()) if started.done() else True
@@ -107,7 +103,7 @@ def _started(node: ManagedNode, executor: Executor) -> bool:
 def _shut_down() -> None:
     try:
         rclpy.try_shutdown()
-    except RuntimeError:  # rclpy's own, where a signal shuts down at the same moment
+    except RuntimeError:  # from rclpy, if a signal shuts down at the same moment
         if rclpy.ok():
             raise
 

@@ -1,56 +1,69 @@
-"""The lifecycle node that the package's nodes are made from."""
+"""Base class of the nodes: a lifecycle node whose transitions are plain methods."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.ros.base import exception_guards
-from tactile_localizer.ros.base.background_task import in_background
+from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
-from tactile_localizer.ros.base.rclpy_private import withdraw_lifecycle_services
+from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
 
 _AUTOSTART = Parameter(
-    "autostart", True, "Configure and activate at start; false leaves that to a lifecycle manager"
+    "autostart", True, "Configure and activate at start; false leaves both to a lifecycle manager"
 )
 
 
 class ManagedNode(LifecycleNodeMixin, Node):
-    """A lifecycle node whose transitions are four plain methods.
+    """A lifecycle node that destroys what each transition created.
 
     A subclass overrides :meth:`configure`, :meth:`activate`, :meth:`deactivate` and :meth:`cleanup`. The
-    first two refuse by raising a :class:`TactileLocalizerError`: the node logs its one line and stays in the
-    state that it was in. The last two must bear being called when nothing, or only a part, was made.
+    first two reject the transition by raising a :class:`TactileLocalizerError`: the node logs it in one line
+    and stays in its state. Publishers, subscriptions, services and timers that :meth:`configure` creates are
+    destroyed after :meth:`cleanup`, those that :meth:`activate` creates after :meth:`deactivate`.
+    :meth:`defer` adds other resources.
 
-    :meth:`configure` may take seconds: it runs in a thread, and the node's services answer meanwhile. What
-    :meth:`create_lifecycle_publisher` made publishes only while the node is active.
+    :meth:`configure` may take seconds: it runs in a thread, and the services of the node stay responsive.
+    Publishers made by :meth:`create_lifecycle_publisher` publish only while the node is active.
 
     Parameters
     ----------
-    name : the node's name
-    declared : its parameters, beside ``autostart``
-    threads : callbacks that may run at once. More than one needs callback groups
+    name : name of the node
+    declared : parameters of the node, in addition to ``autostart``
+    threads : number of executor threads; more than one requires callback groups
+
+    Attributes
+    ----------
+    is_active : whether the node is active, or being activated
     """
 
     def __init__(
         self, name: str, declared: Sequence[Parameter] = (), threads: int = 1, **kwargs: Any
     ) -> None:
+        self._configured, self._activated = ExitStack(), ExitStack()
+        self._scope: ExitStack | None = None
+        self._scope_thread = 0
         Node.__init__(self, name, **kwargs)
         LifecycleNodeMixin.__init__(self, callback_group=ReentrantCallbackGroup())
         self._is_configured = False
-        self._changing = threading.Lock()
+        self.is_active = False
+        self._in_transition = threading.Lock()
         self.threads = threads
         for service in self.services:
             if service.srv_type is ChangeState:
@@ -58,83 +71,113 @@ class ManagedNode(LifecycleNodeMixin, Node):
         try:
             self.parameters = Parameters(self, (_AUTOSTART, *declared), lambda: self._is_configured)
         except TactileLocalizerError:
-            self.destroy_node()  # nobody else has it
+            self.destroy_node()  # the caller never gets a reference to it
             raise
 
+    def create_publisher(self, *arguments: Any, **options: Any) -> Publisher:
+        """A publisher that also publishes while the node is inactive."""
+        publisher = super().create_publisher(*arguments, **options)
+        self.defer(partial(self.destroy_publisher, publisher))
+        return publisher
+
+    def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Publisher:
+        """A publisher that publishes only while the node is active."""
+        publisher = super().create_lifecycle_publisher(*arguments, **options)
+        self.defer(partial(self.destroy_lifecycle_publisher, publisher))
+        return publisher
+
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Service:
-        """A service that answers with a refusal whatever its callback raises."""
-        answer = exception_guards.refusing(self, srv_name, srv_type, callback)
-        return super().create_service(srv_type, srv_name, answer, **options)
+        """A service that rejects the request if its callback raises an exception."""
+        guarded = exception_guards.guard_service(self, srv_name, srv_type, callback)
+        service = super().create_service(srv_type, srv_name, guarded, **options)
+        self.defer(partial(self.destroy_service, service))
+        return service
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Any, *quality: Any, **options: Any
+        self, msg_type: Any, topic: str, callback: Any, *qos: Any, **options: Any
     ) -> Subscription:
-        """A subscription that drops a message whatever its callback raises."""
-        work = exception_guards.dropping(self, topic, callback)
-        return super().create_subscription(msg_type, topic, work, *quality, **options)
+        """A subscription that drops the message if its callback raises an exception."""
+        guarded = exception_guards.guard_callback(self, topic, callback)
+        subscription = super().create_subscription(msg_type, topic, guarded, *qos, **options)
+        self.defer(partial(self.destroy_subscription, subscription))
+        return subscription
 
     def create_timer(self, timer_period_sec: float, callback: Any, *clock: Any, **options: Any) -> Timer:
-        """A timer that goes on whatever its callback raises."""
-        work = exception_guards.dropping(self, "timer", callback)
-        return super().create_timer(timer_period_sec, work, *clock, **options)
+        """A timer that continues if its callback raises an exception."""
+        guarded = exception_guards.guard_callback(self, "timer", callback)
+        timer = super().create_timer(timer_period_sec, guarded, *clock, **options)
+        self.defer(partial(self.destroy_timer, timer))
+        return timer
+
+    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
+        """A timer that keeps running while simulated time stands still."""
+        return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def defer(self, release: Callable[[], Any]) -> None:
+        """Call ``release`` when the transition in progress is undone; without effect outside transitions."""
+        if self._scope is not None and self._scope_thread == threading.get_ident():
+            self._scope.callback(release)
 
     def configure(self) -> None:
-        """Read the parameters and make everything that is needed."""
+        """Read the parameters and create the resources of an inactive node."""
 
     def activate(self) -> None:
-        """Begin the work."""
+        """Start to work."""
 
     def deactivate(self) -> None:
-        """End the work; threads are joined."""
+        """Stop to work and join threads; also called if :meth:`activate` failed or was never called."""
 
     def cleanup(self) -> None:
-        """Let go of what :meth:`configure` made."""
+        """Release the resources; also called if :meth:`configure` failed or was never called."""
 
     async def start(self) -> bool:
-        """Configure and activate, while the executor goes on; whether both went well."""
-        with self._changing:
+        """Configure and activate while the executor runs; returns whether both succeeded."""
+        with self._in_transition:
             return (
-                await in_background(self, self.trigger_configure) == TransitionCallbackReturn.SUCCESS
+                await run_in_thread(self, self.trigger_configure) == TransitionCallbackReturn.SUCCESS
                 and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
             )
 
     def close(self) -> None:
-        """End the work and let go of everything, whatever the state; for the end of the process."""
-        self.deactivate()
-        self.cleanup()
+        """Stop to work and release all resources, from any state; for the end of the process."""
+        self._end_activation()
+        self._end_configuration()
 
     def destroy_node(self) -> None:
-        """Leave the graph at once, with the lifecycle services, which rclpy's state machine would keep."""
+        """Leave the ROS graph at once, including the lifecycle services, which rclpy would keep alive."""
         super().destroy_node()
-        withdraw_lifecycle_services(self)
+        destroy_state_machine(self)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Transition to inactive, or refuse."""
+        """Transition to inactive, unless :meth:`configure` fails."""
         self._is_configured = True
-        answer = self._attempt(self.configure, undo=self.cleanup)
-        for parameter in self.parameters.strange():
-            self.get_logger().warning(f"parameter {parameter}: expected one of this node's, it is ignored")
-        self._is_configured = answer == TransitionCallbackReturn.SUCCESS
-        return answer
+        with self._collecting(self._configured):
+            result = self._attempt(self.configure, undo=self._end_configuration)
+        for parameter in self.parameters.undeclared():
+            self.get_logger().warning(f"parameter {parameter}: not a parameter of this node, ignored")
+        self._is_configured = result == TransitionCallbackReturn.SUCCESS
+        return result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Transition to active, or refuse."""
+        """Transition to active, unless :meth:`activate` fails."""
         super().on_activate(state)
-        answer = self._attempt(self.activate, undo=self.deactivate)
-        if answer != TransitionCallbackReturn.SUCCESS:
+        self.is_active = True
+        with self._collecting(self._activated):
+            result = self._attempt(self.activate, undo=self._end_activation)
+        if result != TransitionCallbackReturn.SUCCESS:
             super().on_deactivate(state)
-        return answer
+        return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive."""
-        answer = self._attempt(self.deactivate)
+        result = self._attempt(self._end_activation)
         super().on_deactivate(state)
-        return answer
+        return result
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to unconfigured."""
         self._is_configured = False
-        return self._attempt(self.cleanup)
+        return self._attempt(self._end_configuration)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to finalized, from any state."""
@@ -142,36 +185,55 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return self._attempt(self.close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """After an unexpected failure: back to unconfigured."""
+        """Transition to unconfigured after an unexpected failure."""
         self._is_configured = False
         return self._attempt(self.close)
+
+    def _end_activation(self) -> None:
+        self.is_active = False
+        self.deactivate()
+        self._activated.close()
+
+    def _end_configuration(self) -> None:
+        self.cleanup()
+        self._configured.close()
+
+    @contextmanager
+    def _collecting(self, scope: ExitStack) -> Iterator[None]:
+        """Collect in ``scope`` how to destroy what this thread creates."""
+        self._scope, self._scope_thread = scope, threading.get_ident()
+        try:
+            yield
+        finally:
+            self._scope = None
 
     async def _on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> ChangeState.Response:
-        """Change the state, or say that it cannot be changed; rclpy would let the node die of that."""
+        """Change the state, or log why that is impossible; with rclpy alone the node would terminate."""
         wanted = request.transition
-        if not self._changing.acquire(blocking=False):
-            self.get_logger().error(f"transition {wanted.label or wanted.id}: expected no other under way")
+        if not self._in_transition.acquire(blocking=False):
+            text = "expected no transition in progress, found one"
+            self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
             return response
         try:
             change = partial(self._change_state, request, response)
             if wanted.label == "configure" or wanted.id == Transition.TRANSITION_CONFIGURE:
-                return await in_background(self, change)
+                return await run_in_thread(self, change)
             return change()
-        except RuntimeError as error:  # rclpy's own, of a transition that the state does not have
+        except RuntimeError as error:  # from rclpy: the present state does not have this transition
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {str(error).splitlines()[0]}")
             return response
         finally:
-            self._changing.release()
+            self._in_transition.release()
 
     def _attempt(
         self, work: Callable[[], None], undo: Callable[[], None] | None = None
     ) -> TransitionCallbackReturn:
         try:
             work()
-        except Exception as error:  # rclpy would swallow what is unexpected without a word
-            self.get_logger().error(exception_guards.in_one_line(error))
+        except Exception as error:  # rclpy would discard an unexpected exception without logging it
+            self.get_logger().error(exception_guards.one_line(error))
             if undo is None:
                 return TransitionCallbackReturn.ERROR
             undo()

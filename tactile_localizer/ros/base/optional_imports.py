@@ -1,4 +1,4 @@
-"""Packages that only some parameters need."""
+"""Import of packages that only some parameter values require."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from tactile_localizer.errors import ParameterError
 
 
 def import_optional(module: str, parameter: str) -> Any:
-    """A module that the value of a parameter needs.
+    """Import a module that ``parameter`` requires.
 
     Raises
     ------
     ParameterError
-        The module's package is not installed; names the parameter.
+        The package of the module is not installed.
     """
     try:
         return importlib.import_module(module)
     except ImportError:
-        raise ParameterError(
-            f"{parameter}: expected {module.partition('.')[0]} to be installed, found none"
-        ) from None
+        package = module.partition(".")[0]
+        raise ParameterError(f"{parameter}: expected {package} to be installed, found none") from None

@@ -1,4 +1,4 @@
-"""Parameters with a description, a unit and a range; a bad value is refused with the reason."""
+"""Parameters with description, unit and range; an invalid value is rejected with the reason."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.ros.base.rclpy_private import given_parameters
+from tactile_localizer.ros.base.rclpy_private import parameter_overrides
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class Parameter:
 
     Parameters
     ----------
-    name : with dots for a group
-    default : a bool, int, float, str, or list; its type is the parameter's. An empty list is one of strings,
-        for which ``['']`` stands too: the command line cannot give an empty list a type
-    description : one sentence, for people
-    unit : SI unit, empty where there is none
-    lower, upper : ends of the range of an int or a float, both allowed
-    choices : the strings that are allowed; empty: any
-    live : whether it may be set while the node is configured. Others are read when the node configures
+    name : name, with dots between group and member
+    default : a bool, int, float, str, or list, which determines the type. An empty list is a list of strings;
+        it can also be written ``['']``, because the command line cannot give an empty list a type
+    description : one sentence without its full stop
+    unit : SI unit; empty if dimensionless
+    lower, upper : inclusive range of an int or a float
+    choices : allowed strings; empty for any
+    live : whether it can be changed while the node is configured; other parameters are read on configuration
     """
 
     name: str
@@ -48,7 +48,7 @@ class Parameter:
     live: bool = False
 
     def descriptor(self) -> ParameterDescriptor:
-        """What ``ros2 param describe`` shows."""
+        """The descriptor, shown by ``ros2 param describe``."""
         text = f"{self.description} [{self.unit}]" if self.unit else self.description
         descriptor = ParameterDescriptor(name=self.name, description=text)
         if self.choices:
@@ -59,25 +59,25 @@ class Parameter:
                 upper = float("inf") if self.upper is None else float(self.upper)
                 descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
             else:
-                least = -(2**63) if self.lower is None else int(self.lower)
-                most = 2**63 - 1 if self.upper is None else int(self.upper)
-                descriptor.integer_range = [IntegerRange(from_value=least, to_value=most)]
+                first = -(2**63) if self.lower is None else int(self.lower)
+                last = 2**63 - 1 if self.upper is None else int(self.upper)
+                descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
         return descriptor
 
 
 class Parameters:
-    """A node's declared parameters: ``parameters["rate_hz"]`` is the present value.
+    """The declared parameters of a node; ``parameters["rate_hz"]`` is the current value.
 
     Parameters
     ----------
-    node : declares and keeps the values
-    declared : the parameters
-    configured : tells whether the node is configured, when parameters that are not live are refused
+    node : node that the parameters belong to
+    declared : parameters to declare
+    configured : returns whether the node is configured, when only live parameters can be changed
 
     Raises
     ------
     ParameterError
-        A value given from outside (command line, file) is out of its range or of the wrong type.
+        A value from the command line or a file is out of range or of the wrong type.
     """
 
     def __init__(self, node: Node, declared: Iterable[Parameter], configured: Callable[[], bool]) -> None:
@@ -88,9 +88,9 @@ class Parameters:
         self.declare(declared)
 
     def declare(self, declared: Iterable[Parameter]) -> None:
-        """Declare more parameters, such as a group per phalanx. Those declared already are left alone.
+        """Declare more parameters, such as a group per phalanx; skip those already declared.
 
-        Each has a value at once: one without would empty the whole answer of ``get_parameters``.
+        Each gets a value: a parameter without a value would empty the whole response of ``get_parameters``.
         """
         for parameter in declared:
             if parameter.name in self._declared:
@@ -100,11 +100,7 @@ class Parameters:
             try:
                 self._node.declare_parameter(parameter.name, default, parameter.descriptor())
             except InvalidParameterTypeException as error:
-                wanted = (
-                    "a list of strings"
-                    if parameter.default == []
-                    else f"a value such as {parameter.default!r}"
-                )
+                wanted = "strings" if parameter.default == [] else f"a value such as {parameter.default!r}"
                 raise ParameterError(
                     f"parameter {parameter.name}: expected {wanted}. {_reason(error, parameter.name)}"
                 ) from error
@@ -116,17 +112,17 @@ class Parameters:
                 self._node.set_parameters([rclpy.Parameter(parameter.name, default, [])])
 
     def __iter__(self) -> Iterator[Parameter]:
-        """What is declared, in its order."""
+        """The declared parameters, in the order of declaration."""
         return iter(self._declared.values())
 
-    def strange(self) -> list[str]:
-        """What was given from outside and is no parameter of this node, each with the one that may be meant.
+    def undeclared(self) -> list[str]:
+        """Names given on the command line or in files that this node lacks, each with a near match.
 
-        Groups, which have a dot, are left out: they are declared when it is known what they are for.
+        Members of groups (names with a dot) are not listed: the node declares them when it is configured.
         """
         return [
-            f"{name}{_meant(name, self._declared)}"
-            for name in given_parameters(self._node)
+            f"{name}{_near_match(name, self._declared)}"
+            for name in parameter_overrides(self._node)
             if "." not in name and not self._node.has_parameter(name)
         ]
 
@@ -153,19 +149,17 @@ class Parameters:
                 )
                 return SetParametersResult(successful=False, reason=reason)
             if self._configured() and not parameter.live and self._has_value(change.name):
-                reason = (
-                    f"{change.name}: expected to be set before the node is configured, and it is configured"
-                )
+                reason = f"{change.name}: expected an unconfigured node, cannot be changed while configured"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
 
-def _meant(name: str, known: Iterable[str]) -> str:
+def _near_match(name: str, known: Iterable[str]) -> str:
     near = get_close_matches(name, known, n=1)
     return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _reason(error: Exception, name: str) -> str:
-    # rclpy's text without what its exceptions wrap around the reason.
+    # The exceptions of rclpy surround the reason with other text.
     text = str(error).removesuffix(f": {name}")
     return text.partition("Reason: ")[2] or text

@@ -1,1 +1,1 @@
-"""Messages from and to the values of the core."""
+"""Conversions between ROS messages and values of the core."""

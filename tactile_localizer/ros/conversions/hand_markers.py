@@ -1,4 +1,4 @@
-"""The estimated hand as markers for RViz and Foxglove."""
+"""Conversion of an estimate to markers of the hand for RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -17,22 +17,25 @@ from tactile_localizer.scene import Scene
 _PAD_M = 0.012
 _TEXT_M = 0.003
 _CONVERGED = ColorRGBA(r=0.1, g=0.7, b=0.2, a=0.6)
-_OPEN = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
+_NOT_CONVERGED = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
 _STALE = ColorRGBA(r=0.5, g=0.5, b=0.5, a=0.5)
 _ELLIPSE = 2.4477
-"""Standard deviations that hold 95 % of a Gaussian in two dimensions."""
+"""Mahalanobis radius that contains 95 % of a two-dimensional Gaussian."""
 
 
 def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerArray:
-    """The phalanges at the estimate, the 95 % ellipse of the palm, and the reason above.
+    """Phalanges at the estimated position, 95 % ellipse of the palm, and the reason of the decision as text.
 
     Parameters
     ----------
-    stale : why the estimate is old; empty when it is not
+    estimate : estimate to display
+    scene : scene with the phalanx offsets
+    frame : frame of the material
+    stale : reason why the estimate is stale; empty if it is not
     """
     x, y = _planar(scene.axis_names, estimate.mean)
-    colour = _STALE if stale else _CONVERGED if estimate.converged else _OPEN
-    pads = Marker(type=Marker.SPHERE_LIST, ns="phalanges", color=colour)
+    color = _STALE if stale else _CONVERGED if estimate.converged else _NOT_CONVERGED
+    pads = Marker(type=Marker.SPHERE_LIST, ns="phalanges", color=color)
     pads.scale.x = pads.scale.y = pads.scale.z = _PAD_M
     for phalanx in scene.phalanges:
         along, across = _planar(scene.axis_names, phalanx_positions(scene, phalanx, estimate.mean[None])[0])
@@ -44,7 +47,7 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
     )
     text.pose = Pose(position=Point(x=centre[0], y=top[1] + _TEXT_M, z=0.02))
     text.scale.z = _TEXT_M
-    shown = [pads, _ellipse(estimate, scene, (x, y), colour), text]
+    shown = [pads, _ellipse(estimate, scene, (x, y), color), text]
     for number, marker in enumerate(shown):
         marker.id = number
         marker.header.frame_id = frame
@@ -53,23 +56,23 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
     return MarkerArray(markers=shown)
 
 
-def _ellipse(estimate: Estimate, scene: Scene, centre: tuple[float, float], colour: ColorRGBA) -> Marker:
-    """The ellipse that holds the palm with 95 %, on the axes x and y that are modelled."""
+def _ellipse(estimate: Estimate, scene: Scene, centre: tuple[float, float], color: ColorRGBA) -> Marker:
+    """The 95 % ellipse of the palm on the modelled axes of x and y."""
     columns = [i for i, name in enumerate(scene.axis_names) if name != "yaw"]
-    places = ["xy".index(scene.axis_names[i]) for i in columns]
+    rows = ["xy".index(scene.axis_names[i]) for i in columns]
     covariance = np.zeros((2, 2))
-    covariance[np.ix_(places, places)] = estimate.covariance[np.ix_(columns, columns)]
+    covariance[np.ix_(rows, rows)] = estimate.covariance[np.ix_(columns, columns)]
     values, vectors = np.linalg.eigh(covariance)
     around = np.linspace(0.0, 2 * math.pi, 49)
     radii = _ELLIPSE * np.sqrt(np.maximum(values, 0.0))
     line = vectors @ (radii[:, None] * np.stack([np.cos(around), np.sin(around)]))
-    marker = Marker(type=Marker.LINE_STRIP, ns="covariance", color=colour)
+    marker = Marker(type=Marker.LINE_STRIP, ns="covariance", color=color)
     marker.scale.x = 0.0005
     marker.points = [Point(x=centre[0] + float(a), y=centre[1] + float(b), z=0.001) for a, b in line.T]
     return marker
 
 
 def _planar(axes: tuple[str, ...], values: np.ndarray) -> tuple[float, float]:
-    """x and y of a state; zero where an axis is not modelled."""
-    given = dict(zip(axes, values.tolist(), strict=True))
-    return given.get("x", 0.0), given.get("y", 0.0)
+    """x and y of a state; zero for an unmodelled axis."""
+    by_axis = dict(zip(axes, values.tolist(), strict=True))
+    return by_axis.get("x", 0.0), by_axis.get("y", 0.0)

@@ -1,4 +1,4 @@
-"""The tactile map and the feature's region as messages for RViz and Foxglove, on the material itself."""
+"""Conversion of the tactile map and the feature region to messages for RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ _FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
 
 
 def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
-    """A map as points where each phalanx was on the material, one thin layer a phalanx.
+    """The tactile map as a point cloud at the phalanx positions on the material, one layer per phalanx.
 
-    Fields: x, y, z (m); ``felt``, how far the strain is from that of featureless material (norm over the
-    channels), to colour by; ``element_1``, ``element_2``, ..., NaN where a phalanx has fewer channels than
-    another; ``phalanx``, its number in the scene.
+    Fields: x, y, z (m); ``felt``, the norm over the channels of the strain relative to featureless material,
+    for colouring; ``element_1``, ``element_2``, ..., NaN for channels that a phalanx lacks; ``phalanx``, the
+    index of the phalanx in the scene.
 
     Parameters
     ----------
-    tactile_map : over x, over y, or over both
-    scene : says where the phalanges sit
-    frame : the material's
+    tactile_map : map over x, y, or both
+    scene : scene with the phalanx offsets
+    frame : frame of the material
     """
     covered = tactile_map.covered
     count = np.count_nonzero(covered)
-    places, values = [], []
+    positions, values = [], []
     for number, phalanx in enumerate(scene.phalanges):
         elements = tactile_map.phalanx(phalanx.name)[covered]
         felt = np.linalg.norm(elements, axis=1)
-        places.append(tactile_map.places(scene, phalanx)[covered])
+        positions.append(tactile_map.places(scene, phalanx)[covered])
         unused = np.full((count, max(scene.layout.counts) - phalanx.channels), np.nan)
         values.append(np.column_stack([np.full(count, -number * _LAYER_M), felt, elements, unused]))
     columns = np.concatenate(values).T
     fields = {"z": columns[0], "felt": columns[1]}
     fields |= {f"element_{element}": column for element, column in enumerate(columns[2:], start=1)}
-    fields["phalanx"] = np.repeat(np.arange(len(places)), count)
-    return cloud(0, np.concatenate(places), tactile_map.axes, frame, **fields)
+    fields["phalanx"] = np.repeat(np.arange(len(positions)), count)
+    return cloud(0, np.concatenate(positions), tactile_map.axes, frame, **fields)
 
 
 def region_marker(scene: Scene, frame: str) -> Marker:
-    """The outline of the feature's region on the material, or the order to remove it where there is none.
+    """The outline of the feature region on the material; deletes the marker if the scene has no region.
 
-    A side without a limit lies at the farthest place that a phalanx comes to.
+    An unlimited side is drawn at the farthest position that a phalanx can reach.
     """
     marker = Marker(type=Marker.LINE_STRIP, ns="feature region", color=_FEATURE)
     marker.header.frame_id = frame

@@ -1,4 +1,4 @@
-"""Palm poses from messages, in the frames that the parameters allow."""
+"""Palm positions from pose messages, in the frames given by the parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactile_localizer.scene import Scene
 
 
 def palm_frame(parameters: Parameters, scene: Scene) -> PalmFrame:
-    """What the parameters say about frames.
+    """The transformation of palm poses given by the parameters of the frames.
 
     Raises
     ------
@@ -29,9 +29,9 @@ def position(frame: PalmFrame, message: PoseStamped) -> np.ndarray:
     Raises
     ------
     MeasurementError
-        The pose is in a frame that cannot be used, or is not finite.
+        The pose is in an unknown frame, or not finite.
     """
-    place, turn = message.pose.position, message.pose.orientation
+    point, rotation = message.pose.position, message.pose.orientation
     return frame.position(
-        message.header.frame_id, (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+        message.header.frame_id, (point.x, point.y, point.z), (rotation.x, rotation.y, rotation.z, rotation.w)
     )

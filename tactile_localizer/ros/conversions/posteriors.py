@@ -1,4 +1,4 @@
-"""Estimates as messages."""
+"""Conversion of estimates to messages."""
 
 from __future__ import annotations
 
@@ -17,13 +17,11 @@ from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.ros.conversions.timestamps import from_ns
 
-_PLACES = {"x": 0, "y": 1, "yaw": 5}
-"""Index of an axis in the covariance of a pose: x, y, z and rotations about x, y, z."""
-
+_COVARIANCE_INDEX = {"x": 0, "y": 1, "yaw": 5}
+"""Row of each axis in the covariance of a pose: x, y, z and the rotations about x, y, z."""
 
 UNKNOWN_VARIANCE = 1e6
-"""Variance of the axes of a pose that are not modelled, m² or rad². Fusion nodes read zero as certainty."""
-
+"""Variance of unmodelled axes of a pose, m² or rad²; fusion nodes interpret zero as certainty."""
 
 _STATES = {
     State.UNKNOWN: Posterior.UNKNOWN,
@@ -34,12 +32,12 @@ _STATES = {
 
 
 def state_of(estimate: Estimate, stale: str = "") -> int:
-    """The state of a ``Posterior``; ``stale`` is why the estimate is old, empty where it is not."""
+    """The state of a ``Posterior``; ``stale`` is the reason why the estimate is stale, or empty."""
     return int(Posterior.STALE if stale else _STATES[estimate.state])
 
 
 def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
-    """The message of an estimate; with a reason why it is ``stale``, it no longer counts as converged."""
+    """The message of an estimate; if ``stale`` gives a reason, the state is ``STALE`` and not converged."""
     message = Posterior()
     message.header = _header(estimate.stamp_ns, frame)
     message.axes = list(axes)
@@ -60,7 +58,7 @@ def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str 
 
 
 def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovarianceStamped:
-    """The mean and covariance of an estimate; axes that are not modelled have :data:`UNKNOWN_VARIANCE`."""
+    """Mean and covariance of an estimate; unmodelled axes have :data:`UNKNOWN_VARIANCE`."""
     message = PoseWithCovarianceStamped()
     message.header = _header(estimate.stamp_ns, frame)
     values = dict(zip(axes, estimate.mean.tolist(), strict=True))
@@ -68,15 +66,15 @@ def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovar
     message.pose.pose.position.y = values.get("y", 0.0)
     half_yaw = values.get("yaw", 0.0) / 2
     message.pose.pose.orientation.z, message.pose.pose.orientation.w = math.sin(half_yaw), math.cos(half_yaw)
-    places = [_PLACES[axis] for axis in axes]
+    rows = [_COVARIANCE_INDEX[axis] for axis in axes]
     covariance = UNKNOWN_VARIANCE * np.eye(6)
-    covariance[np.ix_(places, places)] = estimate.covariance
+    covariance[np.ix_(rows, rows)] = estimate.covariance
     message.pose.covariance = covariance.ravel()
     return message
 
 
 def feature(stamp_ns: int, identification: Identification, frame: str) -> FeatureProbabilities:
-    """Probability of each of several scans."""
+    """Probabilities of the candidate scans."""
     message = FeatureProbabilities(header=_header(stamp_ns, frame))
     message.names = list(identification.probabilities)
     message.probabilities = array("d", identification.probabilities.values())
@@ -84,17 +82,17 @@ def feature(stamp_ns: int, identification: Identification, frame: str) -> Featur
     return message
 
 
-def deviations(message: PoseWithCovarianceStamped, axes: tuple[str, ...]) -> np.ndarray:
-    """Standard deviations (d,) of a pose on some axes, m (yaw: rad); NaN for a negative variance."""
-    places = [_PLACES[axis] for axis in axes]
-    variances = np.asarray(message.pose.covariance).reshape(6, 6).diagonal()[places]
+def standard_deviations(message: PoseWithCovarianceStamped, axes: tuple[str, ...]) -> np.ndarray:
+    """Standard deviations (d,) of a pose on ``axes``, m (yaw: rad); NaN for a negative variance."""
+    rows = [_COVARIANCE_INDEX[axis] for axis in axes]
+    variances = np.asarray(message.pose.covariance).reshape(6, 6).diagonal()[rows]
     return np.sqrt(np.where(variances >= 0.0, variances, math.nan))
 
 
 def cloud(
     stamp_ns: int, states: np.ndarray, axes: tuple[str, ...], frame: str, **values: np.ndarray
 ) -> PointCloud2:
-    """States (P, d) as points with fields x, y, z, yaw (if modelled) and one for each of ``values`` (P,)."""
+    """States (P, d) as points with fields x, y, z, yaw (if modelled) and one per entry of ``values`` (P,)."""
     columns = {"x": np.zeros(len(states)), "y": np.zeros(len(states)), "z": np.zeros(len(states))}
     columns.update(zip(axes, states.T, strict=True))
     columns.update(values)
@@ -111,14 +109,14 @@ def cloud(
     return message
 
 
-def fewer(
-    states: np.ndarray, weights: np.ndarray, most: int, rng: np.random.Generator
+def subsample(
+    states: np.ndarray, weights: np.ndarray, limit: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """At most ``most`` states (P, d), resampled; each once, with the weight of all its copies."""
-    if len(states) <= most:
+    """At most ``limit`` of the states (P, d), resampled, with the summed weights of their copies."""
+    if len(states) <= limit:
         return states, weights
-    kept, copies = np.unique(systematic(weights, most, rng), return_counts=True)
-    return states[kept], copies / most
+    kept, copies = np.unique(systematic(weights, limit, rng), return_counts=True)
+    return states[kept], copies / limit
 
 
 def _header(stamp_ns: int, frame: str) -> Header:

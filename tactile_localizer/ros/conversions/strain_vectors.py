@@ -1,4 +1,4 @@
-"""Strain vectors from messages, in the order of a scene's phalanges."""
+"""Strain vectors from messages, in the phalanx order of a scene."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.scene import Scene
 
 _RESTART = 1_000_000
-"""Cycles. A longer step of the load cells' counter is not a loss: they, or the driver, have started anew."""
+"""Forward step of the sequence number that indicates a restart of the load cells or the driver, cycles."""
 
 
 class StrainReader:
-    """Picks a scene's phalanges out of :class:`StrainVectors` messages, which may hold others too.
+    """Extracts the phalanges of a scene from :class:`StrainVectors` messages, which may contain others.
 
     Parameters
     ----------
-    scene : names the phalanges
+    scene : scene that names the phalanges
 
     Attributes
     ----------
-    lost : strain vectors that never came, by the load cells' counters. DDS drops the oldest of a full queue
-        without a word, so that only this tells of a reader that is too slow
+    lost : number of strain vectors lost in transport, from gaps in the sequence numbers. DDS silently drops
+        the oldest message of a full queue, so only this count reveals a reader that is too slow
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -39,9 +39,9 @@ class StrainReader:
         Raises
         ------
         SceneError
-            The message does not have all of the scene's phalanges.
+            The message lacks a phalanx of the scene.
         MeasurementError
-            The lengths of its arrays do not fit each other.
+            The lengths of its arrays are inconsistent.
         """
         self._count(max(message.sequence, default=None))
         names, counts = tuple(message.phalanges), tuple(message.channels)
@@ -57,7 +57,7 @@ class StrainReader:
         return strain, np.asarray(message.status, dtype=np.uint8)[self._rows]
 
     def _look_up(self, names: tuple[str, ...], counts: tuple[int, ...]) -> None:
-        """Find the scene's phalanges in messages of ``names`` with ``counts`` channels."""
+        """Find the phalanges of the scene in messages of ``names`` with ``counts`` channels."""
         if counts and len(counts) != len(names):
             raise MeasurementError(
                 f"strain vector of {len(names)} phalanges: expected as many channel counts, or none, "

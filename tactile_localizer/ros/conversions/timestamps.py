@@ -1,4 +1,4 @@
-"""Stamps of messages as integers and back."""
+"""Conversion between ROS time stamps and integer nanoseconds."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ _SECOND_NS = 1_000_000_000
 
 
 def to_ns(stamp: Time) -> int:
-    """A message's stamp, ns; 0 means that time has not begun yet."""
+    """Nanoseconds of a time stamp; 0 means that the clock has not started."""
     return int(stamp.sec) * _SECOND_NS + int(stamp.nanosec)
 
 
 def from_ns(stamp_ns: int) -> Time:
-    """The stamp of a message from ns."""
+    """Time stamp of a number of nanoseconds."""
     seconds, nanoseconds = divmod(stamp_ns, _SECOND_NS)
     return Time(sec=seconds, nanosec=nanoseconds)

@@ -1,31 +1,33 @@
-"""Diagnostics of the filter: state and cost of the belief, and of the inputs."""
+"""Diagnostics of the filter node: state and cost of the belief, and state of the inputs."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pairing
+from tactile_localizer.core.localizer import Estimate
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.localization.online_localizer import OnlineLocalizer
 
 
 @dataclass
-class Inputs:
-    """State of the inputs.
+class InputState:
+    """State of the inputs of a filter node.
 
     Parameters
     ----------
-    unread : messages that could not be used at all, by topic
-    lost : strain vectors that were sent and never arrived
+    unread : numbers of invalid messages, by topic
+    lost : number of strain vectors lost in transport
     silent : topics without a message for ``stale_timeout_s``
-    stale : why the position is stale; empty when it is not
+    stale : why the estimate is stale; empty if it is not
     """
 
     unread: dict[str, int]
@@ -35,125 +37,108 @@ class Inputs:
 
 
 class FilterDiagnostics:
-    """Makes the diagnostics of a filter node; what was lost since the last call is a warning.
+    """Makes the statuses of a filter node; losses since the previous status are a warning.
 
     Parameters
     ----------
-    name : of the node, before each status's own name
+    publisher : publisher of the statuses
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._lost: dict[str, int] = {}
+    def __init__(self, publisher: DiagnosticsPublisher) -> None:
+        self._publisher = publisher
+        self._losses = Increments()
 
-    def statuses(self, tracker: OnlineLocalizer, scan_file: str, inputs: Inputs) -> list[Any]:
-        """Status of the belief, then of the inputs.
-
-        Parameters
-        ----------
-        tracker : whose estimates and counts are reported
-        scan_file : the map in use
-        inputs : what the tracker does not know about them
-        """
-        return [self._of_belief(tracker, scan_file, inputs.stale), self._of_inputs(tracker, inputs)]
-
-    def progress(self, text: str, share: float) -> Any:
-        """Progress of building the map."""
-        message = f"{text}: {share:.0%}"
-        return self._status("map", DiagnosticStatus.OK, message, {"share": f"{share:.2f}"})
-
-    def _of_belief(self, tracker: OnlineLocalizer, scan_file: str, stale: str) -> Any:
-        estimate = tracker.latest
+    def belief(self, online: OnlineLocalizer, scan_file: str, stale: str) -> DiagnosticStatus:
+        """Status of the belief of a localizer on the map ``scan_file``."""
+        estimate, stuck = online.latest, _stuck_phalanges(online)
+        strains, positions = online.range_check.fractions
         values: dict[str, Any] = {"scan_file": scan_file}
         if estimate is not None:
-            values |= {
+            values |= _describe(estimate) | {
                 "converged": estimate.converged and not stale,
-                "reason": estimate.reason,
-                "state": estimate.state.name,
-                "probability": f"{estimate.probability:.4f}",
-                "on_map": f"{estimate.on_map:.4f}",
-                "log_marginal_nat": f"{estimate.log_marginal:.2f}",
-                "covariance_trace": f"{estimate.trace:.4g}",
-                "effective_sample_size": f"{estimate.effective_sample_size:.1f}",
-                "hypotheses": estimate.hypotheses,
-                "travel_m": f"{estimate.travel:.4f}",
-                "inconsistent": " ".join(_inconsistent(tracker)),
+                "inconsistent": " ".join(stuck),
             }
-        strains, positions = tracker.fit.shares
         values |= {"strains_out_of_range": f"{strains:.2f}", "positions_out_of_range": f"{positions:.2f}"}
-        if tracker.update_times_ns:
-            times_us = np.asarray(tracker.update_times_ns) * 1e-3
-            median, tail, worst = np.quantile(times_us, [0.5, 0.99, 1.0])
-            values |= {
-                "update_median_us": f"{median:.1f}",
-                "update_p99_us": f"{tail:.1f}",
-                "update_worst_us": f"{worst:.1f}",
-            }
+        if online.update_times_ns:
+            times_us = np.asarray(online.update_times_ns) * 1e-3
+            for name, time_us in zip(
+                ("median", "p99", "worst"), np.quantile(times_us, [0.5, 0.99, 1.0]), strict=True
+            ):
+                values[f"update_{name}_us"] = f"{time_us:.1f}"
+        level, message = DiagnosticStatus.OK, "no measurement yet"
         if stale:
-            return self._status("belief", DiagnosticStatus.STALE, f"stale: {stale}", values)
-        if stuck := _inconsistent(tracker):
-            message = f"not used because the load cell repeats itself (stuck): {', '.join(stuck)}"
-            return self._status("belief", DiagnosticStatus.WARN, message, values)
-        if tracker.fit.trouble:
-            return self._status("belief", DiagnosticStatus.WARN, tracker.fit.trouble, values)
-        if estimate is None:
-            return self._status("belief", DiagnosticStatus.OK, "no measurement yet", values)
-        adverse = estimate.state in (State.LOST, State.UNKNOWN)
-        level = DiagnosticStatus.WARN if adverse else DiagnosticStatus.OK
-        return self._status("belief", level, estimate.reason, values)
+            level, message = DiagnosticStatus.STALE, f"stale: {stale}"
+        elif stuck:
+            level = DiagnosticStatus.WARN
+            message = f"stuck load cells, not used: {', '.join(stuck)} (strain repeats exactly)"
+        elif online.range_check.problem:
+            level, message = DiagnosticStatus.WARN, online.range_check.problem
+        elif estimate is not None:
+            message = estimate.reason
+            if estimate.state in (State.LOST, State.UNKNOWN):
+                level = DiagnosticStatus.WARN
+        return self._publisher.status("belief", level, message, values)
 
-    def _of_inputs(self, tracker: OnlineLocalizer, inputs: Inputs) -> Any:
-        counts = dataclasses.asdict(tracker.counts)
+    def inputs(self, online: OnlineLocalizer, state: InputState) -> DiagnosticStatus:
+        """Status of the inputs."""
+        counts = dataclasses.asdict(online.counts)
         absent = counts.pop("absent")
-        pairing = tracker.pairing
-        lost = {
-            "strain vectors that never came": inputs.lost,
-            "strain vectors without a pose": counts["gaps"],
-            "strain vectors without a phalanx that is OK": counts["unusable"],
-            "strain vectors that are not finite": counts["refused"],
-            **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
-            **{f"messages of {topic} that cannot be used": count for topic, count in inputs.unread.items()},
-            "messages that came late": pairing.late,
-            "times that stamps went back": pairing.resets,
-            "times that stamps leapt ahead": tracker.leaps,
-        }
-        new = {what: count - self._lost.get(what, 0) for what, count in lost.items()}
-        losses = ", ".join(f"{count} {what}" for what, count in new.items() if count > 0)
-        self._lost = lost
+        pairing = online.pairing
+        losses = self._losses.describe(
+            {
+                "strain vectors lost in transport": state.lost,
+                "strain vectors without a pose": counts["gaps"],
+                "strain vectors without a phalanx with status OK": counts["unusable"],
+                "strain vectors that are not finite": counts["refused"],
+                **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
+                **{f"invalid messages on {topic}": count for topic, count in state.unread.items()},
+                "late messages": pairing.late,
+                "backward jumps of the stamps": pairing.resets,
+                "forward jumps of the stamps": online.forward_jumps,
+            }
+        )
         values = {
             **counts,
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
-            **{f"unread_{topic}": count for topic, count in inputs.unread.items()},
-            "lost": inputs.lost,
+            **{f"unread_{topic}": count for topic, count in state.unread.items()},
+            "lost": state.lost,
             "late": pairing.late,
             "time_jumps": pairing.resets,
-            "time_leaps": tracker.leaps,
+            "time_leaps": online.forward_jumps,
             "waiting_s": f"{_waiting_s(pairing):.3f}",
-            "trouble": tracker.trouble,
+            "last_error": online.last_error,
         }
-        missing = inputs.stale or (f"no {' and no '.join(inputs.silent)}" if inputs.silent else "")
-        message = "; ".join(filter(None, [missing, losses])) or "well"
+        missing = state.stale or (f"no {' and no '.join(state.silent)}" if state.silent else "")
+        message = "; ".join(filter(None, [missing, ", ".join(losses)])) or "OK"
         level = DiagnosticStatus.WARN if missing or losses else DiagnosticStatus.OK
-        return self._status("inputs", DiagnosticStatus.ERROR if inputs.stale else level, message, values)
-
-    def _status(self, what: str, level: bytes, message: str, values: Mapping[str, Any]) -> Any:
-        pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-        return DiagnosticStatus(
-            level=level, name=f"{self._name}: {what}", message=message, hardware_id="", values=pairs
+        return self._publisher.status(
+            "inputs", DiagnosticStatus.ERROR if state.stale else level, message, values
         )
 
 
-def _inconsistent(tracker: OnlineLocalizer) -> list[str]:
-    """Names of the phalanges that are stuck."""
-    if tracker.latest is None:
+def _describe(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "reason": estimate.reason,
+        "state": estimate.state.name,
+        "probability": f"{estimate.probability:.4f}",
+        "on_map": f"{estimate.on_map:.4f}",
+        "log_marginal_nat": f"{estimate.log_marginal:.2f}",
+        "covariance_trace": f"{estimate.trace:.4g}",
+        "effective_sample_size": f"{estimate.effective_sample_size:.1f}",
+        "hypotheses": estimate.hypotheses,
+        "travel_m": f"{estimate.travel:.4f}",
+    }
+
+
+def _stuck_phalanges(online: OnlineLocalizer) -> list[str]:
+    if online.latest is None:
         return []
-    names = tracker.localizer.scene.phalanx_names
-    consistent = tracker.latest.consistent
-    return [name for name, used in zip(names, consistent, strict=True) if not used]
+    names = online.localizer.scene.phalanx_names
+    return [name for name, ok in zip(names, online.latest.consistent, strict=True) if not ok]
 
 
 def _waiting_s(pairing: Pairing[Any]) -> float:
-    """How long, by stamps, the oldest strain vector has waited for its pose; bounded by the patience."""
+    """Time, measured in stamps, that the oldest strain vector has waited for its pose, s."""
     if pairing.waiting_ns is None or pairing.newest_ns is None:
         return 0.0
     return (pairing.newest_ns - pairing.waiting_ns) / NANOSECONDS

@@ -1,27 +1,28 @@
-"""What the mapping node tells about itself once a second: whether it records, and what it loses."""
+"""Diagnostics of the mapping node: state of the recording, losses, and calibration."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 
 
 class MappingDiagnostics:
-    """Makes the diagnostics of a mapping node; warns of what was lost since the last call.
+    """Makes the status of a recording; losses since the previous status are a warning.
 
     Parameters
     ----------
-    name : of the node, before the status's own name
+    publisher : publisher of the status
     """
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._lost: dict[str, int] = {}
+    def __init__(self, publisher: DiagnosticsPublisher) -> None:
+        self._publisher = publisher
+        self._losses = Increments()
         self._pairs = 0
 
     def status(
@@ -29,36 +30,35 @@ class MappingDiagnostics:
         recorder: SweepRecorder,
         pairing: Pairing[StrainSample],
         poses: int,
-        refusals: Mapping[str, str],
-        failure: str,
-    ) -> Any:
+        rejections: Mapping[str, str],
+        write_error: str,
+    ) -> DiagnosticStatus:
         """The state of the recording.
 
         Parameters
         ----------
-        recorder, pairing : what is told about
-        poses : palm poses heard that can be used
-        refusals : by topic, why its messages cannot be used
-        failure : why the file could not be written at last; empty when it could
+        recorder, pairing : recording to describe
+        poses : number of valid palm poses received
+        rejections : by topic, why its last message was rejected
+        write_error : why the scan file could not be written; empty if it could
         """
-        lost = {
-            "samples without a pose": recorder.gaps,
-            "samples missing, saturated or out of bounds": recorder.skipped,
-            "messages that came late": pairing.late,
-            "times that stamps went back": pairing.resets,
-        }
-        new = {what: count - self._lost.get(what, 0) for what, count in lost.items()}
-        self._lost = lost
-        found = [f"{count} {what}" for what, count in new.items() if count > 0]
-        if recorder.is_active and recorder.store.pairs == self._pairs and not found:
-            found = ["nothing comes"]
+        losses = self._losses.describe(
+            {
+                "samples without a pose": recorder.gaps,
+                "samples missing, saturated or out of bounds": recorder.skipped,
+                "late messages": pairing.late,
+                "backward jumps of the stamps": pairing.resets,
+            }
+        )
+        if recorder.is_active and recorder.store.pairs == self._pairs and not losses:
+            losses = ["no samples received"]
         self._pairs = recorder.store.pairs
-        told = ", ".join(found)
-        trouble = "; ".join(filter(None, [failure, *refusals.values()]))
-        doing = f"recording sweep {recorder.number}" if recorder.is_active else "no sweep under way"
+        errors = "; ".join(filter(None, [write_error, *rejections.values()]))
+        warnings = ", ".join(losses)
+        activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
         level = DiagnosticStatus.OK
-        if trouble or told:
-            level = DiagnosticStatus.ERROR if trouble else DiagnosticStatus.WARN
+        if errors or warnings:
+            level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
         values: dict[str, Any] = {
             "scan_file": recorder.store.path,
             "pairs": recorder.store.pairs,
@@ -69,9 +69,5 @@ class MappingDiagnostics:
             "poses": poses,
             "time_jumps": pairing.resets,
         }
-        return DiagnosticStatus(
-            level=level,
-            name=f"{self._name}: scan",
-            message=": ".join(filter(None, [doing, trouble or told])),
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
+        message = ": ".join(filter(None, [activity, errors or warnings]))
+        return self._publisher.status("scan", level, message, values)

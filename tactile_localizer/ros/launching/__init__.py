@@ -1,1 +1,1 @@
-"""What the launch files share."""
+"""Arguments and node actions shared by the launch files."""

@@ -1,4 +1,4 @@
-"""A localizer built from scan files; knows nothing of ROS but the parameters."""
+"""Construction of the localizer from scan files, configured by the parameters of the filter node."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from tactile_localizer.scene import Scene
 
 @dataclass(frozen=True)
 class LoadedMap:
-    """What the filter localizes on.
+    """Scans with the localizer built from them.
 
     Parameters
     ----------
-    name : of the scan files
-    scans, scenes : one of each per scan file
-    frame : brings palm poses onto the scenes' axes
-    localizer : over the scan, or over the several scans
+    name : paths of the scan files
+    scans, scenes : scan and scene of each file
+    frame : transformation of palm poses to the axes of the scenes
+    localizer : localizer on the scan, or on several candidate scans
     """
 
     name: str
@@ -45,26 +45,26 @@ class LoadedMap:
 
     @property
     def ranges(self) -> list[ScanRange]:
-        """Range of each scan."""
+        """Ranges of the scans."""
         return [ScanRange.of(scan, scene) for scan, scene in zip(self.scans, self.scenes, strict=True)]
 
     @property
     def scan(self) -> Scan:
-        """The first scan, which is the one that is shown."""
+        """The first scan, which is the one to display."""
         return self.scans[0]
 
 
-def load_map(paths: Sequence[Path], of: Parameters, progress: Progress) -> LoadedMap:
-    """Read scan files and build the localizer. The calibration, which takes seconds, is kept in the files.
+def load_map(paths: Sequence[Path], parameters: Parameters, progress: Progress) -> LoadedMap:
+    """Read scan files and build the localizer; calibrations, which take seconds, are stored in the files.
 
     Raises
     ------
     TactileLocalizerError
-        A file or a parameter cannot be used, or they do not fit together.
+        A file or a parameter is invalid, or they are inconsistent.
     """
-    scans, scenes = zip(*(_read(path, of["scene_file"]) for path in paths), strict=True)
-    frame = palm_frame(of, scenes[0])
-    rng, choices = np.random.default_rng(of["seed"]), configuration(of)
+    scans, scenes = zip(*(_read(path, parameters["scene_file"]) for path in paths), strict=True)
+    frame = palm_frame(parameters, scenes[0])
+    rng, choices = np.random.default_rng(parameters["seed"]), configuration(parameters)
     calibrations = [
         learned_calibration(path, scan, scene, progress)
         for path, scan, scene in zip(paths, scans, scenes, strict=True)
@@ -83,7 +83,7 @@ def load_map(paths: Sequence[Path], of: Parameters, progress: Progress) -> Loade
 
 
 def _read(path: Path, scene_file: str) -> tuple[Scan, Scene]:
-    """A scan, and the scene to use it with, which fit together."""
+    """A scan with its scene, or with the scene of ``scene_file``, checked for consistency."""
     with ScanStore.open(path) as store:
         scan, scene = store.load(), store.scene
     if scene_file:

@@ -1,1 +1,1 @@
-"""Parameters of each node."""
+"""Declared parameters of each node: name, default, description, unit, range."""

@@ -5,6 +5,10 @@ from __future__ import annotations
 from tactile_localizer.ros.base.parameters import Parameter
 
 PARAMETERS = (
-    Parameter("adapter_file", "wrench.yaml", "Which messages are strain: a YAML file, or a shipped one"),
+    Parameter(
+        "adapter_file",
+        "wrench.yaml",
+        "Message fields that are strain (YAML): path or shipped file name",
+    ),
     Parameter("frame_id", "palm", "Frame in the header of the strain vectors"),
 )

@@ -1,4 +1,4 @@
-"""The filter node's parameters: the localizer's configuration under its own names, and the node's."""
+"""Parameters of the filter node: the configuration of the localizer, and those of the node itself."""
 
 from __future__ import annotations
 
@@ -38,105 +38,120 @@ def _plain(name: str, description: str) -> Parameter:
 CONFIGURATION = (
     _plain(
         "model",
-        f"Measurement model: {', '.join(MODELS)}, or one's own as module:Class. "
-        "sweep_mixture is learned from the scan; the others use the scene's kernel widths, or choose some",
+        f"Measurement model: {', '.join(MODELS)}, or a user-defined model as module:Class. "
+        "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
     ),
-    _choice("filter", "Bayes filter: particles, or the exact recursion on a grid", FILTERS),
-    _number("particles", "Number of particles; the paper has 75. Without effect unless filter is particle"),
+    _choice("filter", "Bayes filter: particle filter, or exact recursion on a grid", FILTERS),
+    _number("particles", "Number of particles, 75 in the paper; for filter particle"),
     _number(
         "cell",
-        "Resolution of the map and of the grid, in spacings of the scan's sweeps. Without effect on scenes "
-        "of one axis, which have 0.5 mm",
+        "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis use "
+        "0.5 mm instead",
     ),
     _choice(
         "evaluation",
-        "Evaluation of kernel sums, of models sum_of_gaussians and featureless",
+        "Evaluation of kernel sums, for models sum_of_gaussians and featureless",
         EVALUATIONS,
     ),
-    _choice("precision", "Precision of kernel sums, of models sum_of_gaussians and featureless", PRECISIONS),
-    _plain("conditional", "Conditional form of model sum_of_gaussians; false: the paper's joint form"),
-    _choice("resampling", "Resampling scheme. Without effect unless filter is particle", RESAMPLERS),
+    _choice("precision", "Precision of kernel sums, for models sum_of_gaussians and featureless", PRECISIONS),
+    _plain(
+        "conditional",
+        "Conditional form of model sum_of_gaussians; false for the joint form of the paper",
+    ),
+    _choice("resampling", "Resampling scheme, for filter particle", RESAMPLERS),
     _number(
         "resample_below",
-        "Resample when the effective sample size falls below this share of the particles. Without effect "
-        "unless filter is particle",
+        "Resample when the effective sample size falls below this fraction of the number of particles, for "
+        "filter particle",
     ),
     _number(
         "random_particles",
-        "Particles replaced by uniformly random ones at each update; the paper has 10. Expects filter "
-        "particle",
+        "Number of particles replaced by uniformly drawn ones at each update, 10 in the paper; requires "
+        "filter particle",
     ),
-    _number("update_distance", "Travel between two measurement updates", "m", live=True),
+    _number("update_distance", "Travel between measurement updates", "m", live=True),
     _number(
-        "convergence_radius", "Distance from the estimate within which the palm has to be", "m", live=True
+        "convergence_radius",
+        "Radius about the estimate that convergence refers to",
+        "m",
+        live=True,
     ),
     _number(
         "convergence_yaw_radius",
-        "The same for yaw, where the scene has it",
+        "Yaw interval about the estimate that convergence refers to, if the scene has yaw",
         "rad",
         live=True,
     ),
     _number(
         "convergence_probability",
-        "Probability of being on the map and within the radius, above which the position has converged",
+        "Posterior probability, above which the estimate has converged, that the palm is on the map and "
+        "within the radius of the estimate",
         live=True,
     ),
-    _number("convergence_travel", "Travel over which that probability must hold", "m", live=True),
+    _number("convergence_travel", "Travel during which that probability must be exceeded", "m", live=True),
 )
-"""One parameter for each field of :class:`~tactile_localizer.core.configuration.Configuration`."""
+"""One parameter per field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 
 LIVE = frozenset(parameter.name for parameter in CONFIGURATION if parameter.live)
-"""Of these, those that may change while the belief is kept."""
+"""Names of the parameters that can be changed without a reset of the belief."""
 
 PARAMETERS = (
-    Parameter("scan_file", "", "Scan file: the map"),
-    Parameter("scene_file", "", "Scene (YAML) in place of the scan file's: a path, or a shipped one's name"),
+    Parameter("scan_file", "", "Scan file, used as the map"),
+    Parameter(
+        "scene_file",
+        "",
+        "Scene (YAML) in place of the one in the scan file: path or shipped file name",
+    ),
     Parameter(
         "candidate_scan_files",
         [],
-        "Scan files of several materials, in place of scan_file, to identify which one it is",
+        "Scan files of several features, instead of scan_file, to identify which one is present",
     ),
-    Parameter("scan_directory", "", "Directory that ~/load_scan may read scan files from; empty: none"),
+    Parameter(
+        "scan_directory",
+        "",
+        "Directory of the scan files that ~/load_scan may read; if empty, none",
+    ),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", lower=0),
     Parameter(
-        "max_gap_s", DEFAULT_MAX_GAP_S, "Poses farther apart in time are not interpolated", "s", 0.0, 10.0
+        "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
     ),
     Parameter(
         "patience_s",
         DEFAULT_PATIENCE_S,
-        "Time, by stamps, that a strain waits for a late pose",
+        "Time, measured in stamps, that a strain vector waits for a late pose",
         "s",
         0.0,
         60.0,
     ),
-    Parameter("stale_timeout_s", 0.5, "Age at which a position is stale", "s", 0.01, 60.0, live=True),
+    Parameter("stale_timeout_s", 0.5, "Age from which an estimate is stale", "s", 0.01, 60.0, live=True),
     Parameter(
         "particles_rate_hz",
         10.0,
-        "Highest rate of ~/particles and ~/markers, by stamps",
+        "Maximum rate of ~/particles and ~/markers, measured in stamps",
         "Hz",
         0.1,
         1000.0,
         live=True,
     ),
-    Parameter("shown_particles", 500, "Largest number of points in ~/particles", "", 1, 1_000_000, live=True),
+    Parameter("shown_particles", 500, "Maximum number of points in ~/particles", "", 1, 1_000_000, live=True),
     *palm_pose.PARAMETERS,
     Parameter(
         "publish_tf",
         False,
-        "Publish the transform from reference_frame to material_frame that a converged posterior implies",
+        "Publish the transform from reference_frame to material_frame while the estimate has converged",
     ),
 )
 
 
 def configuration(parameters: Parameters) -> Configuration:
-    """The localizer's configuration.
+    """The configuration of the localizer.
 
     Raises
     ------
     ParameterError
-        Values that are in range, but do not go together.
+        Values in range, but inconsistent with each other.
     """
     return Configuration.from_mapping({name: parameters[name] for name in _names()})
 

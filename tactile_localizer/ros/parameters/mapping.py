@@ -10,18 +10,35 @@ from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.parameters import palm_pose
 
 PARAMETERS = (
-    Parameter("scan_file", "", "Scan file; recording goes on in one that exists"),
-    Parameter("scene_file", "", "Scene (YAML) that is recorded: a path, or a shipped one's name"),
-    Parameter("max_gap_s", DEFAULT_MAX_GAP_S, "Poses further apart are not interpolated", "s", 0.0, 10.0),
-    Parameter("patience_s", DEFAULT_PATIENCE_S, "Time, by stamps, to wait for a late pose", "s", 0.0, 60.0),
+    Parameter("scan_file", "", "Scan file to record to; an existing file is continued"),
+    Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name"),
+    Parameter(
+        "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
+    ),
+    Parameter(
+        "patience_s",
+        DEFAULT_PATIENCE_S,
+        "Time, in stamps, that strain waits for a late pose",
+        "s",
+        0.0,
+        60.0,
+    ),
     Parameter(
         "sweep_detection",
         "off",
-        "Sweeps by the services (off), or from the motion: both_ways, or one_way without the returns",
+        "Detection of sweeps from the motion: off (services delimit sweeps), both_ways, or one_way (without "
+        "return motions)",
         choices=("off", "both_ways", "one_way"),
     ),
-    Parameter("reversal_m", DEFAULT_REVERSAL_M, "Travel back that ends a sweep", "m", 1e-5, 1.0),
-    Parameter("rest_s", DEFAULT_REST_S, "Time without that travel that ends a sweep", "s", 0.1, 60.0),
-    Parameter("sweep_distance_m", SWEEP_DISTANCE_M, "Distance of sweeps, for the coverage", "m", 1e-5, 1.0),
+    Parameter("reversal_m", DEFAULT_REVERSAL_M, "Backward travel that ends a sweep", "m", 1e-5, 1.0),
+    Parameter("rest_s", DEFAULT_REST_S, "Time at rest that ends a sweep", "s", 0.1, 60.0),
+    Parameter(
+        "sweep_distance_m",
+        SWEEP_DISTANCE_M,
+        "Sweep distance, for the coverage",
+        "m",
+        1e-5,
+        1.0,
+    ),
     *palm_pose.PARAMETERS,
 )

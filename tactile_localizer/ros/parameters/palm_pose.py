@@ -1,4 +1,4 @@
-"""Parameters of the filter and the mapping node about palm poses."""
+"""Parameters of palm poses and their frames, for the filter and the mapping node."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ PARAMETERS = (
     Parameter(
         "pose_source",
         "topic",
-        "Palm poses arrive on palm_pose (topic), or are looked up in tf at the strain's stamp",
+        "Source of palm poses: topic palm_pose, or lookup in tf at the stamp of the strain vector",
         choices=("topic", "tf"),
     ),
-    Parameter("palm_frame", "palm", "Frame that is looked up in reference_frame where pose_source is tf"),
-    Parameter("material_frame", "material", "Frame in which palm poses are taken as they are"),
+    Parameter("palm_frame", "palm", "Frame of the palm, looked up in reference_frame if pose_source is tf"),
+    Parameter("material_frame", "material", "Frame of the material; palm poses in it are used unchanged"),
     Parameter(
         "reference_frame",
         "base_link",
-        "Frame from which palm poses are brought into the material's by material_pose; empty: none",
+        "Other accepted frame of palm poses, transformed by material_pose; empty for none",
     ),
     Parameter(
         "material_pose",
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        "Where the material is in reference_frame: x, y, z, roll, pitch, yaw",
+        "Pose of material_frame in reference_frame: x, y, z, roll, pitch, yaw",
         "m, rad",
     ),
 )

@@ -1,4 +1,4 @@
-"""The material's pose, published to tf while the estimate has converged."""
+"""The pose of the material, published to tf while the estimate has converged."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from tactile_localizer.ros.conversions.timestamps import from_ns
 _TF = QoSProfile(depth=100)
 
 PUBLISH_PERIOD_NS = 20_000_000
-"""Least time, by stamps, between two published transforms, ns: planners and RViz want no more than 50 Hz."""
+"""Minimum interval between transforms, ns: 50 Hz suffice for planners and RViz."""
 
 
 class MaterialBroadcaster:
-    """Publishes where the material is, as a converged posterior implies: the child of ``reference_frame``.
+    """Publishes the transform from ``reference_frame`` to ``material_frame`` of converged estimates.
 
-    On axes that the scene does not model, the material lies as ``material_pose`` says.
+    On unmodelled axes it is that of ``material_pose``.
 
     Parameters
     ----------
-    node : the publisher's; it publishes while the node is active
-    reference_frame, material_frame : parent and child
-    material_pose : x, y, z (m), roll, pitch, yaw (rad) of the material that palm poses were brought into
+    node : node that publishes while it is active
+    reference_frame, material_frame : parent and child frame
+    material_pose : nominal x, y, z (m), roll, pitch, yaw (rad) of the material, used to transform palm poses
 
     Raises
     ------
@@ -47,25 +47,21 @@ class MaterialBroadcaster:
     ) -> None:
         if not reference_frame or reference_frame == material_frame:
             raise ParameterError(
-                f"publish_tf: expected a reference_frame beside material_frame, got {reference_frame!r}"
+                f"publish_tf: expected a reference_frame other than material_frame, got {reference_frame!r}"
             )
         self._message = import_optional("tf2_msgs.msg", "publish_tf").TFMessage
-        self._node, self._frames, self._material_pose = node, (reference_frame, material_frame), material_pose
+        self._frames, self._material_pose = (reference_frame, material_frame), material_pose
         self._published_ns: int | None = None
         self._publisher = node.create_lifecycle_publisher(self._message, "/tf", _TF)
 
-    def close(self) -> None:
-        """Withdraw the topic."""
-        self._node.destroy_lifecycle_publisher(self._publisher)
-
     def publish(self, estimate: Estimate, axes: tuple[str, ...], palm: np.ndarray) -> None:
-        """The transform of a converged estimate; nothing for any other, or too soon after the last.
+        """Publish the transform of a converged estimate, at the maximum rate.
 
         Parameters
         ----------
-        estimate : of the palm's position on the material
+        estimate : estimated position of the palm on the material; ignored unless converged
         axes : names of its axes
-        palm : (d,) position of the palm, brought into ``material_pose``, that the estimate was made with
+        palm : (d,) palm position that the estimate was made with, in the nominal material frame, m (yaw: rad)
         """
         before_ns = self._published_ns
         if not estimate.converged or (
@@ -86,20 +82,20 @@ class MaterialBroadcaster:
 def material_in_reference(
     axes: tuple[str, ...], palm: np.ndarray, mean: np.ndarray, material_pose: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the material is in the reference frame: translation (3,), m, and quaternion (4,), x y z w.
+    """Pose of the material in the reference frame: translation (3,), m, and quaternion (4,), x y z w.
 
     With the palm at ``palm`` in the nominal material frame N and at ``mean`` on the material M,
     ``T_reference_M = T_reference_N T_N_palm inv(T_M_palm)``.
 
     Parameters
     ----------
-    axes : names of the d modelled axes; palm and material are level and aligned on the others
+    axes : names of the d modelled axes; on the others palm and material are aligned
     palm, mean : (d,) positions, m (yaw: rad)
     material_pose : x, y, z (m), roll, pitch, yaw (rad) of N in the reference frame
     """
-    at, believed = (dict(zip(axes, values.tolist(), strict=True)) for values in (palm, mean))
-    turn = Rotation.from_euler("z", at.get("yaw", 0.0) - believed.get("yaw", 0.0))
-    places = [np.array([place.get("x", 0.0), place.get("y", 0.0), 0.0]) for place in (at, believed)]
+    at_palm, at_mean = (dict(zip(axes, values.tolist(), strict=True)) for values in (palm, mean))
+    rotation = Rotation.from_euler("z", at_palm.get("yaw", 0.0) - at_mean.get("yaw", 0.0))
+    points = [np.array([point.get("x", 0.0), point.get("y", 0.0), 0.0]) for point in (at_palm, at_mean)]
     nominal = Rotation.from_euler("xyz", material_pose[3:])
-    translation = np.asarray(material_pose[:3]) + nominal.apply(places[0] - turn.apply(places[1]))
-    return translation, (nominal * turn).as_quat()
+    translation = np.asarray(material_pose[:3]) + nominal.apply(points[0] - rotation.apply(points[1]))
+    return translation, (nominal * rotation).as_quat()

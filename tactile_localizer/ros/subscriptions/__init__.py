@@ -1,1 +1,1 @@
-"""Subscriptions: strain, palm poses on a topic or in tf."""
+"""Subscriptions to strain and palm poses, on a topic or from tf."""

@@ -1,4 +1,4 @@
-"""Subscriptions that a node behind its inputs catches up with."""
+"""Subscriptions that drain their queues, so that a node that fell behind its inputs catches up."""
 
 from __future__ import annotations
 
@@ -12,57 +12,58 @@ from rclpy.subscription import Subscription
 
 from tactile_localizer.ros.base.rclpy_private import take_message
 
-MOST_AT_ONCE = 20
-"""Most messages of each topic for which one goes on without a look at timers and services."""
+MAX_ROUNDS = 20
+"""Largest number of messages of each topic handled before the executor serves timers and services again."""
 
 
 class Topic(NamedTuple):
-    """What is heard: kind and name, who takes a message, and the quality unless parameters say otherwise."""
+    """A topic to subscribe to; ``qos`` can be overridden by parameters."""
 
-    kind: Any
+    message_type: Any
     name: str
-    work: Callable[[Any], None]
-    quality: QoSProfile
+    callback: Callable[[Any], None]
+    qos: QoSProfile
 
 
-def hear(node: Node, topics: Sequence[Topic]) -> list[Subscription]:
-    """Subscribe to topics of which nothing may wait longer than it must.
+def subscribe(node: Node, topics: Sequence[Topic]) -> None:
+    """Subscribe to topics; each callback is followed by those for the messages that wait on all topics.
 
-    An executor of rclpy goes through all that a node has before it hands over one message of each topic,
-    which takes longer than most messages do. So what waits behind a message is taken along: one of each topic
-    in turn, as the executor would, for a topic that runs ahead of the others would not find its like.
+    Between two messages the executor of rclpy inspects every entity of the node, which takes longer than
+    handling most messages. Queued messages are therefore taken directly, one of each topic in turn as the
+    executor would: a topic that ran ahead of the others would not find its counterparts.
 
     Parameters
     ----------
-    node : whose subscriptions they are, to be destroyed by the caller
-    topics : what is heard
+    node : node that subscribes
+    topics : topics that belong together
     """
     subscriptions: list[Subscription] = []
 
-    def take_waiting() -> None:
-        for _ in range(MOST_AT_ONCE):
-            taken = [_take(heard, topic) for heard, topic in zip(subscriptions, topics, strict=True)]
-            if not any(taken):
+    def drain() -> None:
+        for _ in range(MAX_ROUNDS):
+            handled = [_handle_next(*pair) for pair in zip(subscriptions, topics, strict=True)]
+            if not any(handled):
                 return
 
-    def taking(work: Callable[[Any], None]) -> Callable[[Any], None]:
-        def take(message: Any) -> None:
-            work(message)
-            take_waiting()
+    def draining(callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        def handle(message: Any) -> None:
+            callback(message)
+            drain()
 
-        return take
+        return handle
 
-    for kind, name, work, quality in topics:
+    for message_type, name, callback, qos in topics:
         options = QoSOverridingOptions.with_default_policies()
         subscriptions.append(
-            node.create_subscription(kind, name, taking(work), quality, qos_overriding_options=options)
+            node.create_subscription(
+                message_type, name, draining(callback), qos, qos_overriding_options=options
+            )
         )
-    return subscriptions
 
 
-def _take(subscription: Subscription, topic: Topic) -> bool:
-    """Whether a message waited; it is handed over."""
-    message = take_message(subscription, topic.kind)
+def _handle_next(subscription: Subscription, topic: Topic) -> bool:
+    """Handle the next queued message; returns whether there was one."""
+    message = take_message(subscription, topic.message_type)
     if message is not None:
-        topic.work(message)
+        topic.callback(message)
     return message is not None

@@ -1,4 +1,4 @@
-"""Subscriptions to palm poses: on a topic, or in tf."""
+"""Sources of palm poses: a topic, or tf."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from tactile_localizer.ros.subscriptions.draining import Topic
 from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 
 
-def lookup(
+def tf_lookup(
     parameters: Parameters,
-    found: Callable[[PoseStamped], None],
-    missed: Callable[[MeasurementError], None],
+    on_pose: Callable[[PoseStamped], None],
+    on_failure: Callable[[MeasurementError], None],
 ) -> PalmLookup | None:
-    """What looks up palm poses in tf and hands them over; ``None`` where they arrive on a topic.
+    """The lookup of palm poses in tf; ``None`` if they arrive on a topic.
 
     Raises
     ------
     ParameterError
-        tf2_ros is not installed, or there is no ``reference_frame`` to look the palm up in.
+        tf2_ros is not installed, or ``reference_frame`` is empty.
     """
     if parameters["pose_source"] == "topic":
         return None
     if not parameters["reference_frame"]:
-        raise ParameterError("reference_frame: expected a frame to look palm_frame up in, got none")
+        raise ParameterError("reference_frame: expected the target frame of the lookup in tf, got none")
     frames = parameters["reference_frame"], parameters["palm_frame"]
-    return PalmLookup(*frames, parameters["patience_s"], found, missed)
+    return PalmLookup(*frames, parameters["patience_s"], on_pose, on_failure)
 
 
 def pose_topics(lookup: PalmLookup | None, on_pose: Callable[[PoseStamped], None]) -> list[Topic]:
-    """What a node subscribes to for palm poses."""
+    """The topics to subscribe to for palm poses."""
     if lookup is not None:
         return lookup.topics()
     return [Topic(PoseStamped, "palm_pose", on_pose, QoSProfile(depth=100))]

@@ -1,4 +1,4 @@
-"""The clock that stamps messages, learned from when they come."""
+"""Estimate of the current time on the clock that stamps the messages."""
 
 from __future__ import annotations
 
@@ -6,38 +6,37 @@ _SECOND_NS = 1_000_000_000
 _RECORDED_NS = 60 * _SECOND_NS
 
 
-class SendersClock:
-    """What time it is by the clock that stamps messages, learned from when they come.
+class SenderClock:
+    """Estimates the sender's time from the stamps and the arrival times of messages.
 
-    A clock that is off by less than a second is taken for the node's own, and the difference for the time
-    that messages are under way. Stamps that are off by more than a minute are of a recording, whose time
-    stands still between two messages.
+    An offset of less than one second is taken for transport delay: sender and node share a clock. An offset
+    of more than one minute indicates a recording, whose time stands still between two messages.
     """
 
     def __init__(self) -> None:
         self._newest_ns = 0
-        self._behind_ns: int | None = None
-        self._era = 0
+        self._delay_ns: int | None = None
+        self._epoch = 0
 
-    def hear(self, stamp_ns: int, now_ns: int, era: int) -> None:
-        """A message has come.
+    def update(self, stamp_ns: int, now_ns: int, epoch: int) -> None:
+        """Take in the arrival of a message.
 
         Parameters
         ----------
-        stamp_ns : its stamp, ns
-        now_ns : time by the node's clock, ns; 0 where that does not run yet
-        era : another number after each time that stamps were set back
+        stamp_ns : stamp of the message, ns
+        now_ns : time of the node's clock, ns; 0 if it has not started
+        epoch : number of backward jumps of the stamps so far
         """
-        if era != self._era:
-            self._era, self._newest_ns, self._behind_ns = era, 0, None
+        if epoch != self._epoch:
+            self._epoch, self._newest_ns, self._delay_ns = epoch, 0, None
         self._newest_ns = max(self._newest_ns, stamp_ns)
         if now_ns:
-            behind_ns = now_ns - stamp_ns
-            self._behind_ns = behind_ns if self._behind_ns is None else min(self._behind_ns, behind_ns)
+            delay_ns = now_ns - stamp_ns
+            self._delay_ns = delay_ns if self._delay_ns is None else min(self._delay_ns, delay_ns)
 
     def now_ns(self, now_ns: int) -> int:
-        """The time when the node's clock says ``now_ns``; not before the newest stamp. 0 before any."""
-        behind_ns = self._behind_ns
-        if behind_ns is None or abs(behind_ns) > _RECORDED_NS:
+        """Sender time when the node's clock shows ``now_ns``; at least the newest stamp, 0 before any."""
+        delay_ns = self._delay_ns
+        if delay_ns is None or abs(delay_ns) > _RECORDED_NS:
             return self._newest_ns
-        return max(self._newest_ns, now_ns - (behind_ns if abs(behind_ns) > _SECOND_NS else 0))
+        return max(self._newest_ns, now_ns - (delay_ns if abs(delay_ns) > _SECOND_NS else 0))

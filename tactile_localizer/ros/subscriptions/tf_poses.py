@@ -1,6 +1,6 @@
-"""Palm poses looked up in tf at the stamps of strain.
+"""Palm poses looked up in tf at the stamps of the strain vectors.
 
-``tf2_ros`` is imported only where a parameter asks for it, so that the nodes run without.
+``tf2_ros`` is imported only if a parameter requires it, so that the nodes run without it.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from tactile_localizer.ros.subscriptions.draining import Topic
 _TF = QoSProfile(depth=100)
 _TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _REWIND_NS = NANOSECONDS
-"""Step back of a strain's stamp, ns, after which what tf has buffered is of another time."""
+"""Backward jump of the strain stamps after which buffered transforms are discarded, ns."""
 
 
 class PalmLookup:
-    """Looks up the palm in tf at the stamps of strain.
+    """Looks up the pose of ``palm_frame`` in ``reference_frame`` at the stamps of strain vectors.
 
-    A transform that is not there yet is waited for, by stamps, until strain is newer by ``patience_s``.
+    A stamp whose transform has not arrived is kept until strain is newer than it by ``patience_s``.
 
     Parameters
     ----------
-    reference_frame, palm_frame : the pose of the second in the first is looked up
-    patience_s : how long, by stamps, a stamp waits for its transform, s
-    found : receives each pose, in the order of the stamps
-    missed : receives why a stamp that waited in vain has none
+    reference_frame, palm_frame : target and source frame of the lookup
+    patience_s : time to wait for a transform, measured in stamps, s
+    on_pose : called with each pose, in the order of the stamps
+    on_failure : called with the reason if a lookup fails for good
 
     Raises
     ------
@@ -47,74 +47,74 @@ class PalmLookup:
         reference_frame: str,
         palm_frame: str,
         patience_s: float,
-        found: Callable[[PoseStamped], None],
-        missed: Callable[[MeasurementError], None],
+        on_pose: Callable[[PoseStamped], None],
+        on_failure: Callable[[MeasurementError], None],
     ) -> None:
         self._tf2 = import_optional("tf2_ros", "pose_source")
         self._message = import_optional("tf2_msgs.msg", "pose_source").TFMessage
         self._frames = reference_frame, palm_frame
         self._patience_ns = round(patience_s * NANOSECONDS)
-        self._found, self._missed = found, missed
+        self._on_pose, self._on_failure = on_pose, on_failure
         self._waiting: deque[int] = deque()
         self._newest_ns = 0
         self._buffer = self._tf2.Buffer()
 
     def topics(self) -> list[Topic]:
-        """What is subscribed to."""
+        """The topics to subscribe to."""
         return [
             Topic(self._message, "/tf", self._on_transforms, _TF),
             Topic(self._message, "/tf_static", self._on_static_transforms, _TF_STATIC),
         ]
 
     def look_up(self, stamp_ns: int) -> None:
-        """Find the pose at a strain's stamp, now or when its transform arrives."""
+        """Look up the pose at the stamp of a strain vector, now or when its transform arrives."""
         if stamp_ns < self._newest_ns - _REWIND_NS:
             self._waiting.clear()
             self._buffer.clear()
             self._newest_ns = 0
         self._newest_ns = max(self._newest_ns, stamp_ns)
         self._waiting.append(stamp_ns)
-        self._work_off()
+        self._resolve()
 
     def _on_transforms(self, message: Any) -> None:
         for transform in message.transforms:
             self._buffer.set_transform(transform, "/tf")
-        self._work_off()
+        self._resolve()
 
     def _on_static_transforms(self, message: Any) -> None:
         for transform in message.transforms:
             self._buffer.set_transform_static(transform, "/tf_static")
-        self._work_off()
+        self._resolve()
 
-    def _work_off(self) -> None:
+    def _resolve(self) -> None:
         while self._waiting:
             stamp_ns = self._waiting[0]
             try:
-                found = self._buffer.lookup_transform_core(*self._frames, Time(nanoseconds=stamp_ns))
+                transform = self._buffer.lookup_transform_core(*self._frames, Time(nanoseconds=stamp_ns))
             except self._tf2.TransformException as error:
-                if self._may_come(stamp_ns, error):
+                if self._can_still_succeed(stamp_ns, error):
                     return
                 self._waiting.popleft()
-                self._missed(MeasurementError(f"tf: {error}"))
+                self._on_failure(MeasurementError(f"tf: {error}"))
             else:
                 self._waiting.popleft()
-                self._found(_pose(found))
+                self._on_pose(_to_pose(transform))
 
-    def _may_come(self, stamp_ns: int, error: Exception) -> bool:
-        """Whether a transform that is not there is worth waiting for."""
+    def _can_still_succeed(self, stamp_ns: int, error: Exception) -> bool:
+        """Whether a failed lookup can succeed with transforms that arrive later."""
         if isinstance(error, self._tf2.ExtrapolationException) and self._latest_ns() >= stamp_ns:
             return False
         return self._newest_ns - stamp_ns <= self._patience_ns
 
     def _latest_ns(self) -> int:
-        """Stamp up to which the transform is there, ns; 0 where it is not."""
+        """Latest stamp for which the transform is available, ns; 0 if it is unavailable."""
         try:
             return int(self._buffer.get_latest_common_time(*self._frames).nanoseconds)
         except self._tf2.TransformException:
             return 0
 
 
-def _pose(transform: TransformStamped) -> PoseStamped:
+def _to_pose(transform: TransformStamped) -> PoseStamped:
     message = PoseStamped(header=transform.header)
     place = transform.transform.translation
     message.pose.position.x, message.pose.position.y, message.pose.position.z = place.x, place.y, place.z

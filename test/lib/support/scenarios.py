@@ -254,7 +254,7 @@ def _see_the_silent_load_cell_told_and_done_without(probe: Probe, place: Place) 
         assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
         told.clear()
 
-    probe.until(lambda: posteriors and says("driver: middle", "well"), "a hand that is well", 60.0)
+    probe.until(lambda: posteriors and says("driver: middle", "OK"), "a hand that is well", 60.0)
     silence(["middle"])
     probe.until(lambda: says("driver: middle", "stale"), "the driver to tell of it")
     probe.until(lambda: says("filter: inputs", "strain vectors without middle"), "the filter to tell of it")
@@ -262,7 +262,7 @@ def _see_the_silent_load_cell_told_and_done_without(probe: Probe, place: Place) 
     probe.until(lambda: len(posteriors) > 20, "posteriors of the other phalanx")
     assert not any(posterior.stale for posterior in posteriors)
     silence([])
-    probe.until(lambda: says("driver: middle", "well") and says("filter: inputs", "well"), "both well")
+    probe.until(lambda: says("driver: middle", "OK") and says("filter: inputs", "OK"), "both well")
 
 
 def _replaying(place: Place) -> Sequence[Started]:

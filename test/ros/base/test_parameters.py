@@ -40,5 +40,5 @@ def test_a_mistyped_parameter_is_named_with_the_one_that_may_be_meant(
     qos = {"qos_overrides./strain.publisher.reliability": "reliable"}
     driver = node_process("driver_node", {**bus, **qos, "cycle_timeout": 0.1, "colour": "red"})
     driver.wait_for_line("parameter cycle_timeout .did you mean cycle_timeout_s")
-    driver.wait_for_line("parameter colour: expected one of this node's, it is ignored")
-    assert driver.output.count("it is ignored") == 2
+    driver.wait_for_line("parameter colour: .*ignored")
+    assert driver.output.count("ignored") == 2

@@ -32,7 +32,7 @@ def known():
 
 
 @pytest.fixture
-def tracker(localizer, known):
+def online(localizer, known):
     localizer.reset()
     return OnlineLocalizer(localizer, max_gap_s=0.1, patience_s=1.0, ranges=(known,))
 
@@ -42,144 +42,144 @@ def sweep():
     return unseen_sweep()
 
 
-def feel(tracker, sweep, k, status=WELL):
-    return tracker.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, sweep.strain[k], status)
+def feel(online, sweep, k, status=WELL):
+    return online.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, sweep.strain[k], status)
 
 
-def move(tracker, sweep, k):
-    return tracker.add_pose(int(sweep.stamp_ns[k]), sweep.odometry[k])
+def move(online, sweep, k):
+    return online.add_pose(int(sweep.stamp_ns[k]), sweep.odometry[k])
 
 
-def slide(tracker, sweep, first, last):
+def slide(online, sweep, first, last):
     estimates = []
     for k in range(first, last):
-        estimates += move(tracker, sweep, k) + feel(tracker, sweep, k)
-    return estimates + move(tracker, sweep, last)
+        estimates += move(online, sweep, k) + feel(online, sweep, k)
+    return estimates + move(online, sweep, last)
 
 
-def test_each_strain_between_two_poses_makes_an_estimate(tracker, sweep):
-    estimates = slide(tracker, sweep, 0, 20)
+def test_each_strain_between_two_poses_makes_an_estimate(online, sweep):
+    estimates = slide(online, sweep, 0, 20)
     assert [e.stamp_ns for e in estimates] == [int(t) + 20 * MS for t in sweep.stamp_ns[:20]]
-    assert tracker.latest is estimates[-1]
-    assert tracker.counts.updated + tracker.counts.moved == 20
-    assert len(tracker.update_times_ns) == tracker.counts.updated == sum(e.updated for e in estimates)
-    assert tracker.trouble == ""
+    assert online.latest is estimates[-1]
+    assert online.counts.updated + online.counts.moved == 20
+    assert len(online.update_times_ns) == online.counts.updated == sum(e.updated for e in estimates)
+    assert online.last_error == ""
 
 
-def test_strain_waits_for_a_late_pose_and_makes_the_same_estimates(tracker, sweep):
-    in_time = slide(tracker, sweep, 0, 20)
-    tracker.interrupt()
-    tracker.reset()
-    assert [e for k in range(20) for e in feel(tracker, sweep, k)] == []
-    late = [e for k in range(21) for e in move(tracker, sweep, k)]
+def test_strain_waits_for_a_late_pose_and_makes_the_same_estimates(online, sweep):
+    in_time = slide(online, sweep, 0, 20)
+    online.interrupt()
+    online.reset()
+    assert [e for k in range(20) for e in feel(online, sweep, k)] == []
+    late = [e for k in range(21) for e in move(online, sweep, k)]
     assert [e.stamp_ns for e in late] == [e.stamp_ns for e in in_time]
     np.testing.assert_array_equal([e.mean for e in late], [e.mean for e in in_time])
 
 
-def test_strain_in_a_gap_of_the_poses_makes_no_estimate(tracker, sweep):
-    slide(tracker, sweep, 0, 10)
+def test_strain_in_a_gap_of_the_poses_makes_no_estimate(online, sweep):
+    slide(online, sweep, 0, 10)
     for k in range(10, 20):
-        feel(tracker, sweep, k)
-    assert [e.stamp_ns for e in move(tracker, sweep, 20)] == []
-    assert tracker.counts.gaps == 10
-    assert tracker.trouble == "no palm pose within 0.1 s of the strain"
-    assert slide(tracker, sweep, 20, 22)
-    assert tracker.trouble == ""
+        feel(online, sweep, k)
+    assert [e.stamp_ns for e in move(online, sweep, 20)] == []
+    assert online.counts.gaps == 10
+    assert "no palm pose" in online.last_error
+    assert slide(online, sweep, 20, 22)
+    assert online.last_error == ""
 
 
-def test_a_phalanx_that_is_not_well_is_left_out_and_the_other_goes_on(tracker, sweep):
+def test_a_phalanx_that_is_not_well_is_left_out_and_the_other_goes_on(online, sweep):
     for k, status in enumerate(([0, 0], [1, 0], [0, 2], [0, 4], [0, 0])):
         strain = np.where(np.repeat(status, 8), np.nan, sweep.strain[k])
-        move(tracker, sweep, k)
-        tracker.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, strain, np.array(status, dtype=np.uint8))
-    assert move(tracker, sweep, 5)
-    assert tracker.counts.absent == {"index": 1, "middle": 2}
-    assert tracker.counts.updated + tracker.counts.moved == 5
+        move(online, sweep, k)
+        online.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, strain, np.array(status, dtype=np.uint8))
+    assert move(online, sweep, 5)
+    assert online.counts.absent == {"index": 1, "middle": 2}
+    assert online.counts.updated + online.counts.moved == 5
 
 
-def test_without_any_phalanx_nothing_is_estimated(tracker, sweep):
-    slide(tracker, sweep, 0, 5)
-    before = tracker.latest
-    feel(tracker, sweep, 5, status=np.array([1, 4], dtype=np.uint8))
-    assert move(tracker, sweep, 6) == []
-    assert tracker.latest is before
-    assert tracker.counts.unusable == 1
-    assert tracker.trouble == "no phalanx is OK"
+def test_without_any_phalanx_nothing_is_estimated(online, sweep):
+    slide(online, sweep, 0, 5)
+    before = online.latest
+    feel(online, sweep, 5, status=np.array([1, 4], dtype=np.uint8))
+    assert move(online, sweep, 6) == []
+    assert online.latest is before
+    assert online.counts.unusable == 1
+    assert "no phalanx" in online.last_error
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_strain_that_is_not_finite_is_refused_and_the_belief_is_untouched(tracker, sweep, bad):
-    slide(tracker, sweep, 0, 5)
-    states, weights = (array.copy() for array in tracker.localizer.hypotheses())
+def test_strain_that_is_not_finite_is_refused_and_the_belief_is_untouched(online, sweep, bad):
+    slide(online, sweep, 0, 5)
+    states, weights = (array.copy() for array in online.localizer.hypotheses())
     sweep = dataclasses.replace(sweep, strain=sweep.strain.copy())
     sweep.strain[5, 3] = bad
-    feel(tracker, sweep, 5)
-    assert move(tracker, sweep, 6) == []
-    assert tracker.counts.refused == 1
-    assert "finite" in tracker.trouble
-    np.testing.assert_array_equal(tracker.localizer.hypotheses()[0], states)
-    np.testing.assert_array_equal(tracker.localizer.hypotheses()[1], weights)
+    feel(online, sweep, 5)
+    assert move(online, sweep, 6) == []
+    assert online.counts.refused == 1
+    assert "finite" in online.last_error
+    np.testing.assert_array_equal(online.localizer.hypotheses()[0], states)
+    np.testing.assert_array_equal(online.localizer.hypotheses()[1], weights)
 
 
-def test_time_that_jumps_back_begins_anew(tracker, sweep):
-    first = slide(tracker, sweep, 0, 100)
-    again = slide(tracker, sweep, 0, 20)
-    assert tracker.pairing.resets == 1
+def test_time_that_jumps_back_begins_anew(online, sweep):
+    first = slide(online, sweep, 0, 100)
+    again = slide(online, sweep, 0, 20)
+    assert online.pairing.resets == 1
     np.testing.assert_array_equal([e.mean for e in again], [e.mean for e in first[:20]])
-    assert tracker.age_s == pytest.approx(0.02, abs=0.03)
+    assert online.age_s == pytest.approx(0.02, abs=0.03)
 
 
-def test_stamps_that_leap_ahead_are_counted_and_the_belief_goes_on(tracker, sweep):
-    slide(tracker, sweep, 0, 50)
-    assert tracker.leaps == 0
+def test_stamps_that_leap_ahead_are_counted_and_the_belief_goes_on(online, sweep):
+    slide(online, sweep, 0, 50)
+    assert online.forward_jumps == 0
     later = dataclasses.replace(sweep, stamp_ns=sweep.stamp_ns + 10_000_000_000)
-    travel = tracker.latest.travel
-    slide(tracker, later, 50, 60)
-    assert tracker.leaps == 1
-    assert tracker.latest.travel > travel
+    travel = online.latest.travel
+    slide(online, later, 50, 60)
+    assert online.forward_jumps == 1
+    assert online.latest.travel > travel
 
 
-def test_its_age_is_how_far_the_inputs_have_gone_on_without_it(tracker, sweep):
-    assert tracker.age_s == 0.0
-    slide(tracker, sweep, 0, 10)
-    assert tracker.age_s < 0.04
+def test_its_age_is_how_far_the_inputs_have_gone_on_without_it(online, sweep):
+    assert online.age_s == 0.0
+    slide(online, sweep, 0, 10)
+    assert online.age_s < 0.04
     for k in range(10, 25):
-        feel(tracker, sweep, k)
-    assert tracker.age_s == pytest.approx(15 * 0.04, abs=0.001)
-    assert tracker.behind == "palm_pose"
+        feel(online, sweep, k)
+    assert online.age_s == pytest.approx(15 * 0.04, abs=0.001)
+    assert online.lagging_input == "palm_pose"
     for k in range(11, 40):
-        move(tracker, sweep, k)
-    assert tracker.behind == "strain"
+        move(online, sweep, k)
+    assert online.lagging_input == "strain"
 
 
-def test_after_a_reset_there_is_no_estimate_until_something_is_felt(tracker, sweep):
-    slide(tracker, sweep, 0, 10)
-    tracker.reset()
-    assert tracker.latest is None
-    (first, *_) = slide(tracker, sweep, 11, 13)
+def test_after_a_reset_there_is_no_estimate_until_something_is_felt(online, sweep):
+    slide(online, sweep, 0, 10)
+    online.reset()
+    assert online.latest is None
+    (first, *_) = slide(online, sweep, 11, 13)
     assert first.travel == 0.0
 
 
 @pytest.mark.parametrize("begin", ["reset", "seed"])
-def test_what_was_felt_before_the_belief_began_anew_is_left_out_though_it_comes_later(tracker, sweep, begin):
-    slide(tracker, sweep, 0, 60)
+def test_what_was_felt_before_the_belief_began_anew_is_left_out_though_it_comes_later(online, sweep, begin):
+    slide(online, sweep, 0, 60)
     for k in range(61, 101):
-        move(tracker, sweep, k)
+        move(online, sweep, k)
     since_ns = int(sweep.stamp_ns[100])
     if begin == "reset":
-        tracker.reset(since_ns)
+        online.reset(since_ns)
     else:
-        tracker.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]), since_ns)
-    assert [e for k in range(60, 100) for e in feel(tracker, sweep, k)] == []
-    assert tracker.counts.earlier == 40
-    (first, *_) = slide(tracker, sweep, 100, 103)
+        online.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]), since_ns)
+    assert [e for k in range(60, 100) for e in feel(online, sweep, k)] == []
+    assert online.counts.earlier == 40
+    (first, *_) = slide(online, sweep, 100, 103)
     assert first.travel == 0.0
-    assert slide(tracker, sweep, 0, 5), "time was set back: what comes then is no longer earlier"
+    assert slide(online, sweep, 0, 5), "time was set back: what comes then is no longer earlier"
 
 
-def test_a_seed_is_believed_in(tracker, sweep):
-    tracker.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]))
-    (first, *_) = slide(tracker, sweep, 0, 2)
+def test_a_seed_is_believed_in(online, sweep):
+    online.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]))
+    (first, *_) = slide(online, sweep, 0, 2)
     np.testing.assert_allclose(first.mean, [0.01, 0.03], atol=1e-3)
 
 
@@ -189,37 +189,37 @@ def states(estimates):
     return [state for k, state in enumerate(found) if k == 0 or state is not found[k - 1]]
 
 
-def test_on_other_material_the_state_becomes_unknown(tracker):
+def test_on_other_material_the_state_becomes_unknown(online):
     other = unseen_sweep("seam")
-    found = states(slide(tracker, other, 0, len(other.strain) - 1))
+    found = states(slide(online, other, 0, len(other.strain) - 1))
     assert found[:2] == [State.SEARCHING, State.UNKNOWN]
     assert State.CONVERGED not in found
 
 
-def test_a_hand_that_is_lifted_and_put_elsewhere_is_lost_until_it_converges_again(tracker):
+def test_a_hand_that_is_lifted_and_put_elsewhere_is_lost_until_it_converges_again(online):
     sweep = kidnapped_sweep()
-    estimates = slide(tracker, sweep, 0, len(sweep.strain) - 1)
+    estimates = slide(online, sweep, 0, len(sweep.strain) - 1)
     found = states(estimates)
     assert found[:3] == [State.SEARCHING, State.CONVERGED, State.LOST]
     assert found[-1] == State.CONVERGED
     assert np.linalg.norm(estimates[-1].mean - sweep.truth[-2]) < 0.003
 
 
-def test_strains_and_positions_in_other_units_are_reported(tracker, sweep):
-    slide(tracker, sweep, 0, 100)
-    assert tracker.fit.trouble == ""
-    tracker.reset()
+def test_strains_and_positions_in_other_units_are_reported(online, sweep):
+    slide(online, sweep, 0, 100)
+    assert online.range_check.problem == ""
+    online.reset()
     volts = dataclasses.replace(sweep, strain=1e3 * sweep.strain, stamp_ns=sweep.stamp_ns + 10**12)
-    slide(tracker, volts, 0, 100)
-    assert tracker.fit.shares[0] > 0.9
-    assert "of the strains are outside the range of the scan" in tracker.fit.trouble
-    tracker.reset()
+    slide(online, volts, 0, 100)
+    assert online.range_check.fractions[0] > 0.9
+    assert "of the strains are outside the range of the scan" in online.range_check.problem
+    online.reset()
     metres = dataclasses.replace(sweep, odometry=1e3 * sweep.odometry, stamp_ns=sweep.stamp_ns + 2 * 10**12)
-    slide(tracker, metres, 0, 100)
-    assert tracker.fit.shares[0] == 0.0
-    assert "farther from the start than the scene is long" in tracker.fit.trouble
+    slide(online, metres, 0, 100)
+    assert online.range_check.fractions[0] == 0.0
+    assert "farther from the start than the scene is long" in online.range_check.problem
 
 
-def test_a_few_strains_are_no_reason_to_report_a_misfit(tracker, sweep):
-    slide(tracker, dataclasses.replace(sweep, strain=1e3 * sweep.strain), 0, 15)
-    assert tracker.fit.trouble == ""
+def test_a_few_strains_are_no_reason_to_report_a_misfit(online, sweep):
+    slide(online, dataclasses.replace(sweep, strain=1e3 * sweep.strain), 0, 15)
+    assert online.range_check.problem == ""

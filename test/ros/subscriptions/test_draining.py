@@ -13,11 +13,11 @@ def test_what_waits_behind_a_message_is_taken_along_but_timers_get_their_turn(pr
     from rclpy.qos import QoSProfile
     from std_msgs.msg import Int32
 
-    from tactile_localizer.ros.subscriptions.draining import MOST_AT_ONCE, Topic, hear
+    from tactile_localizer.ros.subscriptions.draining import MAX_ROUNDS, Topic, subscribe
 
-    sent, kept = MOST_AT_ONCE + 10, QoSProfile(depth=1000)
+    sent, kept = MAX_ROUNDS + 10, QoSProfile(depth=1000)
     heard = []
-    hear(
+    subscribe(
         probe.node,
         [Topic(Int32, name, lambda m, name=name: heard.append((name, m.data)), kept) for name in "ab"],
     )
@@ -28,7 +28,7 @@ def test_what_waits_behind_a_message_is_taken_along_but_timers_get_their_turn(pr
     for publisher in publishers:
         assert publisher.wait_for_all_acked()  # all wait in the subscriptions
     probe.until(lambda: heard, "the first")
-    assert 2 * MOST_AT_ONCE < len(heard) <= 2 * MOST_AT_ONCE + 2
+    assert 2 * MAX_ROUNDS < len(heard) <= 2 * MAX_ROUNDS + 2
     probe.until(lambda: len(heard) == 2 * sent, "the rest")
     for name in "ab":
         assert [number for told, number in heard if told == name] == list(range(sent))
@@ -36,8 +36,8 @@ def test_what_waits_behind_a_message_is_taken_along_but_timers_get_their_turn(pr
     assert np.abs(ahead).max() <= 2
 
 
-def test_where_rclpy_offers_no_message_by_hand_all_are_left_to_the_executor():
-    from tactile_localizer.ros.subscriptions import draining
+def test_without_direct_access_messages_are_left_to_the_executor():
+    from tactile_localizer.ros.base.rclpy_private import take_message
 
-    another_rclpy = SimpleNamespace(handle=nullcontext())
-    assert draining._take(another_rclpy, draining.Topic(None, "strain", pytest.fail, None)) is False
+    other_rclpy = SimpleNamespace(handle=nullcontext())
+    assert take_message(other_rclpy, None) is None

@@ -173,10 +173,10 @@ def _lie(name: str, acts: Acts, *messages: str) -> Fault:
 
 FAULTS = (
     Fault("frames lost", _parameter("fault.drop", 0.1, 0.0), _says(MIDDLE, "frames lost")),
-    Fault("garbage frames", _parameter("fault.garbage", 0.1, 0.0), _says(CAN_BUS, "not used")),
+    Fault("garbage frames", _parameter("fault.garbage", 0.1, 0.0), _says(CAN_BUS, "discarded")),
     Fault("foreign frames, a burst", Acts(_flood), _gains(CAN_BUS, "frames_unknown_id", _BURST // 2)),
     Fault("load cell silent", _parameter("fault.silent", ["middle"], []), _says(MIDDLE, "stale")),
-    Fault("load cell's fault", _parameter("fault.faulty", ["index"], []), _says(INDEX, "reports a fault")),
+    Fault("load cell's fault", _parameter("fault.faulty", ["index"], []), _says(INDEX, "fault reported")),
     Fault("bus off", Acts(_send_bus_off), _gains(CAN_BUS, "reconnects")),
     Fault("bus closed and opened", _asked(Trigger, "driver/reconnect"), _gains(CAN_BUS, "reconnects")),
     _silence("strain stops", _stopped("strain"), "no strain"),
@@ -184,7 +184,7 @@ FAULTS = (
     _silence("strain and poses stop", _stopped("strain", "palm_pose"), "no strain and no palm_pose"),
     Fault("clock set back", _clock(-_JUMP_NS), _gains(INPUTS, "time_jumps")),
     Fault("clock set forward", _clock(_JUMP_NS), _gains(INPUTS, "time_leaps")),
-    Fault("poses out of order", _pose(spoiling.unordered), _says(INPUTS, "came late")),
+    Fault("poses out of order", _pose(spoiling.unordered), _says(INPUTS, "late messages")),
     Fault("poses not finite", _pose(spoiling.nowhere), _gains(INPUTS, "unread_palm_pose")),
     Fault("poses of another frame", _pose(spoiling.foreign_frame), _gains(INPUTS, "unread_palm_pose")),
     Fault("strain not finite", _strain(spoiling.not_finite), _says(INPUTS, "not finite")),
@@ -198,7 +198,7 @@ FAULTS = (
     _lie("phalanx scaled", _strain(spoiling.scaled), *_UNLIKE_THE_MAP),
     Fault("wrong seed", _seed(0.045, 0.005), _logs("belief seeded"), misleads=True),
     Fault("seed out of bounds", _seed(0.4, 0.005), _gains(INPUTS, "unread_initial_pose")),
-    Fault("belief spread", _asked(Empty, "filter/reinitialize_global_localization"), _logs("belief spread")),
+    Fault("belief spread", _asked(Empty, "filter/reinitialize_global_localization"), _logs("belief reset")),
     Fault(
         "wrong map",
         Acts(lambda system: system.load(system.scans[1]), lambda system: system.load(system.scans[0])),

@@ -1,4 +1,4 @@
-"""Share of recent strains and positions that the scans cannot explain."""
+"""Check of recent strains and positions against the ranges of the training scans."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ import numpy as np
 
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 
-_KEPT = 200
-"""Measurement updates that the shares are of, 0.2 m of travel at the default update distance."""
-_FEWEST = 20
+_WINDOW = 200
+"""Measurement updates that the fractions refer to: 0.2 m of travel at the default update distance."""
+_MIN_UPDATES = 20
 """Measurement updates below which nothing is reported."""
 
 
-class ScanFit:
-    """Counts strains outside the range of every scan, and positions too far from where the belief began.
+class RangeCheck:
+    """Fractions of strains outside the range of every scan, and of positions too far from the start.
 
     Parameters
     ----------
-    ranges : of the scans
+    ranges : ranges of the scans
     """
 
     def __init__(self, ranges: Sequence[ScanRange]) -> None:
         self._ranges = ranges
         self._start: np.ndarray | None = None
-        self._outside: deque[tuple[bool, bool]] = deque(maxlen=_KEPT)
+        self._outside: deque[tuple[bool, bool]] = deque(maxlen=_WINDOW)
 
-    def begin(self) -> None:
-        """The next position is where the belief begins."""
+    def reset(self) -> None:
+        """Forget the past; the next position is the start."""
         self._start = None
         self._outside.clear()
 
     def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
-        """Take in what one measurement update was made from: (d,) m, (C,) V and (F,) bool."""
+        """Take in position (d,), m, strain (C,), V, and usable phalanges (F,) bool of an update."""
         if self._start is None:
             self._start = position
         strains = [bool(one.strains_outside(strain, present)) for one in self._ranges]
@@ -42,14 +42,14 @@ class ScanFit:
         self._outside.append((all(strains), all(positions)))
 
     @property
-    def shares(self) -> tuple[float, float]:
-        """Share of strains and of positions that are outside; zero while there are few."""
-        if len(self._outside) < _FEWEST or not self._ranges:
+    def fractions(self) -> tuple[float, float]:
+        """Fractions of strains and of positions outside; zero during the first updates."""
+        if len(self._outside) < _MIN_UPDATES or not self._ranges:
             return 0.0, 0.0
         strains, positions = np.mean(self._outside, axis=0).tolist()
         return strains, positions
 
     @property
-    def trouble(self) -> str:
-        """What does not fit the scans, in one line; empty where it does."""
-        return describe_misfit(*self.shares)
+    def problem(self) -> str:
+        """Description of the misfit in one line; empty if there is none."""
+        return describe_misfit(*self.fractions)

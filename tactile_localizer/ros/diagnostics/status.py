@@ -1,0 +1,85 @@
+"""Construction and publication of diagnostics."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+_PROGRESS_PERIOD_S = 0.5
+
+
+class DiagnosticsPublisher:
+    """Publishes diagnostics of a node on ``/diagnostics``, whatever its lifecycle state.
+
+    Parameters
+    ----------
+    node : node that the diagnostics belong to
+    hardware_id : identifier of the device; empty if there is none
+    """
+
+    def __init__(self, node: Node, hardware_id: str = "") -> None:
+        self._node, self._hardware_id = node, hardware_id
+        self._name = node.get_fully_qualified_name().lstrip("/")
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    def status(self, name: str, level: bytes, message: str, values: Mapping[str, Any]) -> DiagnosticStatus:
+        """A status of this node; ``values`` are converted to text."""
+        return DiagnosticStatus(
+            name=f"{self._name}: {name}",
+            hardware_id=self._hardware_id,
+            level=level,
+            message=message,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+
+    def publish(self, *statuses: DiagnosticStatus) -> None:
+        """Publish statuses with the present time."""
+        message = DiagnosticArray(status=statuses)
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+class ProgressReporter:
+    """Reports the progress of a long computation in the log and the diagnostics, at a limited rate.
+
+    Parameters
+    ----------
+    node : node that computes
+    publisher : publisher of the diagnostics of the node
+    name : name of the status
+    """
+
+    def __init__(self, node: Node, publisher: DiagnosticsPublisher, name: str) -> None:
+        self._log, self._publisher, self._name = node.get_logger(), publisher, name
+        self._activity, self._reported_s = "", -math.inf
+
+    def __call__(self, activity: str, fraction: float) -> None:
+        """Report that ``fraction`` of ``activity`` is done."""
+        now_s = time.monotonic()
+        if fraction < 1.0 and activity == self._activity and now_s - self._reported_s < _PROGRESS_PERIOD_S:
+            return
+        self._activity, self._reported_s = activity, now_s
+        message, values = f"{activity}: {fraction:.0%}", {"fraction": f"{fraction:.2f}"}
+        self._log.info(message)
+        self._publisher.publish(self._publisher.status(self._name, DiagnosticStatus.OK, message, values))
+
+
+class Increments:
+    """Counts since the previous call, in words.
+
+    The first call counts from zero.
+    """
+
+    def __init__(self) -> None:
+        self._previous: Mapping[str, int] = {}
+
+    def describe(self, counts: Mapping[str, int]) -> Sequence[str]:
+        """Each count that has increased, as ``"3 late messages"``, from totals by description."""
+        increments = {what: count - self._previous.get(what, 0) for what, count in counts.items()}
+        self._previous = counts
+        return [f"{count} {what}" for what, count in increments.items() if count > 0]

@@ -1,0 +1,78 @@
+"""Calibration of a scan in the background when its recording pauses, stored in the scan file."""
+
+from __future__ import annotations
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+
+from tactile_localizer.io.scans.learned import find_calibration
+from tactile_localizer.io.scans.recorder import SweepRecorder
+from tactile_localizer.io.scans.rows import LearnedEntry
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.ros.base.background import BackgroundJob
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
+
+QUIET_S = 5.0
+"""Time without an active sweep after which a scan is calibrated, s: longer than the pause between sweeps."""
+
+
+class ScanCalibration:
+    """Calibrates a scan whenever no sweep has been active for :data:`QUIET_S`.
+
+    The filter then starts without calibrating. If recording continues, the calibration is repeated in the
+    next pause. The computation reads the scan file through its own connection; only the result is written by
+    the connection of the recorder, which holds the lock of the file.
+
+    Parameters
+    ----------
+    node : node that records
+    recorder : recorder of the scan
+    publisher : publisher of the progress
+    """
+
+    def __init__(self, node: Node, recorder: SweepRecorder, publisher: DiagnosticsPublisher) -> None:
+        self._recorder, self._publisher = recorder, publisher
+        self._job = BackgroundJob(node, "calibration")
+        self._progress = ProgressReporter(node, publisher, "calibration")
+        self._log = node.get_logger()
+        self._quiet_since_s = time.monotonic()
+        self._attempted_pairs = 0
+        self._is_closed = False
+        self._level, self._message = DiagnosticStatus.OK, "not calibrated: scan in progress"
+
+    def close(self) -> None:
+        """Discard the result of a calibration in progress."""
+        self._is_closed = True
+
+    def poll(self) -> None:
+        """Start a calibration if one is due, and publish the status."""
+        pairs, now_s = self._recorder.store.pairs, time.monotonic()
+        if self._recorder.is_active or self._recorder.store.active_sweep is not None:
+            self._quiet_since_s = now_s
+        is_quiet = now_s - self._quiet_since_s >= QUIET_S
+        if is_quiet and pairs != self._attempted_pairs and not self._job.is_running:
+            self._attempted_pairs = pairs
+            self._job.start(self._compute, self._store, self._on_error)
+        if not self._job.is_running:
+            self._publisher.publish(
+                self._publisher.status("calibration", self._level, self._message, {"pairs": pairs})
+            )
+
+    def _compute(self) -> LearnedEntry | None:
+        path = self._recorder.store.path
+        with ScanStore.open(path) as store:
+            scan, scene = store.load(), store.scene
+        return find_calibration(path, scan, scene, self._progress)[1]
+
+    def _store(self, entry: LearnedEntry | None) -> None:
+        if self._is_closed:
+            return
+        if entry is not None:
+            self._recorder.store.store_learned(entry)
+            self._log.info(f"calibration stored in {self._recorder.store.path}")
+        self._level, self._message = DiagnosticStatus.OK, "calibrated"
+
+    def _on_error(self, reason: str) -> None:
+        self._level, self._message = DiagnosticStatus.WARN, f"not calibrated: {reason}"
