@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.geometry.synchronization import Pair, Pairing
@@ -34,12 +34,15 @@ from tactile_localizer.ros.conversions.strain_vectors import StrainReader
 from tactile_localizer.ros.diagnostics.mapping import MappingDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.parameters.mapping import PARAMETERS
-from tactile_localizer.ros.publishers.maps import LATCHED, MapPublisher
+from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.scan_calibration import ScanCalibration
 from tactile_localizer.ros.subscriptions import palm_poses
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 
+_STATUS_QOS = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.5
 _DIAGNOSTICS_PERIOD_S = 1.0
@@ -69,11 +72,12 @@ class MappingNode(ManagedNode):
         for _, _, states, _ in store.batches():
             self._coverage.add(states)
         store.note("record", {"node": self.get_fully_qualified_name()})
-        self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", LATCHED)
+        self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = MappingDiagnostics(self._health)
         self._map = MapPublisher(self, parameters["material_frame"])
         self._calibration = ScanCalibration(self, self._recorder, self._health)
+        self.defer(self._calibration.close)
 
     def activate(self) -> None:
         """Subscribe to strain and poses, create the services and timers."""
@@ -109,7 +113,6 @@ class MappingNode(ManagedNode):
     def cleanup(self) -> None:
         """Close the scan file."""
         if self._recorder is not None:
-            self._calibration.close()
             recorder, self._recorder = self._recorder, None
             self._try_to_write(recorder.store.close)
 

@@ -5,7 +5,7 @@ import os
 import signal
 
 import pytest
-from support.processes import children
+from support.waiting import children
 
 from tactile_localizer.io.bags.reader import read_messages
 from tactile_localizer.io.scans.store import ScanStore

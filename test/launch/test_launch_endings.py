@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 from support.bags import slide, write_bag
-from support.processes import Process, children
+from support.processes import Process
 from support.scenarios import Place, ros2_bag, write_sweep_bag
-from support.waiting import wait_until
+from support.waiting import children, wait_until
 
 pytest.importorskip("ros2launch", reason="ros2launch is not installed: only a ROS 2 distribution has it")
 

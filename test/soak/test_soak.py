@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from harness.memory import Memory, resident_bytes
-from support.processes import children
+from support.waiting import children
 
 pytestmark = pytest.mark.ros
 

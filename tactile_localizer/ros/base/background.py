@@ -63,7 +63,8 @@ class BackgroundJob:
     ) -> None:
         """Run ``work`` in a thread, then ``on_result`` in the executor.
 
-        Without effect while a computation is running, or if the node has no executor. An exception in either is logged as a warning and passed to ``on_error`` as one line.
+        Without effect while a computation is running, or if the node has no executor. An exception in
+        either function is logged as a warning and passed to ``on_error`` as one line.
         """
         executor = self._node.executor
         if self.is_running or executor is None:

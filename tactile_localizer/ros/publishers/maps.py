@@ -16,7 +16,7 @@ from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.conversions.maps import map_cloud, region_marker
 from tactile_localizer.scene import Scene
 
-LATCHED = QoSProfile(
+_LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
@@ -36,8 +36,8 @@ class MapPublisher:
     def __init__(self, node: ManagedNode, frame: str) -> None:
         self._frame = frame
         self._job = BackgroundJob(node, "map")
-        self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", LATCHED)
-        self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", LATCHED)
+        self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", _LATCHED)
+        self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", _LATCHED)
 
     def publish(self, scan: Scan, scene: Scene) -> None:
         """Publish the map of a scan, and the feature region if the scene has one."""

@@ -12,6 +12,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from support.waiting import Deadline
 
 T = TypeVar("T")
 
@@ -34,11 +35,10 @@ class Probe:
         self.executor.add_node(self.node)
 
     def until(self, condition: Callable[[], T], what: str, timeout_s: float = 15.0) -> T:
-        """Spin until ``condition`` is true and return its value; fails the test when it is not in time."""
-        deadline = time.monotonic() + timeout_s
+        """Spin until ``condition`` is true and return its value; fails the test if that takes too long."""
+        deadline = Deadline(what, timeout_s)
         while not (value := condition()):
-            if time.monotonic() > deadline:
-                raise AssertionError(f"waited {timeout_s:g} s for {what}")
+            deadline.check()
             self.executor.spin_once(timeout_sec=0.05)
         return value
 

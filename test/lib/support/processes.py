@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from support.waiting import wait_until
+from support.waiting import Deadline, children, wait_until
 
 
 class Process:
@@ -70,16 +70,15 @@ class Process:
         try:
             return wait_until(found, f"/{pattern}/", timeout_s)
         except AssertionError as error:
-            raise AssertionError(f"{self.command[0]}: {error}; it printed:\n{self.output}") from None
+            raise type(error)(f"{self.command[0]}: {error}; it printed:\n{self.output}") from None
 
     def wait(self, timeout_s: float = 30.0) -> int:
         """The exit status of a process that ends by itself."""
+        deadline = Deadline(f"the end of {self.command[0]}", timeout_s)
         try:
             status = self._popen.wait(timeout_s)
         except subprocess.TimeoutExpired:
-            raise AssertionError(
-                f"{self.command[0]} still runs after {timeout_s:g} s:\n{self.output}"
-            ) from None
+            raise deadline.failure() from None
         self._reader.join(5)
         return status
 
@@ -146,19 +145,3 @@ def _yaml(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_yaml, value))}]"
     return str(value)
-
-
-def children(pid: int) -> list[int]:
-    """Processes that ``pid`` has started."""
-    return [
-        int(entry.name)
-        for entry in Path("/proc").iterdir()
-        if entry.name.isdigit() and _parent_of(entry.name) == pid
-    ]
-
-
-def _parent_of(entry: str) -> int:
-    try:
-        return int(Path("/proc", entry, "stat").read_text().rpartition(")")[2].split()[1])
-    except OSError:
-        return 0

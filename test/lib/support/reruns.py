@@ -1,4 +1,4 @@
-"""Why a test was tried again: pytest-rerunfailures says only that it was."""
+"""Reports each test that was repeated because it starved; pytest-rerunfailures only counts them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Print what failed, and what was printed, each time that a test was tried again."""
+    """Print the failure and the output of each attempt that starved."""
     for report in terminalreporter.stats.get("rerun", ()):
-        terminalreporter.section(f"tried again: {report.nodeid}", sep="-")
+        terminalreporter.section(f"starved and repeated: {report.nodeid}", sep="-")
         terminalreporter.write_line(report.longreprtext)
         for name, content in report.sections:
             terminalreporter.write_line(f"--- {name}\n{content}")

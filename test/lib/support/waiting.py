@@ -1,22 +1,97 @@
-"""Waiting for a condition with a deadline, in place of sleeping and hoping."""
+"""Waiting for a condition with a deadline; missed for want of CPU time, it raises :class:`StarvedError`."""
 
 from __future__ import annotations
 
+import contextlib
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 T = TypeVar("T")
 
+_STARVED_FRACTION = 0.25
+"""Fraction of a timeout spent waiting for a CPU above which a missed deadline is blamed on the machine."""
+
+
+class StarvedError(AssertionError):
+    """A deadline was missed while this process, or one that it started, had to wait for a CPU."""
+
+
+class Deadline:
+    """A time limit.
+
+    Parameters
+    ----------
+    what : what is waited for; completes the sentence "waited 15 s for ..."
+    timeout_s : time limit, s
+    """
+
+    def __init__(self, what: str, timeout_s: float) -> None:
+        self._what, self._timeout_s = what, timeout_s
+        self._start_s = time.monotonic()
+        self._cpu_waits = cpu_waits_s()
+
+    def check(self) -> None:
+        """Fail if the limit has passed.
+
+        Raises
+        ------
+        StarvedError
+            The processes had to wait for a CPU during a large part of the time.
+        AssertionError
+            They did not.
+        """
+        if time.monotonic() - self._start_s > self._timeout_s:
+            raise self.failure()
+
+    def failure(self) -> AssertionError:
+        """The error of a missed deadline."""
+        text = f"waited {self._timeout_s:g} s for {self._what}"
+        starved_s = max(waited - self._cpu_waits.get(pid, 0.0) for pid, waited in cpu_waits_s().items())
+        if starved_s > _STARVED_FRACTION * self._timeout_s:
+            return StarvedError(f"{text}; a process waited {starved_s:.1f} s of them for a CPU")
+        return AssertionError(text)
+
+
+def cpu_waits_s() -> dict[int, float]:
+    """Time that this process and its descendants have waited for a CPU, by process id, s: longest thread."""
+    return {pid: max(map(_run_delay_s, _threads(pid)), default=0.0) for pid in _family()}
+
 
 def wait_until(condition: Callable[[], T], what: str, timeout_s: float = 15.0) -> T:
-    """The first true value of ``condition``; fails the test when there is none in time.
-
-    ``what`` completes the sentence "waited 15 s for ...".
-    """
-    deadline = time.monotonic() + timeout_s
+    """The first true value of ``condition``; fails the test if there is none in time."""
+    deadline = Deadline(what, timeout_s)
     while not (value := condition()):
-        if time.monotonic() > deadline:
-            raise AssertionError(f"waited {timeout_s:g} s for {what}")
+        deadline.check()
         time.sleep(0.01)
     return value
+
+
+def children(pid: int) -> list[int]:
+    """Processes that ``pid`` has started and that still run."""
+    found: list[int] = []
+    for file in Path(f"/proc/{pid}/task").glob("*/children"):
+        with contextlib.suppress(OSError):  # the thread has ended
+            found += map(int, file.read_text().split())
+    return found
+
+
+def _family() -> list[int]:
+    """This process and its descendants."""
+    family = [os.getpid()]
+    for pid in family:
+        family += children(pid)
+    return family
+
+
+def _threads(pid: int) -> list[Path]:
+    return list(Path(f"/proc/{pid}/task").glob("*/schedstat"))
+
+
+def _run_delay_s(schedstat: Path) -> float:
+    try:
+        return int(schedstat.read_text().split()[1]) * 1e-9
+    except (OSError, IndexError):  # the thread has ended
+        return 0.0

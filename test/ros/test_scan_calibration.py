@@ -1,0 +1,67 @@
+"""The mapping node calibrates a scan in the background when recording pauses."""
+
+import pytest
+from support.hand import Hand
+from support.sweeps import scene_of, write_scan
+
+from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.io.scans.learned import KEY, LearnedResults
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scene_file import save_scene
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def files(tmp_path):
+    save_scene(scene_of(), tmp_path / "scene.yaml")
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"}
+
+
+def loaded(path):
+    with ScanStore.open(path) as store:
+        return store.load(), store.scene
+
+
+def levels(arrays, name):
+    return [status.level for array in arrays for status in array.status if status.name == name]
+
+
+def test_calibration_blocks_no_service_and_loses_no_pair(node_process, probe, files):
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    write_scan(files["scan_file"], calibrated=False)
+    scan, scene = loaded(files["scan_file"])
+    arrays = probe.listen(DiagnosticArray, "/diagnostics", 100)
+    process = node_process("mapping_node", files)
+    hand = Hand(probe, phalanges=("index", "middle"))
+    process.wait_for_line("calibrating", timeout_s=30.0)
+    assert hand.service("start_sweep").success
+    hand.pose(0)
+    hand.slide(1000)
+    hand.wait_for_stamp(1000)
+    assert hand.service("end_sweep").success
+    assert "calibration stored" not in process.output, "recorded during the calibration"
+    probe.until(lambda: "calibration stored" in process.output, "the calibration", 120.0)
+    assert levels(arrays, "mapping: calibration"), "its progress is in the diagnostics"
+    assert set(levels(arrays, "mapping: calibration")) == {DiagnosticStatus.OK}
+    assert process.stop() == 0
+    assert "Traceback" not in process.output
+    assert LearnedResults(files["scan_file"]).load_learned(KEY, digest_of(scan, scene)) is not None
+    with ScanStore.open(files["scan_file"]) as store:
+        sweep = store.sweeps()[-1]
+    assert (sweep.pairs, sweep.gaps, sweep.skipped) == (1000 // 5, 0, 0)
+
+
+def test_a_scan_that_cannot_be_calibrated_is_a_warning(node_process, probe, files):
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    write_scan(files["scan_file"], calibrated=False)
+    with ScanStore.open(files["scan_file"], writable=True) as store:
+        for sweep in store.sweeps():
+            store.drop_sweep(sweep.number)
+    arrays = probe.listen(DiagnosticArray, "/diagnostics", 100)
+    process = node_process("mapping_node", files)
+    warning = DiagnosticStatus.WARN
+    probe.until(lambda: warning in levels(arrays, "mapping: calibration"), "the warning", 30.0)
+    assert process.stop() == 0
