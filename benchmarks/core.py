@@ -1,4 +1,4 @@
-"""Speed and exactness of the numerical core: updates, maps of any size, models, axes, phalanges, memory.
+"""Speed and exactness of the core: the whole update and its parts, kernel updates, maps, models, axes.
 
 One thread. Beside each time stand its ratio to the floor (one read of the training strains, measured in the
 same run) and the total variation of the weights from those of the exact sum.
@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 from record import record, row
+from whole_update import whole_updates
 from workload import (
     PAIRS,
     POSITION_STD,
@@ -393,7 +394,14 @@ def drift() -> list[dict[str, Any]]:
     return [row("10 million updates: the weights' sum is off by", worst, "", "<= 1e-12")]
 
 
-GROUPS = {"updates": updates, "maps": maps, "models": models, "scenes": scenes, "drift": drift}
+GROUPS = {
+    "whole": whole_updates,
+    "updates": updates,
+    "maps": maps,
+    "models": models,
+    "scenes": scenes,
+    "drift": drift,
+}
 
 
 def main() -> None:

@@ -24,7 +24,8 @@ from tactile_localizer.offline.figures.comparison import evaluation_figures
 from tactile_localizer.offline.reports.evaluation import evaluation_report
 from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.reports.json_file import write_json
-from tactile_localizer.offline.reports.tables import Table, evaluation_tables
+from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.reports.tables import evaluation_tables
 
 RESUMES = True
 

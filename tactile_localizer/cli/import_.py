@@ -27,7 +27,7 @@ from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 

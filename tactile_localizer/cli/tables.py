@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Shown
 
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 
 _WORDS = 60
 """Characters from which a cell is words rather than a number."""

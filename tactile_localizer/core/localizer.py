@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria, State, mass_near
+from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria, State
 from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsistency
 from tactile_localizer.core.decision.presence import Presence
 from tactile_localizer.core.decision.sweep_offset import SweepOffset
@@ -205,7 +205,9 @@ class Localizer:
 
         self._decide(log_prior, evaluation, travel, stretch)
         if self._offset.is_learned:
-            expected = self.model.expected(states, log_prior + exponent * evaluation.position, whitened)
+            expected = self.model.expected(
+                evaluation.nodes, log_prior + exponent * evaluation.position, whitened
+            )
             self._offset.update(expected, used, exponent)
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
@@ -226,9 +228,7 @@ class Localizer:
         self._explanations = np.array([here, elsewhere, evaluation.featureless])
         self._presence.update(self._exponent * self._explanations)
         assert self._belief is not None
-        states, weights = self.filter.hypotheses()
-        radius = self._convergence.criteria.radius
-        near = mass_near(states, weights, self._belief.mean, radius, self.scene.wraps)
+        near = self.filter.mass_near(self._belief.mean, self._convergence.criteria.radius)
         self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)
 
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:

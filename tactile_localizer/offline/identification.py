@@ -15,7 +15,7 @@ from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.offline.figures.axes import MM, legend_below
 from tactile_localizer.offline.metrics import MARKS
 from tactile_localizer.offline.odometry import travelled
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.strain_map import StrainMap
@@ -74,7 +74,7 @@ def calibration(
     squared = _pooled([squared_mahalanobis(scene, track) for track in tracks], keep)
     if not len(squared):
         return {"nees": None, "coverage_95": None}
-    limit = chi2.ppf(CONFIDENCE, scene.dimension)
+    limit = chdtri(scene.dimension, 1.0 - CONFIDENCE)
     return {
         "nees": float(np.mean(squared) / scene.dimension),
         "coverage_95": float(np.mean(squared <= limit)),

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
@@ -101,7 +101,7 @@ def _longest(errors: np.ndarray) -> int:
     best = int(errors.mean(axis=0).argmin())
     loss = errors - errors[:, best : best + 1]
     # Of two sweeps the standard error is hardly known: Student's t is as wide as that deserves.
-    tolerance = t.ppf(_ONE_SIGMA, len(errors) - 1) * loss.std(axis=0, ddof=1) / np.sqrt(len(errors))
+    tolerance = stdtrit(len(errors) - 1, _ONE_SIGMA) * loss.std(axis=0, ddof=1) / np.sqrt(len(errors))
     return int(np.flatnonzero(loss.mean(axis=0) <= tolerance)[-1])
 
 

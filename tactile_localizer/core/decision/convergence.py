@@ -7,8 +7,6 @@ from enum import Enum
 
 import numpy as np
 
-from tactile_localizer.core.geometry.angles import wrap_angle
-
 
 class State(Enum):
     """Where a localization stands."""
@@ -101,14 +99,3 @@ class Convergence:
         if on_map < near:
             return f"{prefix}: the map explains what is felt with probability {on_map:.2f}"
         return f"{prefix}: the position is within the radius with probability {near:.2f}"
-
-
-def mass_near(
-    states: np.ndarray, weights: np.ndarray, mean: np.ndarray, radius: np.ndarray, wraps: np.ndarray
-) -> float:
-    """Share of the weights (P,) of ``states`` (P, d) in the ellipsoid of ``radius`` (d,) about ``mean``."""
-    deviation = states - mean
-    if wraps.any():
-        deviation[:, wraps] = wrap_angle(deviation[:, wraps])
-    inside = np.sum((deviation / radius) ** 2, axis=1) <= 1.0
-    return float(weights[inside].sum() / weights.sum())

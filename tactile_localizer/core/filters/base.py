@@ -43,5 +43,8 @@ class BayesFilter(Protocol):
     def belief(self) -> Belief:
         """Moments of the belief, after weighting and before anything is resampled or injected."""
 
+    def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
+        """Probability of the ellipsoid with half-axes ``radius`` (d,) about ``mean`` (d,)."""
+
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) and weights (P,) that sum to one."""

@@ -8,7 +8,6 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.filters.weights import moments
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.errors import ParameterError
@@ -66,12 +65,10 @@ class GridFilter:
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
         """See :meth:`.BayesFilter.seed`; deviations below half a cell are taken as half a cell."""
+        self._place(np.ones(self._shape))
         log_density = np.zeros(self._shape)
-        for axis, count in enumerate(self._shape):
-            deviation = self._lower[axis] + self._cell[axis] * (np.arange(count) + 0.5) - mean[axis]
-            if self._wraps[axis]:
-                deviation = wrap_angle(deviation)
-            scaled = deviation / max(std[axis], 0.5 * self._cell[axis])
+        for axis in range(len(self._shape)):
+            scaled = self._deviation(axis, mean[axis]) / max(std[axis], 0.5 * self._cell[axis])
             others = tuple(a for a in range(len(self._shape)) if a != axis)
             log_density += np.expand_dims(-0.5 * scaled**2, others)
         self._place(np.exp(log_density - log_density.max()))
@@ -101,10 +98,9 @@ class GridFilter:
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.prior`."""
-        weights = self._belief.ravel()
-        self._alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
-        self._log_prior = np.log(weights[self._alive])
-        return self._states(self._alive), self._log_prior
+        weights = self._find_alive()
+        self._log_prior = np.log(weights)
+        return self._states(), self._log_prior
 
     def update(self, log_likelihood: np.ndarray) -> None:
         """See :meth:`.BayesFilter.update`."""
@@ -118,28 +114,69 @@ class GridFilter:
 
     def belief(self) -> Belief:
         """See :meth:`.BayesFilter.belief`; the spread within a cell counts."""
-        states, weights = self.hypotheses()
-        mean, covariance = moments(states, weights, self._wraps)
-        covariance += np.diag(self._cell**2 / 12.0 + self._pending * self._cell**2)
-        return Belief(mean, covariance, float(1.0 / (weights @ weights)), len(weights))
+        dimension = len(self._shape)
+        marginals = [self._marginal(axis) for axis in range(dimension)]
+        mean = np.empty(dimension)
+        for axis, weights in enumerate(marginals):
+            centres = self._centres(axis)
+            mean[axis] = weights @ centres
+            if self._wraps[axis]:
+                mean[axis] = math.atan2(weights @ np.sin(centres), weights @ np.cos(centres))
+        deviations = [self._deviation(axis, mean[axis]) for axis in range(dimension)]
+        covariance = np.diag(self._cell**2 / 12.0 + self._pending * self._cell**2)
+        for a in range(dimension):
+            covariance[a, a] += marginals[a] @ deviations[a] ** 2
+            for b in range(a):
+                covariance[a, b] = covariance[b, a] = deviations[b] @ self._marginal(b, a) @ deviations[a]
+        weights = self._belief.ravel()
+        alive = int(np.count_nonzero(weights > _NEGLIGIBLE * weights.max()))
+        return Belief(mean, covariance, float(1.0 / (weights @ weights)), alive)
+
+    def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
+        """See :meth:`.BayesFilter.mass_near`."""
+        squared, near = np.zeros(()), []
+        for axis, half in enumerate(radius):
+            along = (self._deviation(axis, mean[axis]) / half) ** 2
+            near.append(np.flatnonzero(along <= 1.0))
+            squared = np.add.outer(squared, along[near[-1]])
+        return float(self._belief[np.ix_(*near)][squared <= 1.0].sum())
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
-        weights = self._belief.ravel()
-        alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
-        return self._states(alive), weights[alive] / weights[alive].sum()
+        weights = self._find_alive()
+        return self._states(), weights / weights.sum()
 
     def _place(self, belief: np.ndarray) -> None:
         self._belief = belief / belief.sum()
         self._offset = np.zeros(len(self._shape))
         self._pending = np.zeros(len(self._shape))
 
-    def _states(self, cells: np.ndarray) -> np.ndarray:
-        origin = self._lower + 0.5 * self._cell + self._offset
-        index = np.unravel_index(cells, self._shape)
-        return np.stack(
-            [first + size * i for first, size, i in zip(origin, self._cell, index, strict=True)], 1
-        )
+    def _find_alive(self) -> np.ndarray:
+        """Note which cells have weight, and return their weights (P,)."""
+        weights = self._belief.ravel()
+        self._alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
+        return weights[self._alive]
+
+    def _states(self) -> np.ndarray:
+        """Centres of the cells that have weight, (P, d)."""
+        states = np.empty((len(self._alive), len(self._shape)))
+        for axis, index in enumerate(np.unravel_index(self._alive, self._shape)):
+            states[:, axis] = self._centres(axis)[index]
+        return states
+
+    def _centres(self, axis: int) -> np.ndarray:
+        """Centres of the cells along an axis."""
+        origin = self._lower[axis] + self._offset[axis]
+        return origin + self._cell[axis] * (np.arange(self._shape[axis]) + 0.5)
+
+    def _deviation(self, axis: int, place: float) -> np.ndarray:
+        """Distances of the cells' centres from a place along an axis."""
+        deviation = self._centres(axis) - place
+        return wrap_angle(deviation) if self._wraps[axis] else deviation
+
+    def _marginal(self, *axes: int) -> np.ndarray:
+        """Probabilities along one or two axes."""
+        return self._belief.sum(axis=tuple(axis for axis in range(len(self._shape)) if axis not in axes))
 
     def _shift(self, axis: int, cells: int) -> float:
         """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""

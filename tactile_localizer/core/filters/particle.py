@@ -108,6 +108,14 @@ class ParticleFilter:
         mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
         return Belief(mean, covariance, effective_sample_size(self._log_weights), len(self._states))
 
+    def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
+        """See :meth:`.BayesFilter.mass_near`."""
+        deviation = self._states - mean
+        if self._wraps.any():
+            deviation[:, self._wraps] = wrap_angle(deviation[:, self._wraps])
+        inside = np.square(deviation / radius) @ np.ones(len(radius)) <= 1.0
+        return float(np.exp(self._log_weights[inside]).sum())
+
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
         return self._states.copy(), np.exp(self._log_weights)

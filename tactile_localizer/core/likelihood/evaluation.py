@@ -20,6 +20,7 @@ class Evaluation(NamedTuple):
     other_material : (P,) at each state, with a larger variance: as at that place, but another material
     elsewhere : mean over all places of the map, with the larger variance
     featureless : of featureless material; ``-inf`` where the scanned material is felt everywhere
+    nodes : (P,) of the map, nearest to the states
     """
 
     position: np.ndarray
@@ -27,6 +28,7 @@ class Evaluation(NamedTuple):
     other_material: np.ndarray
     elsewhere: float
     featureless: float
+    nodes: np.ndarray
 
 
 class Expected(NamedTuple):
@@ -75,5 +77,5 @@ class StrainModel(Protocol):
         offset_variance : (F,) of what is not known of the sweep's offset, whitened
         """
 
-    def expected(self, states: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
-        """The strain (C,) compared with its expectation under ``log_weights`` (P,) of ``states`` (P, d)."""
+    def expected(self, nodes: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
+        """The strain (C,) compared with its expectation under ``log_weights`` (P,) of ``nodes`` (P,)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked
 from tactile_localizer.core.likelihood.kernels.background import Background
@@ -160,7 +160,7 @@ class Gaussian(MeasurementModel):
     def _choose_shrinkage(self, rows: np.ndarray, held_out: np.ndarray) -> Shrinkage:
         factors = self._factors(np.ones(self._layout.phalanges, dtype=bool))
         dimension = sum(len(columns) for columns in factors)
-        expected = float(chi2.median(dimension))
+        expected = float(chdtri(dimension, 0.5))
 
         def evaluate(share: float) -> tuple[float, float, float]:
             parts = [self._distance(rows, held_out, columns, share) for columns in factors]

@@ -41,6 +41,6 @@ class KernelPosition:
         position = self._model.log_likelihood(states, volts, used)
         return self.mixture.evaluate(states, strain, used, offset_variance)._replace(position=position)
 
-    def expected(self, states: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
+    def expected(self, nodes: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
         """See :meth:`.StrainModel.expected`."""
-        return self.mixture.expected(states, log_weights, strain)
+        return self.mixture.expected(nodes, log_weights, strain)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -79,11 +80,10 @@ class StrainMap(NamedTuple):
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
         """Index of the node nearest to each of ``states`` (P, d), (P,) int; those beyond are moved inside."""
-        index = np.zeros(len(states), dtype=np.intp)
-        for axis, count in enumerate(self.shape):
-            along = np.rint((states[:, axis] - self.origin[axis]) / self.step[axis]).astype(np.intp)
-            index = index * count + np.clip(along, 0, count - 1)
-        return index
+        along = np.rint((states - self.origin) / self.step)
+        along = np.minimum(np.maximum(along, 0.0), np.array(self.shape) - 1.0)
+        strides = np.array([math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape))])
+        return (along @ strides).astype(np.intp)
 
 
 def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from copy import copy
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from tactile_localizer.core.filters.weights import log_mean
 from tactile_localizer.core.likelihood.evaluation import Evaluation, Expected
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import log_density
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
 
 INFLATION = 9.0
 """Factor of the variance under which a strain fits unknown material: three standard deviations. By judgement;
@@ -46,18 +48,21 @@ class SweepMixture:
         self.noise, self.map, self.cell = noise, strain_map, cell
         self.information_length, self.presence_length = information_length, presence_length
         self.offset_variance = noise.offset_variance
-        layout = noise.layout
         self._featureless_variance = strain_map.featureless_variance
-        # By component and phalanx, each table contiguous: a measurement update runs through them in order.
-        self._means = [
-            [np.ascontiguousarray(strain_map.mean[:, k, own]) for own in layout.slices]
-            for k in range(strain_map.mean.shape[1])
-        ]
-        self._squares = [[np.einsum("mc,mc->m", part, part) for part in parts] for parts in self._means]
-        self._variances = np.ascontiguousarray(np.moveaxis(strain_map.variance, 0, 2))
-        self._log_priors = np.ascontiguousarray(strain_map.log_prior.T)
-        count = len(strain_map.mean)
-        self._places = np.linspace(0, count - 1, min(count, _ELSEWHERE_PLACES)).astype(np.intp)
+        counts = np.array(noise.layout.counts, dtype=np.float32)
+        self._tails = np.float32(DEGREES_OF_FREEDOM) + counts
+        # Columns by which a product with strains sums over the channels of each phalanx.
+        self._phalanges = noise.layout.expand(np.eye(len(counts), dtype=np.float32)).T
+        count, self._components, channels = strain_map.mean.shape
+        squares = np.square(strain_map.mean.reshape(-1, channels)) @ self._phalanges
+        self._tables = _Rows(
+            strain_map.mean,
+            squares.reshape(count, self._components, -1),
+            strain_map.variance,
+            strain_map.log_prior,
+        )
+        places = np.linspace(0, count - 1, min(count, _ELSEWHERE_PLACES)).astype(np.intp)
+        self._places = self._tables.take(places)
 
     def tempered(self, information_length: float) -> SweepMixture:
         """The same tables with another length of information."""
@@ -78,21 +83,19 @@ class SweepMixture:
     ) -> Evaluation:
         """See :meth:`.StrainModel.evaluate`."""
         nodes = self.map.nearest(states)
-        places = self._places
-        rows = np.concatenate([nodes, places])
-        plain, inflated = self._densities(rows, strain, used, offset_variance)
-        count = len(nodes)
+        plain, inflated = self._densities(self._tables.take(nodes), strain, used, offset_variance)
+        _, anywhere = self._densities(self._places, strain, used, offset_variance)
         volume = float(self.noise.log_volume[used].sum())
-        position = _mixed(plain[:, :count]) + volume
-        other = _mixed(inflated[:, :count]) + volume
-        elsewhere = log_mean(_mixed(inflated[:, count:])) + volume
+        position = _mixed(plain) + volume
+        other = _mixed(inflated) + volume
+        elsewhere = log_mean(_mixed(anywhere)) + volume
         featureless = self._featureless(strain, used, offset_variance) + volume
-        return Evaluation(position, position, other, elsewhere, featureless)
+        return Evaluation(position, position, other, elsewhere, featureless, nodes)
 
-    def expected(self, states: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
+    def expected(self, nodes: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
         """See :meth:`.StrainModel.expected`; by the nearest pair of sweeps of each state."""
         kept = log_weights > log_weights.max() + _LOG_NEGLIGIBLE
-        nodes, weights = self.map.nearest(states[kept]), np.exp(log_weights[kept] - log_weights.max())
+        nodes, weights = nodes[kept], np.exp(log_weights[kept] - log_weights.max())
         weights = (weights / weights.sum()).astype(np.float32)
         means = self.map.mean[nodes, 0]
         mean = weights @ means
@@ -100,24 +103,30 @@ class SweepMixture:
         return Expected(strain - mean, spread, weights @ self.map.variance[nodes, 0])
 
     def _densities(
-        self, rows: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
+        self, rows: _Rows, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Log-densities (K, P) of a strain at rows of the tables, with priors; and of larger variance."""
-        plain = self._log_priors.take(rows, axis=1)
-        inflated = plain.copy()
+        """Log-densities (P, K) of a strain at rows of the tables, with priors; and of larger variance."""
         strain = strain.astype(np.float32)
-        for index in np.flatnonzero(used):
-            own = self.noise.layout.slices[index]
-            channels, part = own.stop - own.start, strain[own]
-            for k, means in enumerate(self._means):
-                # |z - m|^2 by one product with the table instead of differences channel by channel.
-                squared = self._squares[k][index].take(rows)
-                squared -= 2.0 * (means[index].take(rows, axis=0) @ part) - part @ part
-                np.maximum(squared, 0.0, out=squared)
-                variance = self._variances[k, index].take(rows) + np.float32(offset_variance[index])
-                plain[k] += log_density(squared, variance, channels)
-                inflated[k] += log_density(squared, np.float32(INFLATION) * variance, channels)
-        return plain, inflated
+        columns = self._phalanges * strain[:, None]
+        # |z - m|^2 by one product with the table instead of differences channel by channel.
+        squared = rows.squares - 2.0 * (rows.mean @ columns)
+        squared += strain @ columns
+        np.maximum(squared, 0.0, out=squared)
+        squared *= np.float32(1.0 / DEGREES_OF_FREEDOM)
+        variance = rows.variance + offset_variance.astype(np.float32)
+        tails = np.float32(-0.5) * self._tails * used
+        heads = np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32)
+        wide = np.float32(INFLATION) * variance
+        wide += squared
+        squared += variance
+        common = np.log(variance, out=variance) @ heads
+        common += rows.log_prior
+        plain = np.log(squared, out=squared) @ tails
+        plain += common
+        inflated = np.log(wide, out=wide) @ tails
+        inflated += common
+        inflated += heads.sum() * np.float32(np.log(INFLATION))
+        return plain.reshape(-1, self._components), inflated.reshape(-1, self._components)
 
     def _featureless(self, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray) -> float:
         if self._featureless_variance is None:
@@ -132,9 +141,35 @@ class SweepMixture:
         )
 
 
+class _Rows(NamedTuple):
+    """Tables for P places with K components each, or their rows (P K) one below the other.
+
+    Parameters
+    ----------
+    mean : (P, K, C)
+    squares : (P, K, F) squared length of each phalanx's mean
+    variance : (P, K, F)
+    log_prior : (P, K)
+    """
+
+    mean: np.ndarray
+    squares: np.ndarray
+    variance: np.ndarray
+    log_prior: np.ndarray
+
+    def take(self, rows: np.ndarray) -> _Rows:
+        """Some of the places, by index, with a row for each of their components."""
+        mean, squares, variance, log_prior = (table.take(rows, axis=0) for table in self)
+        flat = [part.reshape(-1, part.shape[-1]) for part in (mean, squares, variance)]
+        return _Rows(flat[0], flat[1], flat[2], log_prior.ravel())
+
+
 def _mixed(log_densities: np.ndarray) -> np.ndarray:
-    """Logarithms of the sums over components, (K, P) to (P,) float64."""
-    if len(log_densities) == 1:
-        return log_densities[0].astype(np.float64)
-    largest = log_densities.max(axis=0)
-    return (largest + np.log(np.exp(log_densities - largest).sum(axis=0))).astype(np.float64)
+    """Logarithms of the sums over components, (P, K) to (P,) float64."""
+    components = log_densities.T
+    largest = reduce(np.maximum, components)
+    if len(components) == 1:
+        return largest.astype(np.float64)
+    scaled = log_densities - largest[:, None]
+    total = np.exp(scaled, out=scaled) @ np.ones(len(components), dtype=np.float32)
+    return (largest + np.log(total)).astype(np.float64)

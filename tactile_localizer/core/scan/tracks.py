@@ -20,6 +20,8 @@ PITCH = 0.0005
 
 _NEAREST = 6
 """Tracks around a place that are considered, three on either side of it."""
+_SPARE = 2
+"""Tracks beyond the nearest that are looked at, because the nearest point of a track is not its foot."""
 _PRIOR_PER_LINE = 0.5
 """nats that a pair of tracks loses for each further line it spans: the nearest two need not be in the same
 deformation mode as the sweep that is to come. By judgement, not varied yet."""
@@ -127,41 +129,51 @@ def _feet(
     Shapes (M, T, d), (M, T, C) and (M, T), nearest first; T at most :data:`_NEAREST` but on one axis, where
     it is all tracks. Strains are linear between a track's points.
     """
-    scale = lever(scene)
+    queries = places * lever(scene)
+    points = [_unwrapped(track.positions, scene, places) * lever(scene) for track in tracks]
+    found = [cKDTree(each).query(queries) for each in points]
+    distance, index = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+    starts = np.cumsum([0, *map(len, points)])
+    first, last = starts[:-1], starts[1:] - 1
+    index = index + first
+    rows = np.arange(len(places))[:, None]
+    every = scene.dimension == 1 or len(tracks) == 1
+    if not every:  # tracks further away than these have no nearer foot between their points either
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _SPARE]
+        index, first, last = index[rows, nearest], first[nearest], last[nearest]
+    joined = np.concatenate(points)
+    foot = joined[index]
+    other, ratio = index, np.zeros(index.shape)
+    best = np.sum((queries[:, None] - foot) ** 2, axis=2)
+    for step in (-1, 1):
+        beside = np.clip(index + step, first, last)
+        edge = joined[beside] - joined[index]
+        length = np.sum(edge**2, axis=2)
+        along = np.sum((queries[:, None] - joined[index]) * edge, axis=2) / np.where(length > 0, length, 1.0)
+        along = np.clip(along, 0.0, 1.0)
+        candidate = joined[index] + along[..., None] * edge
+        away = np.sum((queries[:, None] - candidate) ** 2, axis=2)
+        closer = away < best
+        best = np.where(closer, away, best)
+        foot = np.where(closer[..., None], candidate, foot)
+        other, ratio = np.where(closer, beside, other), np.where(closer, along, ratio)
+    if not every:
+        order = np.argsort(best, axis=1, kind="stable")[:, :_NEAREST]
+        foot, best, ratio = foot[rows, order], best[rows, order], ratio[rows, order]
+        index, other = index[rows, order], other[rows, order]
+    strains = np.concatenate([track.strain for track in tracks])
+    strain = strains[index]
+    strain += ratio[..., None] * (strains[other] - strain)
+    return foot, strain, np.sqrt(best)
+
+
+def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.ndarray:
+    """Positions (n, d) with those of full-turn axes on the turn of the nearest of ``places`` (M, d)."""
     wraps = scene.wraps
-    queries = places * scale
-    feet, strains = [], []
-    for track in tracks:
-        points = track.positions * scale
-        if wraps.any():
-            near = places[cKDTree(places * scale).query(points)[1]]
-            turned = near + np.where(wraps, wrap_angle(track.positions - near), track.positions - near)
-            points = turned * scale
-        index = cKDTree(points).query(queries)[1]
-        foot, strain = points[index], track.strain[index]
-        best = np.sum((queries - foot) ** 2, axis=1)
-        for step in (-1, 1):
-            other = np.clip(index + step, 0, len(points) - 1)
-            edge = points[other] - points[index]
-            length = np.sum(edge**2, axis=1)
-            ratio = np.sum((queries - points[index]) * edge, axis=1) / np.where(length > 0, length, 1.0)
-            ratio = np.clip(ratio, 0.0, 1.0)[:, None]
-            candidate = points[index] + ratio * edge
-            squared = np.sum((queries - candidate) ** 2, axis=1)
-            closer = squared < best
-            best = np.where(closer, squared, best)
-            foot = np.where(closer[:, None], candidate, foot)
-            between = track.strain[index] + ratio * (track.strain[other] - track.strain[index])
-            strain = np.where(closer[:, None], between, strain)
-        feet.append(foot)
-        strains.append(strain)
-    all_feet, all_strains = np.stack(feet, axis=1), np.stack(strains, axis=1)
-    distance = np.sqrt(np.sum((all_feet - queries[:, None]) ** 2, axis=2))
-    if scene.dimension > 1 and len(tracks) > 1:
-        order = np.argsort(distance, axis=1, kind="stable")[:, :_NEAREST]
-        rows = np.arange(len(places))[:, None]
-        return all_feet[rows, order], all_strains[rows, order], distance[rows, order]
-    return all_feet, all_strains, distance
+    if not wraps.any():
+        return positions
+    near = places[cKDTree(places * lever(scene)).query(positions * lever(scene))[1]]
+    return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 
 def _repeats(strain: np.ndarray, distance: np.ndarray) -> Expectation:

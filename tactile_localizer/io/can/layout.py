@@ -1,4 +1,4 @@
-"""Bit layout of the load cells' messages: a DBC compiled to arrays for vectorised decoding."""
+"""The load cells' messages in a DBC: which frames they are, and their gauges, counters and statuses."""
 
 from __future__ import annotations
 
@@ -57,42 +57,50 @@ class SignalNames:
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Bit layout of M messages with up to S signals each: gauges first, then the counter, then the status.
+class Gauge:
+    """A gauge in a message: its strain is (raw * scale + offset) * volts, saturated at the ends of its range.
 
-    Signals that a message does not have are zero in ``mask`` and -1 in ``channel``.
+    Parameters
+    ----------
+    signal : name in the DBC
+    scale, offset, volts : from the raw value to the DBC's unit, and from that to V
+    lowest, highest : V, ends of the range
+    """
+
+    signal: str
+    scale: float
+    offset: float
+    volts: float
+    lowest: float
+    highest: float
+
+
+@dataclass(frozen=True)
+class Layout:
+    """M messages of up to G gauges.
 
     Attributes
     ----------
+    message : the messages
+    gauges : of each message
+    counter, status : names of each message's counter and status, ``None`` without one
     key : (M,) uint32 frame keys
     length : (M,) data bytes of a frame on the bus
     phalanx : (M,) index of the message's phalanx
     counter_bits : (M,) width of the counter, 0 without one
-    channel : (M, S - 2) column of each gauge in the strain vector, -1 without one
-    start : (M, S, 8) indices of the bytes to gather, least significant first; ``ninth`` (M, S): the next byte
-    shift, mask, sign : (M, S) uint64 position, extent and sign bit of the signal in the gathered word
-    float_bits : (M, S) width of an IEEE float signal, 0: integer
-    scale, offset, volts : (M, S) physical value = (raw * scale + offset) * volts
-    lowest, highest : (M, S - 2) V, ends of the range, where a gauge is saturated
+    channel : (M, G) column of each gauge in the strain vector, -1 without one
     channels : the strain vector's channels by phalanx
     """
 
+    message: tuple[Message, ...]
+    gauges: tuple[tuple[Gauge, ...], ...]
+    counter: tuple[str | None, ...]
+    status: tuple[str | None, ...]
     key: np.ndarray
     length: np.ndarray
     phalanx: np.ndarray
     counter_bits: np.ndarray
     channel: np.ndarray
-    start: np.ndarray
-    ninth: np.ndarray
-    shift: np.ndarray
-    mask: np.ndarray
-    sign: np.ndarray
-    float_bits: np.ndarray
-    scale: np.ndarray
-    offset: np.ndarray
-    volts: np.ndarray
-    lowest: np.ndarray
-    highest: np.ndarray
     channels: ChannelLayout
 
 
@@ -192,16 +200,16 @@ def phalanges_of(database: Database, names: SignalNames) -> list[str]:
 
 
 def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> Layout:
-    """Compile the bit layout of the ``messages`` of ``phalanges``.
+    """Find the gauges, counters and statuses in the ``messages`` of ``phalanges``.
 
     Raises
     ------
     CanError
-        A gauge is missing, duplicated, scaled by 0 or in a unit other than V, mV or uV; a message is
-        multiplexed or longer than a frame; only some messages of a phalanx have a counter; two messages
-        share an identifier.
+        A gauge is missing, duplicated, scaled by 0 or in a unit other than V, mV or uV; a counter is a
+        float; a message is multiplexed or longer than a frame; only some messages of a phalanx have a
+        counter; two messages share an identifier.
     """
-    rows = []
+    rows: list[tuple[int, Message, dict[int, Signal], Signal | None, Signal | None]] = []
     counts: list[int] = []
     for index, (phalanx, own) in enumerate(zip(phalanges, messages, strict=True)):
         gauges = _gauges_of(phalanx, own, names)
@@ -211,26 +219,24 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
         _check(phalanx, own, gauges, counter)
         for message in own:
             by_name = {signal.name: signal for signal in message.signals}
-            here = [(first + g, by_name[name]) for g, name in enumerate(gauges) if name in by_name]
+            here = {first + g: by_name[name] for g, name in enumerate(gauges) if name in by_name}
             rows.append((index, message, here, by_name.get(counter), by_name.get(status)))
-    width = max(len(row[2]) for row in rows)
-    layout = _empty_layout(len(rows), width, ChannelLayout(tuple(counts)))
-    for m, (index, message, here, counter_signal, status_signal) in enumerate(rows):
-        layout.key[m] = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-        layout.length[m] = wire_length(message.length)
-        layout.phalanx[m] = index
-        for s, (channel, signal) in enumerate(here):
-            layout.channel[m, s] = channel
-            _place(layout, m, s, message, signal)
-            layout.volts[m, s] = VOLTS[signal.unit]
-            layout.lowest[m, s], layout.highest[m, s] = _range(signal)
-        if counter_signal is not None:
-            _place(layout, m, width, message, counter_signal)
-            layout.counter_bits[m] = counter_signal.length
-        if status_signal is not None:
-            _place(layout, m, width + 1, message, status_signal)
+    width = max(len(here) for _, _, here, _, _ in rows)
+    found = [message for _, message, _, _, _ in rows]
+    layout = Layout(
+        message=tuple(found),
+        gauges=tuple(tuple(map(_gauge, here.values())) for _, _, here, _, _ in rows),
+        counter=tuple(signal.name if signal else None for _, _, _, signal, _ in rows),
+        status=tuple(signal.name if signal else None for _, _, _, _, signal in rows),
+        key=np.array([m.frame_id | (EXTENDED if m.is_extended_frame else 0) for m in found], np.uint32),
+        length=np.array([wire_length(message.length) for message in found]),
+        phalanx=np.array([index for index, _, _, _, _ in rows], np.intp),
+        counter_bits=np.array([signal.length if signal else 0 for _, _, _, signal, _ in rows]),
+        channel=np.array([[*here, *[-1] * (width - len(here))] for _, _, here, _, _ in rows], np.intp),
+        channels=ChannelLayout(tuple(counts)),
+    )
     for key in layout.key.tolist():
-        shared = [rows[m][1].name for m in np.flatnonzero(layout.key == key)]
+        shared = [found[m].name for m in np.flatnonzero(layout.key == key)]
         if len(shared) > 1:
             raise CanError(f"frame 0x{key & 0x1FFFFFFF:X}: expected one message, found {', '.join(shared)}")
     return layout
@@ -261,6 +267,8 @@ def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], cou
             raise CanError(f"signal {gauge!r} of {where}: expected at most 64 bits, found {found[0].length}")
         if not found[0].scale:
             raise CanError(f"signal {gauge!r} of {where}: expected a scale other than 0, found 0")
+    if any(signal.is_float for signal in signals if signal.name == counter):
+        raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
     counters = {signal.length for signal in signals if signal.name == counter}
     having = sum(any(signal.name == counter for signal in message.signals) for message in messages)
     if having not in (0, len(messages)) or len(counters) > 1:
@@ -268,57 +276,19 @@ def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], cou
             f"phalanx {phalanx!r}: expected {counter!r} of one width in all of {where}, or in none"
         )
     for message in messages:
-        if message.is_multiplexed():
-            raise CanError(f"message {message.name!r}: expected no multiplexed signals, found some")
-        if message.length > MAX_BYTES:
-            raise CanError(
-                f"message {message.name!r}: expected at most {MAX_BYTES} bytes, got {message.length}"
-            )
+        _check_message(message)
 
 
-def _empty_layout(messages: int, gauges: int, channels: ChannelLayout) -> Layout:
-    def table(dtype: type, *more: int, columns: int = gauges + 2) -> np.ndarray:
-        return np.zeros((messages, columns, *more), dtype=dtype)
-
-    return Layout(
-        key=np.zeros(messages, np.uint32),
-        length=np.zeros(messages, np.int64),
-        phalanx=np.zeros(messages, np.intp),
-        counter_bits=np.zeros(messages, np.int64),
-        channel=np.full((messages, gauges), -1, dtype=np.intp),
-        start=table(np.intp, 8),
-        ninth=table(np.intp),
-        shift=table(np.uint64),
-        mask=table(np.uint64),
-        sign=table(np.uint64),
-        float_bits=table(np.int64),
-        scale=table(np.float64),
-        offset=table(np.float64),
-        volts=np.ones((messages, gauges)),
-        lowest=np.full((messages, gauges), -np.inf),
-        highest=np.full((messages, gauges), np.inf),
-        channels=channels,
-    )
+def _check_message(message: Message) -> None:
+    if message.is_multiplexed():
+        raise CanError(f"message {message.name!r}: expected no multiplexed signals, found some")
+    if message.length > MAX_BYTES:
+        raise CanError(f"message {message.name!r}: expected at most {MAX_BYTES} bytes, got {message.length}")
 
 
-def _place(layout: Layout, m: int, s: int, message: Message, signal: Signal) -> None:
-    # The bytes of the signal are gathered from the least significant one on. Bytes beyond the frame only
-    # affect bits that the mask clears, so their indices are clipped.
-    if signal.byte_order == "little_endian":
-        lowest_byte, shift, step = signal.start // 8, signal.start % 8, 1
-    else:
-        most_significant = 8 * (signal.start // 8) + 7 - signal.start % 8
-        least_significant = most_significant + signal.length - 1
-        lowest_byte, shift, step = least_significant // 8, 7 - least_significant % 8, -1
-    places = np.clip(lowest_byte + step * np.arange(9), 0, message.length - 1)
-    layout.start[m, s] = places[:8]
-    layout.ninth[m, s] = places[8]
-    layout.shift[m, s] = shift
-    layout.mask[m, s] = (1 << signal.length) - 1
-    layout.sign[m, s] = 1 << (signal.length - 1) if signal.is_signed and not signal.is_float else 0
-    layout.float_bits[m, s] = signal.length if signal.is_float else 0
-    layout.scale[m, s] = signal.scale
-    layout.offset[m, s] = signal.offset
+def _gauge(signal: Signal) -> Gauge:
+    volts = VOLTS[signal.unit]
+    return Gauge(signal.name, float(signal.scale), float(signal.offset), volts, *_range(signal))
 
 
 def raw_range(signal: Signal) -> tuple[float, float]:

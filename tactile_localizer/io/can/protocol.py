@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import can
 import numpy as np
@@ -77,11 +79,9 @@ class LoadCellProtocol:
         self.layout: Layout = compile_layout(self.phalanges, messages, names)
         self.width = int(self.layout.length.max())
         self.is_fd = self.width > 8 or any(message.is_fd for own in messages for message in own)
-        self._float_widths = sorted(set(self.layout.float_bits.ravel().tolist()) - {0})
         self._messages = messages
         self._names = names
-        self._order = np.argsort(self.layout.key)
-        self._sorted_keys = self.layout.key[self._order]
+        self._readers = {key: _Reader(self.layout, m) for m, key in enumerate(self.layout.key.tolist())}
 
     @classmethod
     def from_dbc(
@@ -134,47 +134,33 @@ class LoadCellProtocol:
 
     def decode(self, frames: FrameBatch) -> Decoded:
         """Decode ``frames``; never raises, whatever their content."""
-        place = np.searchsorted(self._sorted_keys, frames.key)
-        place[place == len(self._sorted_keys)] = 0
-        slot = self._order[place]
-        kind = np.where(self._sorted_keys[place] == frames.key, FrameKind.DATA, FrameKind.UNKNOWN_ID)
-        kind[(kind == FrameKind.DATA) & (frames.length != self.layout.length[slot])] = FrameKind.WRONG_LENGTH
-        kind[frames.key & REMOTE != 0] = FrameKind.REMOTE
-        kind[frames.key & ERROR != 0] = FrameKind.ERROR
-
-        raw, value = self._signals(frames.data, slot)
-        voltage = value[:, :-2] * self.layout.volts[slot]
-        saturated = (voltage <= self.layout.lowest[slot]) | (voltage >= self.layout.highest[slot])
-        with_fault = (raw[:, -1] != 0) | ~np.isfinite(voltage).all(axis=1)
-        return Decoded(kind, slot, raw[:, -2], with_fault, saturated.any(axis=1), voltage)
-
-    def _signals(self, data: np.ndarray, slot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Raw bits (N, S) uint64 and physical values (N, S), in the DBC's units, of frames of ``slot``."""
-        layout = self.layout
-        row = np.arange(len(data))
-        shift = layout.shift[slot]
-        word = data[row[:, None, None], layout.start[slot]].view("<u8")[:, :, 0]
-        # A signal may extend into a ninth byte; numpy evaluates a shift by 64 as 0.
-        ninth = data[row[:, None], layout.ninth[slot]].astype(np.uint64)
-        raw = (word >> shift | ninth << (np.uint64(64) - shift)) & layout.mask[slot]
-        sign = layout.sign[slot]
-        signed = ((raw ^ sign) - sign).view(np.int64).astype(np.float64)
-        value = np.where(sign != 0, signed, raw.astype(np.float64))
-        float_bits = layout.float_bits[slot]
-        with np.errstate(invalid="ignore", over="ignore"):  # the bits of a float are arbitrary
-            for bits in self._float_widths:
-                chosen = float_bits == bits
-                if chosen.any():
-                    value[chosen] = raw[chosen].astype(f"u{bits // 8}").view(f"f{bits // 8}")
-            return raw, value * layout.scale[slot] + layout.offset[slot]
+        count = len(frames)
+        kind, slot = np.zeros(count, np.uint8), np.zeros(count, np.intp)
+        counter = np.zeros(count, np.uint64)
+        fault, saturated = np.zeros(count, bool), np.zeros(count, bool)
+        voltage = np.zeros((count, self.layout.channel.shape[1]))
+        # A message at a time: live batches have few frames, for which arrays cost more than cantools does.
+        for row, (key, length) in enumerate(zip(frames.key.tolist(), frames.length.tolist(), strict=True)):
+            reader = self._readers.get(key)
+            if reader is None:
+                flag = FrameKind.REMOTE if key & REMOTE else FrameKind.UNKNOWN_ID
+                kind[row] = FrameKind.ERROR if key & ERROR else flag
+            elif length != reader.length:
+                kind[row] = FrameKind.WRONG_LENGTH
+            else:
+                slot[row] = reader.slot
+                sample = reader.read(frames.data[row].tobytes())
+                counter[row], fault[row], saturated[row], volts = sample
+                voltage[row, : len(volts)] = volts
+        return Decoded(kind, slot, counter, fault, saturated, voltage)
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
         """Whether each gauge of a decoded ``strain`` (C,), V, is at an end of its range: (C,) bool."""
-        layout, used = self.layout, self.layout.channel >= 0
-        lowest, highest = np.empty(len(strain)), np.empty(len(strain))
-        lowest[layout.channel[used]] = layout.lowest[used]
-        highest[layout.channel[used]] = layout.highest[used]
-        return np.asarray((strain <= lowest) | (strain >= highest))
+        saturated = np.zeros(len(strain), dtype=bool)
+        for columns, gauges in zip(self.layout.channel, self.layout.gauges, strict=True):
+            for column, gauge in zip(columns.tolist(), gauges, strict=False):
+                saturated[column] = not gauge.lowest < strain[column] < gauge.highest
+        return saturated
 
     def encode(
         self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0
@@ -215,6 +201,30 @@ class LoadCellProtocol:
                 )
             )
         return frames
+
+
+class _Reader:
+    """Reads the frames of one message."""
+
+    def __init__(self, layout: Layout, slot: int) -> None:
+        message = layout.message[slot]
+        self.slot, self.length = slot, int(layout.length[slot])
+        self._bytes, self._unpack = message.length, message.decode_simple
+        self._gauges = layout.gauges[slot]
+        self._counter, self._status = layout.counter[slot], layout.status[slot]
+        self._counter_mask = (1 << int(layout.counter_bits[slot])) - 1
+
+    def read(self, data: bytes) -> tuple[int, bool, bool, list[float]]:
+        """Counter, fault, saturation, and voltages of the gauges, V."""
+        raw: dict[str, Any] = self._unpack(data[: self._bytes], decode_choices=False, scaling=False)
+        volts, fault, saturated = [], bool(self._status and raw[self._status] != 0), False
+        for gauge in self._gauges:
+            value = (raw[gauge.signal] * gauge.scale + gauge.offset) * gauge.volts
+            volts.append(value)
+            if not gauge.lowest < value < gauge.highest:
+                saturated = saturated or value == value
+                fault = fault or not math.isfinite(value)
+        return raw[self._counter] & self._counter_mask if self._counter else 0, fault, saturated, volts
 
 
 def _to_raw(signal: Signal, volts: float) -> float:

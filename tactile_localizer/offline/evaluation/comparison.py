@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
@@ -227,5 +227,5 @@ def built(
 def _narrow_trace(configuration: Configuration, scene: Scene) -> float:
     """Trace of a normal belief just narrow enough for convergence, all axes at their limit."""
     criteria = convergence_criteria(scene, configuration)
-    inside = chi2.ppf(criteria.probability, scene.dimension)
+    inside = chdtri(scene.dimension, 1.0 - criteria.probability)
     return float(np.sum(criteria.radius**2) / inside)

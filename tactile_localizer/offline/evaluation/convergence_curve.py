@@ -29,7 +29,7 @@ from tactile_localizer.offline.evaluation.jobs import (
 from tactile_localizer.offline.figures.axes import MM
 from tactile_localizer.offline.metrics import travel_from_contact
 from tactile_localizer.offline.replay import Track, replay
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 from tactile_localizer.sim import simulate_scan
 
 PROBABILITIES = (0.9, 0.95, 0.99, 0.999, 0.9999)

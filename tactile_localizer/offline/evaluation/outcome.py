@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from tactile_localizer.offline.metrics import (
     CONFIDENCE,
@@ -44,7 +44,7 @@ def sweep_outcome(scene: Scene, track: Track, axis: int) -> dict[str, Any]:
     before = track.row < first if first >= 0 else np.ones(len(track), dtype=bool)
     during = track.on_contact
     errors, trace = position_error(scene, track), track.trace
-    covered = squared_mahalanobis(scene, track) <= chi2.ppf(CONFIDENCE, scene.dimension)
+    covered = squared_mahalanobis(scene, track) <= chdtri(scene.dimension, 1.0 - CONFIDENCE)
     return {
         "number": track.number,
         "contact_m": _places(track, during, axis),

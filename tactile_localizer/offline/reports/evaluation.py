@@ -11,7 +11,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.offline.evaluation.comparison import Results
 from tactile_localizer.offline.reports.html import Report, mapping_table
 from tactile_localizer.offline.reports.machine import machine
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 
 _HEADINGS = {
     "fig5": (

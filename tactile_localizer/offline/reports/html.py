@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 
 _STYLE = """
 :root { color-scheme: light; }

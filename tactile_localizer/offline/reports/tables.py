@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,22 +13,13 @@ from tactile_localizer.offline.evaluation.findings import check_findings, own_cr
 from tactile_localizer.offline.evaluation.methods import exact_of
 from tactile_localizer.offline.figures.comparison import by_feature, compared_error
 from tactile_localizer.offline.metrics import INCH, MARKS
+from tactile_localizer.offline.reports.table import Table
 
 _SOON = 0.005
 """m of travel after contact within which convergence counts as prompt."""
 
 FOUND = 0.005
 """m of error up to which a start counts as found."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of texts under headings; ``note`` says what is shown."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    note: str = ""
 
 
 def evaluation_tables(results: Results) -> list[Table]:

@@ -15,7 +15,7 @@ from tactile_localizer.offline.evaluation.tradeoff import Trade, pareto_front
 from tactile_localizer.offline.figures.axes import MM
 from tactile_localizer.offline.reports.html import Report, mapping_table
 from tactile_localizer.offline.reports.machine import machine
-from tactile_localizer.offline.reports.tables import Table
+from tactile_localizer.offline.reports.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
 _MARKERS = {"grid": "s", "particle": "o"}

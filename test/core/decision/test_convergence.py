@@ -9,7 +9,6 @@ from tactile_localizer.core.decision.convergence import (
     Convergence,
     ConvergenceCriteria,
     State,
-    mass_near,
 )
 
 CRITERIA = ConvergenceCriteria(np.array([0.005]), probability=0.99, sustain=0.002)
@@ -98,17 +97,3 @@ def test_a_reason_always_agrees_with_the_state(updates: list[tuple[float, float,
     assert convergence.reason.startswith(beginning[convergence.state])
     assert convergence.converged == (convergence.state is State.CONVERGED)
     assert 0.0 <= convergence.probability <= 1.0
-
-
-def test_the_mass_near_the_mean_is_that_in_the_ellipsoid() -> None:
-    rng = np.random.default_rng(0)
-    states = rng.standard_normal((20_000, 2)) * [0.002, 0.004]
-    weights = np.full(20_000, 1 / 20_000)
-    near = mass_near(states, weights, np.zeros(2), np.array([0.004, 0.008]), np.zeros(2, bool))
-    assert near == pytest.approx(1.0 - np.exp(-2.0), abs=0.01)
-
-
-def test_yaw_is_near_across_the_turn() -> None:
-    states = np.array([[np.pi - 0.01], [-np.pi + 0.01], [0.0]])
-    near = mass_near(states, np.full(3, 1 / 3), np.array([np.pi]), np.array([0.1]), np.array([True]))
-    assert near == pytest.approx(2 / 3)

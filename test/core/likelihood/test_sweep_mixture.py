@@ -118,7 +118,7 @@ def test_a_strain_unlike_all_others_has_a_finite_density(strain: float) -> None:
 def test_what_is_expected_is_the_mean_under_the_belief() -> None:
     model, nodes = mixture((3, 5)), [2, 4]
     log_weights = np.log([0.25, 0.75])
-    expected = model.expected(STATES[nodes], log_weights, np.zeros(8))
+    expected = model.expected(np.array(nodes), log_weights, np.zeros(8))
     means, noise = model.map.mean[nodes, 0].astype(float), model.map.variance[nodes, 0].astype(float)
     weights = np.exp(log_weights)
     assert np.allclose(expected.residual, -weights @ means, atol=1e-5)

@@ -13,7 +13,8 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.offline.figures.comparison import evaluation_figures
 from tactile_localizer.offline.reports.evaluation import configuration_table, evaluation_report
 from tactile_localizer.offline.reports.html import Report, save_figures
-from tactile_localizer.offline.reports.tables import Table, evaluation_tables
+from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.reports.tables import evaluation_tables
 
 NAMES = ["fig5_bump", "fig5_snap", "fig8_bump", "fig8_snap", "methods", "convergence", "past"]
 
