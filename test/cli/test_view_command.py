@@ -39,7 +39,7 @@ def test_a_view_is_saved_with_belief_truth_strains_and_reason(folder, monkeypatc
         timeout=60,
     )
     entities = listed.stdout + listed.stderr
-    for entity in ("material/map", "material/belief", "material/truth", "strain/index/felt", "reason/now"):
+    for entity in ("material/map", "material/belief", "material/truth", "strain/index/measured", "reason"):
         assert f"/{entity}" in entities
 
 
@@ -48,6 +48,6 @@ def test_a_viewer_that_is_not_installed_is_named_in_one_line(folder, monkeypatch
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["view", "test.csv", "--scan", "scan.db", "--save", "a.rrd"]) == 2
     assert capsys.readouterr().err == (
-        "error: rerun-sdk: expected it for a view, found none; pip install rerun-sdk\n"
+        "error: rerun-sdk: expected it for a view, found none; pip install 'rerun-sdk>=0.41,<0.42'\n"
     )
     assert view.MM == 1e3
