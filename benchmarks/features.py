@@ -48,7 +48,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
-from tactile_localizer.offline.evaluation.convergence_curve import FOREIGN, foreign_tracks, from_contact
+from tactile_localizer.offline.evaluation.convergence_curve import UNSCANNED, from_contact, unscanned_tracks
 from tactile_localizer.offline.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import Track, replay
@@ -68,8 +68,8 @@ def measure_feature(
     tracks = replay(localizer, material.recording, clock=time.thread_time)
     blanks = replay(localizer, material.blank)
     seam, nothing = (
-        [from_contact(track, track.converged) for track in foreign_tracks(localizer, name, seed, sweeps)]
-        for name in FOREIGN
+        [from_contact(track, track.converged) for track in unscanned_tracks(localizer, name, seed, sweeps)]
+        for name in UNSCANNED
     )
     return [
         {

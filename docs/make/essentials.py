@@ -16,7 +16,7 @@ from tactile_localizer.io.recording import screen
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim.scan import simulate_scan
+from tactile_localizer.sim.scan import TRAINING_SWEEPS, simulate_scan
 
 PICTURE = Path(__file__).parents[1] / "images/essentials.png"
 SWEEPS = 6
@@ -32,13 +32,6 @@ def with_margin(scene: Scene, margin_mm: float) -> Scene:
     return replace(scene, axes=axes)
 
 
-def with_offset(scene: Scene, error_mm: float) -> Scene:
-    """The scene with the first phalanx's offset along x wrong."""
-    first, *others = scene.phalanges
-    x, *rest = first.offset
-    return replace(scene, phalanges=(replace(first, offset=(x + error_mm / MM, *rest)), *others))
-
-
 def with_motion(scene: Scene, factor: float) -> Scene:
     """The scene with another motion noise."""
     axes = tuple(replace(axis, motion_std=factor * axis.motion_std) for axis in scene.axes)
@@ -47,14 +40,14 @@ def with_motion(scene: Scene, factor: float) -> Scene:
 
 VALUES = {
     "bounds": [-8, -4, 0, 10, 40],
-    "offset": [-8, -4, 0, 4, 8],
+    "passes": [1, 2, 3],
     "motion_std": [0.1, 1, 3, 10, 30],
     "convergence_radius": [2.5, 5, 7.5, 15, 30],
     "lines": [2.54, 5.08, 7.62, 12.7],
 }
 LABELS = {
     "bounds": "bounds farther out than needed, mm",
-    "offset": "error of one phalanx's offset along x, mm",
+    "passes": "sweeps along each line of the scan",
     "motion_std": "motion_std, times that of the scene;\nthe arm reports 15 % too much travel",
     "convergence_radius": "convergence_radius, mm",
     "lines": "distance of the scanned lines, mm",
@@ -68,11 +61,12 @@ def trial(task: tuple[str, float]) -> tuple[float, float, float]:
     name, value = task
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     change: dict[str, Callable[[Scene, float], Scene]] = {
-        "bounds": with_margin, "offset": with_offset, "motion_std": with_motion,
+        "bounds": with_margin, "motion_std": with_motion,
     }  # fmt: skip
     if name in change:
         scene = change[name](scene, value)
-    train = simulate_scan("bump", 1, "train").to_scan()
+    passes = int(value) if name == "passes" else 1
+    train = simulate_scan("bump", 1, "train", sweeps=passes * TRAINING_SWEEPS).to_scan()
     inside = screen(scene, train.states, train.strain, np.zeros((len(train), 2), np.uint8)).keep
     if name == "lines":
         inside &= train.sweep % round(value / 2.54) == 0

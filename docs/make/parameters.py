@@ -26,7 +26,7 @@ without entries is `"['']"` on the command line, which cannot give `[]` a type.
 
 The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them. What a
 scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
-[concepts](concepts.md#what-a-scene-says)."""
+[concepts](concepts.md#scene)."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",

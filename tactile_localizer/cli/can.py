@@ -1,4 +1,4 @@
-"""``tactile-localizer can``: what is on a CAN bus or in a log, decoded, and whether the hand may be used."""
+"""``tactile-localizer can``: decode and check the load cells on a CAN bus or in a CAN log."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEFAULTS: dict[str, Any] = {
     "cycle_timeout_s": DriverSettings.cycle_timeout_s,
     "phalanges": [],
 }
-"""The driver's parameters of the same names, where nothing else is said; no phalanges: those of the DBC."""
+"""Defaults of the driver's parameters of the same names; no phalanges: those of the DBC."""
 
 _TIMEOUT_S = 0.0005, 1.0
 """Range of ``cycle_timeout_s``, as the driver node has it."""
@@ -51,30 +51,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "action",
         choices=("dump", "check"),
-        help="print each frame decoded, or tell what is there and what is wrong",
+        help="print each frame decoded, or summarize the traffic and list problems",
     )
-    parser.add_argument("--log", type=Path, help="read this log (candump, ASC, BLF, ...), not a bus")
+    parser.add_argument("--log", type=Path, help="read this log (candump, ASC, BLF, ...) instead of a bus")
+    parser.add_argument("--config", type=Path, help="driver parameters (YAML); other options override them")
+    parser.add_argument("--interface", help="python-can interface (default socketcan)")
     parser.add_argument(
-        "--config", type=Path, help="driver's parameters (YAML); what is given here goes first"
-    )
-    parser.add_argument("--interface", help="python-can interface (socketcan)")
-    parser.add_argument("--channel", help="channel of the interface (can0), or of the log (its only one)")
-    parser.add_argument(
-        "--option", dest="bus_options", action="append", metavar="NAME=VALUE", help="of the interface"
+        "--channel", help="channel of the interface (default can0), or of the log (default: its only one)"
     )
     parser.add_argument(
-        "--dbc", help="CAN database: a path, or one that comes with the package (loadcells.dbc)"
+        "--option", dest="bus_options", action="append", metavar="NAME=VALUE", help="option of the interface"
+    )
+    parser.add_argument("--dbc", help="CAN database: a path, or a shipped one (default loadcells.dbc)")
+    parser.add_argument(
+        "--phalanges", nargs="+", metavar="NAME", help="load cells (default: those of the DBC that send)"
     )
     parser.add_argument(
-        "--phalanges", nargs="+", metavar="NAME", help="load cells (those of the DBC that send)"
-    )
-    parser.add_argument(
-        "--seconds", type=float, help="how long to look (check: 5; dump and logs: to the end)"
+        "--seconds", type=float, help="duration, s (default: 5 for check; dump and logs: to the end)"
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look at the bus or the log; 1 where ``check`` found something wrong."""
+    """Read the bus or the log; 1 where ``check`` found a problem."""
     if args.seconds is not None and not args.seconds > 0:
         raise ParameterError(f"--seconds: expected more than 0, got {args.seconds:g}")
     parameters = DEFAULTS | _read_config(args.config)
@@ -114,16 +112,16 @@ def _read_config(path: Path | None) -> dict[str, Any]:
 
 
 def _kind_missed(name: str, value: Any) -> str:
-    """What a parameter has to be and is not, by its default; empty where it fits, or is of no use here."""
+    """Expected type of a parameter whose value has another; empty where it fits or is not used here."""
     default = [] if name.startswith("messages.") else DEFAULTS.get(name)
     if isinstance(default, list):
         fits = isinstance(value, list) and all(isinstance(entry, str) for entry in value)
-        return "" if fits else "a list of texts"
+        return "" if fits else "a list of strings"
     if isinstance(default, float):
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         least, most = _TIMEOUT_S
         return "" if is_number and least <= value <= most else f"a number from {least:g} to {most:g}"
-    return "" if default is None or isinstance(value, str) else "a text"
+    return "" if default is None or isinstance(value, str) else "a string"
 
 
 def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:
@@ -141,7 +139,7 @@ def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:
 def _batches(
     args: argparse.Namespace, parameters: dict[str, Any], protocol: LoadCellProtocol, seconds: float | None
 ) -> Iterator[list[can.Message]]:
-    """Frames of the log or the bus, for ``seconds``, s; ``None``: all of the log, the bus for ever."""
+    """Frames of the log or the bus, for ``seconds``; ``None``: the whole log, the bus until interrupted."""
     if args.log is not None:
         yield from read_log(args.log, args.channel, seconds)
         return
@@ -152,7 +150,7 @@ def _batches(
         _RECEIVE_BUFFER,
     )
     end_s = None if seconds is None else time.monotonic() + seconds
-    with open_bus(settings) as bus:  # without filters: what else is there is told too
+    with open_bus(settings) as bus:  # no filters: unknown identifiers are reported too
         while end_s is None or time.monotonic() < end_s:
             try:
                 yield _waiting(bus)
@@ -216,10 +214,10 @@ def _report(console: Console, check: CanCheck) -> int:
     for name, frames, rate_hz in check.unknown()[:10]:
         console.print(f"not in the DBC: {name}, {frames} frames, {rate_hz:.1f} Hz")
     if check.absent():
-        console.print(f"not there: {', '.join(check.absent())}")
+        console.print(f"absent: {', '.join(check.absent())}")
     problems = check.problems()
     for problem in problems:
-        console.print(f"wrong: {problem}", style="red")
+        console.print(f"problem: {problem}", style="red")
     if not problems:
-        console.print("all is well", style="green")
+        console.print("no problems found", style="green")
     return 1 if problems else 0

@@ -1,4 +1,4 @@
-"""``tactile-localizer demo``: scan a simulated feature, then localise on it, with all nodes running."""
+"""``tactile-localizer demo``: scan a simulated feature and localize on it, with all nodes running."""
 
 from __future__ import annotations
 
@@ -30,16 +30,18 @@ from tactile_localizer.resources import resource_path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     parser.add_argument(
-        "--feature", choices=SIMULATED_FEATURES, default="bump", help="what lies in the material"
+        "--feature", choices=SIMULATED_FEATURES, default="bump", help="feature in the material"
     )
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR")
     add_seed_argument(parser)
-    parser.add_argument("--speed", type=float, default=8.0, help="simulated seconds in a second (default 8)")
-    parser.add_argument("--sweeps", type=int, default=18, help="sweeps to localise on, at most (default 18)")
+    parser.add_argument(
+        "--speed", type=float, default=8.0, help="simulation speed relative to real time (default 8)"
+    )
+    parser.add_argument("--sweeps", type=int, default=18, help="most sweeps to localize (default 18)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demonstration; whether the error after contact was within 0.1 inch is in its summary."""
+    """Run the demonstration; its summary has the error after contact and the limit."""
     _check(args)
     from tactile_localizer.demo.run import DemoSettings, run_demo
     from tactile_localizer.demo.view import demo_view
@@ -80,7 +82,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
-    """The map as in the paper's Fig. 3, the error along the sweep as in Fig. 5, and one sweep in detail."""
+    """Draw the map (paper, Fig. 3), the error along the sweep (Fig. 5) and one sweep in detail."""
     with ScanStore.open(folder / "scan.db") as store:
         scan, scene = store.load(), store.scene
     regions = {"feature": scene.feature} if scene.feature is not None else {}
@@ -88,9 +90,9 @@ def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
     figures = {
         "map": map_pair(make_map(scan, scene), scan, scene, regions=regions),
         "error": error_along_the_sweep(
-            sweeps, f"{feature}: localising {len(sweeps)} sweeps from unknown places"
+            sweeps, f"{feature}: localizing {len(sweeps)} sweeps from unknown starts"
         ),
-        "sweep": sweep_in_detail(median, f"{feature}: sweep {median.number + 1}, the one of median error"),
+        "sweep": sweep_in_detail(median, f"{feature}: sweep {median.number + 1}, of median error"),
     }
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=110)
@@ -105,7 +107,7 @@ def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     belief = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
     converged, count = summary["error_converged_mm"], len(summary["sweeps"])
     table.add_row("mean error after contact", shown)
-    table.add_row("of that, while converged", "never" if converged is None else f"{converged:.2f} mm")
+    table.add_row("mean error while converged", "never" if converged is None else f"{converged:.2f} mm")
     table.add_row("time and travel to convergence", belief)
     table.add_row("sweeps that converged", f"{summary['converged_sweeps']} of {count}")
     table.add_row("converged before contact", str(summary["converged_before_contact"]))
@@ -113,7 +115,7 @@ def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     table.add_row(
         "update time", f"median {summary['update_median_us']:.0f} µs, 99 % {summary['update_p99_us']:.0f} µs"
     )
-    table.add_row("all in all", f"{summary['duration_s']:.0f} s, written to {folder}")
+    table.add_row("total time", f"{summary['duration_s']:.0f} s, written to {folder}")
     console.print(table)
     console.print(
         "within 0.1 inch after contact" if summary["within_limit"] else "NOT within 0.1 inch after contact"

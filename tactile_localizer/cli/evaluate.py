@@ -1,4 +1,4 @@
-"""``tactile-localizer evaluate``: many sweeps, all models and filters; the paper's figures and findings."""
+"""``tactile-localizer evaluate``: compare methods on simulated features or recordings."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from tactile_localizer.offline.figures.comparison import evaluation_figures
 from tactile_localizer.offline.reports.evaluation import evaluation_report
 from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.reports.json_file import write_json
-from tactile_localizer.offline.reports.table import Table
 from tactile_localizer.offline.reports.tables import evaluation_tables
+from tactile_localizer.offline.table import Table
 
 RESUMES = True
 
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods",
         nargs="+",
         metavar="NAME",
-        help=f"YAML files, or of: {', '.join(standard_methods())} (default: all of these)",
+        help=f"YAML files, or names of: {', '.join(standard_methods())} (default: all of these)",
     )
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
@@ -61,12 +61,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def methods_of(names: Sequence[str] | None) -> list[Method]:
-    """Methods of a list of names: standard ones or YAML files.
+    """Methods by names of standard ones or YAML files.
 
     Raises
     ------
     ParameterError
-        Another name, or a file that is no configuration.
+        An unknown name, or a file that is not a configuration.
     """
     known = standard_methods()
     if names is None:

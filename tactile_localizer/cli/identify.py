@@ -1,4 +1,4 @@
-"""``tactile-localizer identify``: which of several scans a recording was felt on, or none of them."""
+"""``tactile-localizer identify``: which of several scans a recording belongs to, or none of them."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         default=Path("out/identify.png"),
-        metavar="PICTURE",
-        help="picture of the probabilities along the travel (default: out/identify.png)",
+        metavar="FILE",
+        help="figure of the probabilities along the travel (default: out/identify.png)",
     )
 
 
@@ -64,18 +64,18 @@ def run(args: argparse.Namespace) -> int:
     for note in recording.notes:
         print(f"note: {note}")
     print_tables([travel_table(sweeps), identification_table(sweeps)])
-    title = f"which is it? {Path(args.recordings[0]).name}"
+    title = f"identification of {Path(args.recordings[0]).name}"
     try:
         args.output.parent.mkdir(parents=True, exist_ok=True)
         identification_figure(sweeps, title).savefig(args.output, dpi=110)
     except (OSError, ValueError) as error:
-        raise ScanError(f"{args.output}: expected to write a picture, {error}") from None
+        raise ScanError(f"{args.output}: expected to write a figure, {error}") from None
     print(f"{args.output}: the probabilities along the travel")
     return 0
 
 
 def _candidates(paths: list[str]) -> dict[str, tuple[Scan, Scene]]:
-    """The scans with their scenes, by the scenes' names, or by the files' where those are alike."""
+    """Scans with their scenes, by scene name, or by file name where scene names are equal."""
     loaded = []
     for path in paths:
         with ScanStore.open(path) as store:

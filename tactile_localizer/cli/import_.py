@@ -1,4 +1,4 @@
-"""``tactile-localizer import``: recordings in CSV files or bags into a scan file."""
+"""``tactile-localizer import``: make a scan file from CSV files or bags."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
@@ -37,29 +37,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     from_csv = kinds.add_parser("csv", help="one or more CSV files")
     from_csv.add_argument(
-        "files", nargs="+", metavar="FILE", help="one sweep each, unless a column says which"
+        "files", nargs="+", metavar="FILE", help="one sweep each, unless a column numbers the sweeps"
     )
     add_csv_arguments(from_csv)
     from_bag = kinds.add_parser(
-        "bag", help="one or more bags: SQLite or MCAP, directory or file, compressed too"
+        "bag", help="one or more bags: SQLite or MCAP, directory or file, also compressed"
     )
     from_bag.add_argument("files", nargs="+", metavar="BAG", help="directory, *.mcap or *.db3")
     add_bag_arguments(from_bag)
     from_bag.add_argument(
         "--detect-sweeps",
         choices=("both_ways", "one_way"),
-        help="find the sweeps in the motion; one_way: without the returns (default: the mapping node's)",
+        help="detect sweeps in the motion; one_way: without the returns (default: those of the mapping node)",
     )
     for kind in (from_csv, from_bag):
         kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
         kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
         kind.add_argument(
-            "--force", action="store_true", help="import even where less than half of the samples can be used"
+            "--force", action="store_true", help="import even if less than half of the samples are usable"
         )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import, and say what was kept and what was left out."""
+    """Import, and print what was kept and what was left out."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
     read = _read_csv if args.kind == "csv" else _read_bags
     recording, detail, unit = read(args, scene)
@@ -86,13 +86,13 @@ def _read_csv(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[s
     naming.check(scene)
     guess = guess_columns(args.files[0], scene, naming)
     if guess.guessed:
-        _show(guess, scene, args)
+        _print_guess(guess, scene, args)
     recording = read_csv(args.files, scene, guess.naming)
     return recording, {"speed": dict(guess.naming.speed)}, guess.naming.strain_unit
 
 
-def _show(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
-    """Print what the columns are taken for, and write it down for the next time."""
+def _print_guess(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
+    """Print the guessed columns, and write them to a file for reuse."""
     rows = []
     for quantity, why in guess.guessed.items():
         speed = guess.naming.speed.get(quantity)
@@ -104,7 +104,7 @@ def _show(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
         else:
             rows.append([quantity, f"{speed:g} m/s x time", "", why])
     print_tables(
-        [Table(f"{args.files[0]}: columns as understood", ["quantity", "columns", "factor", "by"], rows)]
+        [Table(f"{args.files[0]}: columns as guessed", ["quantity", "columns", "factor", "reason"], rows)]
     )
     path = Path(args.output).with_suffix(".columns.yaml")
     content = yaml.safe_dump(
@@ -113,12 +113,10 @@ def _show(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as unfinished:
-            unfinished.write_text(
-                f"# Columns of {Path(args.files[0]).name}, as guessed: check them.\n{content}"
-            )
+            unfinished.write_text(f"# Guessed columns of {Path(args.files[0]).name}: check them.\n{content}")
     except OSError as error:
         raise ScanError(f"{path}: expected to write the columns, {error.strerror}") from None
-    print(f"{path}: these columns, to correct and use again with --columns {path}")
+    print(f"{path}: these columns; correct them and pass --columns {path}")
 
 
 def _read_bags(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:

@@ -1,4 +1,4 @@
-"""Commands that have started processes end them, whichever way they are ended themselves."""
+"""Termination signals as interrupts, so that a command ends the processes it started."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import FrameType
 
 
 def end_as_by_interrupt() -> None:
-    """From now on SIGTERM and the terminal closing end this process as Ctrl-C does, save under ``nohup``."""
+    """Make SIGTERM and SIGHUP raise :class:`KeyboardInterrupt`, unless ignored (``nohup``)."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)

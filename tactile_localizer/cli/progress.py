@@ -1,4 +1,4 @@
-"""Progress of what takes a while: a bar on a terminal, a line now and then elsewhere."""
+"""Progress display: bars on a terminal, a line every 10 s elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PLAIN_EVERY_S = 10.0
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """A function to be told what is being done and which share, 0 to 1, is done; shows it on stderr."""
+    """A function that shows a description of the work and its completed fraction, 0 to 1, on stderr."""
     console = Console(stderr=True, markup=False, emoji=False)
     if not console.is_terminal:
         yield _plain(console)
@@ -28,10 +28,10 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, console=console, transient=True) as progress:
         tasks: dict[str, TaskID] = {}
 
-        def show(text: str, share: float) -> None:
+        def show(text: str, fraction: float) -> None:
             if text not in tasks:
                 tasks[text] = progress.add_task(text, total=1.0)
-            progress.update(tasks[text], completed=share)
+            progress.update(tasks[text], completed=fraction)
 
         yield show
 
@@ -39,11 +39,11 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
 def _plain(console: Console) -> Callable[[str, float], None]:
     last: dict[str, float] = {}
 
-    def show(text: str, share: float) -> None:
+    def show(text: str, fraction: float) -> None:
         now = time.monotonic()
-        # What is done within the interval is not worth a line.
+        # Work that ends within the interval prints nothing.
         if now - last.setdefault(text, now) >= _PLAIN_EVERY_S:
             last[text] = now
-            console.print(f"{text}: {share:.0%}", highlight=False, soft_wrap=True)
+            console.print(f"{text}: {fraction:.0%}", highlight=False, soft_wrap=True)
 
     return show

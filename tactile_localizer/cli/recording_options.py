@@ -1,4 +1,4 @@
-"""How recordings are read, as a command line says it: columns of CSV files, topics and frames of bags."""
+"""Command-line options for reading recordings: columns of CSV files, topics and frames of bags."""
 
 from __future__ import annotations
 
@@ -18,43 +18,43 @@ from tactile_localizer.scene import Scene
 
 
 def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what any command that reads CSV recordings needs: column names, speed."""
+    """Declare the options for CSV files: column names, speed."""
     parser.add_argument(
-        "--columns", metavar="YAML", help="names of the columns, where they are not the standard ones"
+        "--columns", metavar="YAML", help="column naming, where columns do not have the standard names"
     )
     parser.add_argument(
         "--column",
         action="append",
         default=[],
         metavar="NAME=COLUMN",
-        help="one such name: stamp_s=time_ms*0.001, index=gauge1..8 (repeatable)",
+        help="name of a column: stamp_s=time_ms*0.001, index=gauge1..8 (repeatable)",
     )
     parser.add_argument(
         "--speed",
         action="append",
         default=[],
         metavar="[AXIS=]M_PER_S",
-        help="position from constant speed, m/s",
+        help="constant speed from which to compute positions, m/s",
     )
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what any command that reads bags needs: topics, frames, gaps."""
+    """Declare the options for bags: topics, frames, gaps."""
     for name, topic in vars(BagTopics()).items():
         parser.add_argument(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"(default: {topic})")
     parser.add_argument(
         "--adapter",
         metavar="YAML",
-        help="which messages of other types are strain (docs/sensors.md), or the name of a shipped one",
+        help="adapter from other messages to strain (docs/sensors.md): a file, or the name of a shipped one",
     )
     parser.add_argument(
-        "--material-frame", default="material", metavar="FRAME", help="frame of poses taken as they are"
+        "--material-frame", default="material", metavar="FRAME", help="frame of poses that need no transform"
     )
     parser.add_argument(
         "--reference-frame",
         default="base_link",
         metavar="FRAME",
-        help="frame of poses moved by --material-pose",
+        help="frame of poses to transform by --material-pose",
     )
     parser.add_argument(
         "--material-pose",
@@ -62,19 +62,19 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=6,
         default=[0.0] * 6,
         metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
-        help="where the material is in the reference frame, m and rad",
+        help="pose of the material in the reference frame, m and rad",
     )
     parser.add_argument(
         "--max-gap",
         type=float,
         default=DEFAULT_MAX_GAP_S,
         metavar="S",
-        help="poses further apart are not interpolated",
+        help="largest gap between poses that is interpolated",
     )
 
 
 def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
-    """The options of :func:`read_bag` that ``add_bag_arguments`` has declared."""
+    """Arguments of :func:`read_bag` from the options of ``add_bag_arguments``."""
     topics = {name: getattr(args, f"{name}_topic") for name in vars(BagTopics())}
     frame = PalmFrame(scene.axes, args.material_frame, args.reference_frame, args.material_pose)
     adapter = load_adapter(given_or_shipped(args.adapter, "config/adapters")) if args.adapter else None

@@ -1,4 +1,4 @@
-"""Recordings, scans and configurations that a command line names."""
+"""Command-line options for recordings, scans and configurations."""
 
 from __future__ import annotations
 
@@ -29,46 +29,46 @@ from tactile_localizer.scene import Scene
 
 def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``--scan`` and ``--scene``."""
-    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan file to localise on")
+    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan file to localize on")
     parser.add_argument(
         "--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)"
     )
 
 
 def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
-    """The scan, and the scene to model; a note where that is not the one that was scanned."""
+    """The scan and the scene; prints a note where the scene is not that of the scan."""
     with ScanStore.open(args.scan) as store:
         scanned = store.scene
         scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else scanned
         if scene.name != scanned.name:
-            note = f"note: {args.scan} was scanned as {scanned.name}, and is modelled as {scene.name}"
+            note = f"note: {args.scan} was scanned with scene {scanned.name}, and is used with {scene.name}"
             print(note, file=sys.stderr)
         return store.load(), scene
 
 
 def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the choices of model, filter and work."""
+    """Declare model, filter and preset."""
     parser.add_argument(
         "--config",
         metavar="PRESET",
-        help=f"{', '.join(PRESETS)}, or a YAML file; what is given here goes first",
+        help=f"{', '.join(PRESETS)}, or a YAML file; the other options override it",
     )
     parser.add_argument(
         "--model",
         metavar="MODEL",
-        help=f"{', '.join(MODELS)}, or one's own as module:Class",
+        help=f"{', '.join(MODELS)}, or a user-defined model as module:Class",
     )
-    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter; grid: exact")
-    parser.add_argument("--particles", type=int, metavar="N", help="of the particle filter")
+    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (grid: exact)")
+    parser.add_argument("--particles", type=int, metavar="N", help="number of particles")
 
 
 def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
-    """The configuration of ``--config`` with the other choices over it.
+    """The configuration of ``--config`` with the other options applied.
 
     Raises
     ------
     ParameterError
-        A choice that cannot be used, or particles for a filter that has none.
+        An unusable choice, or particles for the grid filter.
     """
     given = {"model": args.model, "filter": args.filter, "particles": args.particles}
     configuration = load_configuration(args.config, **given)
@@ -78,13 +78,13 @@ def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -> None:
-    """Declare the recordings, as many as ``count`` says in the terms of argparse, and how to read them."""
+    """Declare the recordings and how to read them; ``count`` is the ``nargs`` of argparse."""
     parser.add_argument("recordings", nargs=count, metavar="RECORDING", help="CSV file, scan file or bag")
     parser.add_argument(
         "--odometry",
         choices=(SIMULATED, EXACT),
         default=SIMULATED,
-        help="where a recording has only true positions: their displacements, with motion noise or without",
+        help="odometry from true positions: displacements with simulated motion noise, or exact ones",
     )
     add_csv_arguments(parser)
     add_bag_arguments(parser)
@@ -93,36 +93,36 @@ def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -
 def add_start_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare random starts in the recordings."""
     parser.add_argument(
-        "--starts", type=int, metavar="N", help="start N times, at random places of the recording"
+        "--starts", type=int, metavar="N", help="start N times, at random samples of the recording"
     )
     parser.add_argument(
-        "--travel", type=float, metavar="M", help="of each start, m (default: to the sweep's end)"
+        "--travel", type=float, metavar="M", help="travel of each start, m (default: to the sweep's end)"
     )
 
 
 def check_starts(args: argparse.Namespace) -> None:
-    """Refuse what ``add_start_arguments`` has declared, where it makes no sense.
+    """Check the options of ``add_start_arguments``.
 
     Raises
     ------
     ParameterError
-        A number out of its range, or a travel without starts.
+        A number out of range, or a travel without starts.
     """
     if args.starts is not None and args.starts < 1:
         raise ParameterError(f"--starts: expected at least 1, got {args.starts}")
     if args.travel is not None and not args.travel > 0:
         raise ParameterError(f"--travel: expected a positive number of metres, got {args.travel}")
     if args.travel is not None and args.starts is None:
-        raise ParameterError("--travel: expected --starts with it")
+        raise ParameterError("--travel: expected --starts with it, found none")
 
 
 def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, bool]:
-    """The recordings as one, and whether its positions are the true ones (otherwise: the arm's).
+    """The recordings joined, and whether positions are the true ones (otherwise the arm's).
 
     Raises
     ------
     ScanError
-        One cannot be read, or bags are mixed with others.
+        A recording cannot be read, or bags are mixed with others.
     """
     bags = [is_bag(Path(path)) for path in args.recordings]
     if any(bags) and not all(bags):
@@ -137,7 +137,7 @@ def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, 
 
 
 def odometry_of(args: argparse.Namespace, true_positions: bool) -> str:
-    """What the displacements given to the filter are."""
+    """Kind of the odometry given to the filter."""
     return args.odometry if true_positions else RECORDED
 
 

@@ -1,4 +1,4 @@
-"""``tactile-localizer replay``: a recording through the localizer that runs live, without ROS."""
+"""``tactile-localizer replay``: localize the palm in a recording, without ROS."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration_arguments(parser)
     add_seed_argument(parser)
     add_start_arguments(parser)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every update and the summary")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every update")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay, print the error along the travel, and write every update where asked."""
+    """Replay, print the error along the travel, and write every update with ``--json``."""
     check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
     recording, true_positions = read_recordings(args, scene)
     recorded = recording
     odometry = odometry_of(args, true_positions)
-    # The localizer's own stream is that of the filter node; what is only simulated has another.
+    # The localizer has the random stream of the filter node; simulated noise has another.
     noise = np.random.default_rng([args.seed, 1])
     if args.starts is not None:
         recording = random_starts(recording, scene, args.starts, args.travel, noise)
@@ -83,10 +83,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _unconverged(tracks: Sequence[Track]) -> Iterator[str]:
-    """Why sweeps did not converge, a line each."""
+    """Reason of each sweep that did not converge, one per line."""
     for track in tracks:
         if not len(track):
-            yield f"sweep {track.number} did not converge: no strain could be used"
+            yield f"sweep {track.number} did not converge: no usable strain"
         elif not track.converged.any():
             reason = track.reason[-1].partition(": ")[2] or track.reason[-1]
             yield f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}"
@@ -105,7 +105,7 @@ def _print(document: dict[str, Any]) -> None:
     )
     console.print("learned: " + ", ".join(f"{name} {value}" for name, value in document["learned"].items()))
     if summary["contacts"]:
-        console.print(f"travel counts from contact, which {summary['contacts']} sweeps come to")
+        console.print(f"travel is counted from contact, which {summary['contacts']} sweeps reach")
     if summary["error_m"]["count"]:
         console.print(_table(summary))
         if "error_rad" in summary and summary["error_rad"]["count"]:
@@ -118,7 +118,7 @@ def _print(document: dict[str, Any]) -> None:
             f"NEES {summary['nees']:.2f} per degree of freedom"
         )
     else:
-        console.print("no truth in the recording: errors are not known")
+        console.print("no ground truth in the recording: errors are unknown")
     arrived = summary["travel_to_convergence_m"]
     since = "from contact" if summary["contacts"] else "of travel"
     after = f", after {arrived['median'] * 1e3:.1f} mm {since} (median)" if arrived["count"] else ""

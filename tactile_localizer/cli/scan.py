@@ -1,4 +1,4 @@
-"""``tactile-localizer scan``: look at scan files, mend them, and write them in other forms."""
+"""``tactile-localizer scan``: inspect, plot, repair and convert scan files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PIPE_WIDTH = 120
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the actions and what each needs."""
+    """Declare the actions and their options."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
     def action(name: str, text: str, work: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
@@ -40,42 +40,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         return added
 
     for name, text, work in (
-        ("info", "totals, where it comes from, and what may need mending", _info),
-        ("list", "the sweeps, with their lengths and rates", _list),
+        ("info", "totals, history, and findings that need attention", _info),
+        ("list", "list the sweeps with lengths and rates", _list),
     ):
         action(name, text, work).add_argument("scan", metavar="SCAN")
-    drop = action("drop-sweep", "leave sweeps out; their pairs stay in the file", _drop)
+    drop = action("drop-sweep", "leave sweeps out of the map; their pairs stay in the file", _drop)
     drop.add_argument("scan", metavar="SCAN")
     drop.add_argument("numbers", nargs="+", type=int, metavar="NUMBER")
-    drop.add_argument("--undo", action="store_true", help="take them back in")
+    drop.add_argument("--undo", action="store_true", help="restore them")
     mend = action(
-        "repair", "keep what is whole of a damaged file; the damaged one is kept beside it", _repair
+        "repair", "recover the intact part of a damaged file; the damaged file is kept beside it", _repair
     )
     mend.add_argument("scan", metavar="SCAN")
-    mend.add_argument("--scene", metavar="SCENE", help="the scan's scene (YAML), where its header is damaged")
-    merge = action("merge", "put the sweeps of several files of one scene into a new one", _merge)
+    mend.add_argument(
+        "--scene", metavar="SCENE", help="scene of the scan (YAML), where its header is damaged"
+    )
+    merge = action("merge", "merge several files of one scene into a new one", _merge)
     merge.add_argument("scans", nargs="+", metavar="SCAN")
     merge.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
     export = action("export", "write the pairs as CSV or npz", _export)
     export.add_argument("scan", metavar="SCAN")
     export.add_argument("-o", "--output", required=True, metavar="FILE", help="*.csv or *.npz")
-    region = action(
-        "region", "propose the feature's region, from where the strain is not featureless", _region
-    )
+    region = action("region", "propose the feature's region", _region)
     region.add_argument("scan", metavar="SCAN")
     region.add_argument(
         "-o", "--output", metavar="SCENE", help="write the scan's scene with the region (YAML)"
     )
     plot = action(
-        "plot", "draw the tactile map, the sweeps, neighbours' values and the feature's region", _plot
+        "plot", "draw the tactile map, the sweeps, neighbouring values and the feature's region", _plot
     )
     plot.add_argument("scan", metavar="SCAN")
     plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR")
-    plot.add_argument("--dpi", type=int, default=120, help="of the pictures (default 120)")
+    plot.add_argument("--dpi", type=int, default=120, help="resolution of the figures (default 120)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what is asked."""
+    """Run the action."""
     work: Callable[[argparse.Namespace], int] = args.work
     return work(args)
 
@@ -92,28 +92,26 @@ def _info(args: argparse.Namespace) -> int:
         print(f"  phalanges  {', '.join(map(_phalanx, scene.phalanges))}, strain in {store.units['strain']}")
         print(f"  recorded   {_when(sweeps)}")
         if not store.has_checksums:
-            print("  checksums  none: made by an earlier version; the file gets them when it is written to")
+            print("  checksums  none (earlier version); added when the file is next written")
         for at, what, detail in store.history():
             print(f"  history    {printable(f'{at} {what}{_detail(detail)}')}")
             notes = detail.get("notes")
             for note in notes if isinstance(notes, list) else ():
                 print(f"               {printable(str(note))}")
-        found = ["there are no pairs"]
+        found = ["no pairs"]
         if pairs:
-            with progress_bars() as tell:
-                scan = store.load(progress=partial(tell, "reading the pairs"))
+            with progress_bars() as progress:
+                scan = store.load(progress=partial(progress, "reading the pairs"))
                 unit = store.units["strain"]
-                found = findings(
-                    scan, scene, sweeps, unit, partial(tell, "looking for what may need mending")
-                )
-    print("to look at:" if found else "nothing to mend was found")
+                found = findings(scan, scene, sweeps, unit, partial(progress, "checking the scan"))
+    print("findings:" if found else "no findings")
     for finding in found:
         print(f"  {finding}")
     return 0
 
 
 def _phalanx(phalanx: Phalanx) -> str:
-    """Its name, with the channels where they are not the default."""
+    """Name of a phalanx, with its number of channels unless that is the default."""
     if phalanx.channels == DEFAULT_CHANNELS:
         return phalanx.name
     return f"{phalanx.name} ({phalanx.channels} channels)"
@@ -164,7 +162,7 @@ def _drop(args: argparse.Namespace) -> int:
         known = {sweep.number for sweep in store.sweeps()}
         for number in args.numbers:
             if number not in known:
-                store.drop_sweep(number)  # says which there are; nothing is dropped when one is wrong
+                store.drop_sweep(number)  # raises before any is dropped
         for number in args.numbers:
             store.drop_sweep(number, dropped=not args.undo)
         left = [sweep for sweep in store.sweeps() if not sweep.dropped]
@@ -176,7 +174,7 @@ def _repair(args: argparse.Namespace) -> int:
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
     report = repair(args.scan, scene)
     if report.damaged is None:
-        print(f"{args.scan}: nothing to repair, {report.pairs} pairs in {report.sweeps} sweeps are whole")
+        print(f"{args.scan}: nothing to repair, {report.pairs} pairs in {report.sweeps} sweeps are intact")
         return 0
     for note in report.notes:
         print(f"  {note}")
@@ -205,7 +203,7 @@ def _export(args: argparse.Namespace) -> int:
 
 
 def _region(args: argparse.Namespace) -> int:
-    # Half a second of imports that other actions do not need.
+    # Imports of half a second that other actions do not need.
     from tactile_localizer.core.calibration.feature_region import propose_region
 
     with ScanStore.open(args.scan) as store:
@@ -214,14 +212,14 @@ def _region(args: argparse.Namespace) -> int:
     if scene.feature is not None:
         print(f"{args.scan}: region given by the scene\n{_box(scene)}")
     if proposal.region is None:
-        print(f"{args.scan}: no region found: the material is felt everywhere, or nowhere")
+        print(f"{args.scan}: no region found: the material is textured everywhere, or featureless")
         return 0
     proposed = replace(scene, feature=proposal.region)
     print(f"{args.scan}: proposed region of the feature\n{_box(proposed)}")
     sides = ", ".join(
         f"{axis}: [{low:.4f}, {high:.4f}]" for axis, (low, high) in scene_to_dict(proposed)["feature"].items()
     )
-    print(f"as a line of the scene file, to accept or change:\nfeature: {{{sides}}}")
+    print(f"as a line of the scene file:\nfeature: {{{sides}}}")
     if args.output:
         save_scene(proposed, args.output)
         print(f"written to {args.output}")
@@ -254,7 +252,7 @@ def _plot(args: argparse.Namespace) -> int:
             figure.savefig(path, dpi=args.dpi)
             print(path)
     except OSError as error:
-        raise ScanError(f"{args.output}: expected a folder for the pictures, {error.strerror}") from None
+        raise ScanError(f"{args.output}: expected a folder for the figures, {error.strerror}") from None
     return 0
 
 
@@ -270,10 +268,10 @@ def _place(position_mm: np.ndarray) -> str:
 
 
 def _when(sweeps: list[SweepInfo]) -> str:
-    """First and last stamp as dates, or as seconds where they do not count from 1970."""
+    """First and last stamp as dates, or in seconds where they are not Unix time."""
     ends = [end for sweep in sweeps if sweep.pairs for end in (sweep.first_ns, sweep.last_ns)]
     if not ends:
-        return "nothing yet"
+        return "never"
     first, last = min(ends) * 1e-9, max(ends) * 1e-9
     if first < 1e9:
         return f"{first:.1f} to {last:.1f} s"

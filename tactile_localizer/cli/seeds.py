@@ -1,4 +1,4 @@
-"""The seed, which several commands take."""
+"""The option ``--seed``."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import argparse
 
 def add_seed_argument(parser: argparse.ArgumentParser) -> None:
     """Declare ``--seed``."""
-    parser.add_argument("--seed", type=_seed, default=1, help="of everything random (default 1)")
+    parser.add_argument("--seed", type=_seed, default=1, help="random seed (default 1)")
 
 
 def _seed(text: str) -> int:
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0 on, got {text}")
+        raise argparse.ArgumentTypeError(f"expected a non-negative integer, got {text}")
     return int(text)

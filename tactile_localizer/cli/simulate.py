@@ -1,4 +1,4 @@
-"""``tactile-localizer simulate``: recordings of the simulated hand, to train on and to localise."""
+"""``tactile-localizer simulate``: recordings of the simulated hand."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, Simul
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the feature, the seed and the numbers of sweeps."""
     parser.add_argument(
-        "feature", choices=FEATURES, help="what lies in the material; none: nothing, seam: something foreign"
+        "feature",
+        choices=FEATURES,
+        help="feature in the material (none: featureless; seam: has no shipped scene)",
     )
     parser.add_argument("-o", "--output", type=Path, default=Path("out/simulate"), metavar="DIR")
     add_seed_argument(parser)
@@ -36,15 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         default=(),
         metavar="N",
-        help="channels of the two phalanges' sensors, in place of load cells with 8; writes scene.yaml too",
+        help="channels of the two phalanges (default: load cells with 8); also writes scene.yaml",
     )
-    parser.add_argument(
-        "--never-reach", action="store_true", help="let the test sweeps end before they come to the feature"
-    )
+    parser.add_argument("--never-reach", action="store_true", help="end the test sweeps before the feature")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulate and write; the training has the arm's positions, the test the true ones."""
+    """Write the recordings: training with the arm's positions, test with the true ones."""
     channels = tuple(args.channels)
     train = simulate_scan(args.feature, args.seed, "train", sweeps=args.train, channels=channels)
     test = simulate_scan(
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _scene(feature: str, channels: tuple[int, ...]) -> Scene:
-    """The shipped scene of a feature, or of a bump, for other sensors: what depends on them is left open."""
+    """The shipped scene of a feature, or of the bump, for other sensors and without their parameters."""
     name = feature if feature in SIMULATED_FEATURES else SIMULATED_FEATURES[0]
     shipped = load_scene(resource_path(f"config/scenes/{name}.yaml"))
     phalanges = tuple(
@@ -81,7 +81,7 @@ def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
 
     Parameters
     ----------
-    position : (N, 2) m, what stands in the axes' columns
+    position : (N, 2) m, for the columns of the axes
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Tables of evaluations on a terminal."""
+"""Printing of tables to the terminal."""
 
 from __future__ import annotations
 
@@ -9,26 +9,28 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Shown
 
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 
-_WORDS = 60
-"""Characters from which a cell is words rather than a number."""
+_TEXT_LENGTH = 60
+"""Length from which a cell is text rather than a number."""
 
-_WIDEST = 250
-"""Characters of a line of numbers, whatever the terminal's width."""
+_NUMBERS_WIDTH = 250
+"""Width of tables of numbers, which are not wrapped to the terminal."""
 
 
 def print_tables(tables: Sequence[Table]) -> None:
-    """Print tables: numbers as wide as they are, words within the terminal."""
+    """Print tables; only those with text are wrapped to the terminal."""
     terminal = Console(highlight=False, soft_wrap=True)
     for table in tables:
-        words = [any(len(row[column]) > _WORDS for row in table.rows) for column in range(len(table.columns))]
+        is_text = [
+            any(len(row[column]) > _TEXT_LENGTH for row in table.rows) for column in range(len(table.columns))
+        ]
         shown = Shown(title=escape(table.title), title_justify="left", box=SIMPLE)
         for number, name in enumerate(table.columns):
-            shown.add_column(escape(name), justify="left" if words[number] or number == 0 else "right")
+            shown.add_column(escape(name), justify="left" if is_text[number] or number == 0 else "right")
         for row in table.rows:
             shown.add_row(*map(escape, row))
-        console = terminal if any(words) else Console(highlight=False, soft_wrap=True, width=_WIDEST)
+        console = terminal if any(is_text) else Console(highlight=False, soft_wrap=True, width=_NUMBERS_WIDTH)
         console.print(shown)
         if table.note:
             terminal.print(f" {escape(table.note)}\n")

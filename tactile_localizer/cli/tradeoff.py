@@ -1,4 +1,4 @@
-"""``tactile-localizer tradeoff``: accuracy against cost, and the configuration for a budget or a target."""
+"""``tactile-localizer tradeoff``: accuracy against computing time, and a configuration to use."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ from tactile_localizer.offline.evaluation.convergence_curve import (
 )
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.tradeoff import (
-    NEIGHBOURS,
     Trade,
     candidates,
     for_target,
@@ -49,16 +48,21 @@ RESUMES = True
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     parser.add_argument(
-        "--budget-us", type=float, metavar="US", help="print the best for this update time, µs"
+        "--budget-us",
+        type=float,
+        metavar="US",
+        help="print the most accurate configuration within this update time, µs",
     )
     parser.add_argument(
-        "--target-mm", type=float, metavar="MM", help="print the cheapest for this mean error, mm"
+        "--target-mm",
+        type=float,
+        metavar="MM",
+        help="print the fastest configuration within this mean error, mm",
     )
     parser.add_argument(
         "--convergence",
         action="store_true",
-        help="instead: how soon against how falsely it converges, over convergence_probability; on simulated "
-        "features, beside what no scan has shown",
+        help="instead: early against false convergence over convergence_probability, on simulated features",
     )
     add_condition_arguments(parser, sweeps=9, seeds=1, blanks=False)
     add_worker_arguments(parser)
@@ -66,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Try everything, write picture, report and numbers; 1 where nothing meets what was asked."""
+    """Try all candidates and write figure, report and numbers; 1 where none meets the budget or target."""
     for name in ("budget_us", "target_mm"):
         value = getattr(args, name)
         if value is not None and not value > 0:
@@ -91,10 +95,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _draw_curve(args: argparse.Namespace, conditions: Sequence[Condition]) -> int:
-    """Print, draw and write how soon against how falsely it converges."""
+    """Print, draw and write early against false convergence."""
     simulated = [replace(one, blanks=one.sweeps) for one in conditions if isinstance(one, SimulatedCondition)]
     if len(simulated) < len(conditions):
-        raise ParameterError(f"--convergence: expected features of {', '.join(SIMULATED_FEATURES)} alone")
+        raise ParameterError(f"--convergence: expected only features of {', '.join(SIMULATED_FEATURES)}")
     configuration = Configuration()
     workers = Workers(args.jobs, args.dask)
     with progress_bars() as progress:
@@ -111,29 +115,29 @@ def _answer(args: argparse.Namespace, trades: Sequence[Trade]) -> int:
     met = True
     if args.budget_us is not None:
         found = within_budget(trades, args.budget_us)
-        met &= _say(f"best within {args.budget_us:g} µs", found, min(trades, key=lambda t: t.update_us))
+        met &= _print_choice(
+            f"most accurate within {args.budget_us:g} µs", found, min(trades, key=lambda t: t.update_us)
+        )
     if args.target_mm is not None:
         found = for_target(trades, args.target_mm * 1e-3)
         best = min(trades, key=lambda t: t.error.mean)
-        met &= _say(f"cheapest within {args.target_mm:g} mm", found, best)
+        met &= _print_choice(f"fastest within {args.target_mm:g} mm", found, best)
     return 0 if met else 1
 
 
-def _say(asked: str, found: Trade | None, nearest: Trade) -> bool:
-    """Print an answer: what to type in comments, and the configuration as YAML."""
+def _print_choice(request: str, found: Trade | None, nearest: Trade) -> bool:
+    """Print the chosen configuration as YAML, with comments on its use."""
     if found is None:
-        print(f"# {asked}: nothing; nearest is {describe(nearest)}")
+        print(f"# {request}: none; nearest is {describe(nearest)}")
         return False
     candidate = found.candidate
     given = [f"-p {name}:={str(value).lower()}" for name, value in candidate.changes.items()]
-    print(f"# {asked}: {describe(found)}")
+    print(f"# {request}: {describe(found)}")
     print("# save this and give it as --config, or put it under ros__parameters in config/filter.yaml")
     if candidate.preset:
         print(f"# shipped: tactile-localizer replay --config {candidate.preset}")
     if given:
         print(f"# live: ros2 run tactile_localizer filter_node --ros-args {' '.join(given)}")
-    if candidate.neighbours != NEIGHBOURS:
-        print(f"# and in the scene, measurement: {{neighbours: {candidate.neighbours}}}")
     print(yaml.safe_dump(candidate.changes, sort_keys=False).rstrip() if given else "# the defaults")
     return True
 

@@ -1,4 +1,4 @@
-"""``tactile-localizer tune``: what a scan teaches, kept in the scan file for the next start."""
+"""``tactile-localizer tune``: print what is learned from a scan and store it in the scan file."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         model = learn_sweep_model(scan, scene)
     mixture = model.mixture(scene, Configuration().cell, calibration.information_length)
     print_tables([learned_table(scene, mixture, calibration), noise_table(scene, model, unit)])
-    print(f"{args.scan}: kept for the next start of replay and of the filter node")
+    print(f"{args.scan}: stored for the next start of replay and of the filter node")
     if args.output is None:
         return 0
     with progress_bars() as progress:

@@ -1,4 +1,4 @@
-"""``tactile-localizer view``: a replay to look into, on a timeline."""
+"""``tactile-localizer view``: replay into the Rerun viewer."""
 
 from __future__ import annotations
 

@@ -179,7 +179,7 @@ class LiveView:
 
 def sweep_line(sweep: LiveSweep) -> str:
     """Summary of a sweep in one line."""
-    summary = sweep.told()
+    summary = sweep.outcome()
     error_mm = summary["error_after_contact_mm"]
     error = "no contact" if error_mm is None else f"error after contact {error_mm:5.2f} mm"
     travel_mm = summary["travel_to_convergence_mm"]

@@ -1,1 +1,1 @@
-"""Replay, metrics, figures and the speed-accuracy trade; never imports rclpy."""
+"""Replay, metrics, evaluation, figures and reports; no ROS."""

@@ -1,4 +1,4 @@
-"""Probabilities of several scans, and of none of them, along each sweep of a recording."""
+"""Identification of the scan that a recording belongs to: probabilities of candidates along each sweep."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.offline.figures.axes import MM, legend_below
 from tactile_localizer.offline.metrics import MARKS
 from tactile_localizer.offline.odometry import travelled
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
 
 _REPORT_EVERY = 200
 _COLUMNS = 3
-_MOST_PLOTS = 18
+_MAX_PLOTS = 18
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class IdentifiedSweep:
     Parameters
     ----------
     number : of the sweep
-    names : of the K candidates, and of none of them
+    names : of the K candidates and of the alternative "none"
     travel : (n,) m from the sweep's start
     probabilities : (n, K + 1), rows sum to one
     """
@@ -44,12 +44,12 @@ class IdentifiedSweep:
 
     @property
     def answer(self) -> str:
-        """The most probable at the end."""
+        """The most probable candidate at the end."""
         return self.names[int(np.argmax(self.probabilities[-1]))]
 
     @property
     def settled_m(self) -> float:
-        """Travel from which the answer was the most probable for good, m."""
+        """Travel after which the most probable candidate no longer changed, m."""
         others = np.flatnonzero(np.argmax(self.probabilities, axis=1) != self.names.index(self.answer))
         return float(self.travel[others[-1] + 1]) if len(others) else 0.0
 
@@ -61,15 +61,15 @@ def identify(
 
     Parameters
     ----------
-    identifier : its state of before is lost
+    identifier : is reset before each sweep
     scene : of the recording's axes
     recording : its positions are the odometry
-    progress : called with what is being done and the fraction of it that is done
+    progress : called with a description of the work and the completed fraction
 
     Raises
     ------
     ScanError
-        No sweep has a sample that can be used.
+        No sweep has a usable sample.
     """
     found, done, total = [], 0, max(len(recording), 1)
     for sweep in recording.sweeps:
@@ -94,14 +94,14 @@ def identify(
             travel = travelled(scene, sweep.position)[rows]
             found.append(IdentifiedSweep(sweep.number, names, travel, np.array(probabilities)))
     if not found:
-        raise ScanError(f"{recording.source}: expected strain that can be used, found none")
+        raise ScanError(f"{recording.source}: expected usable strain, found none")
     if progress is not None:
         progress("identifying", 1.0)
     return found
 
 
 def identification_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
-    """The probabilities at the end of each sweep, and the answer with the travel after which it stood."""
+    """Probabilities at the end of each sweep, the answer, and the travel after which it was final."""
     names = sweeps[0].names
     rows = [
         (
@@ -114,15 +114,15 @@ def identification_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
         for sweep in sweeps
     ]
     return Table(
-        "probability at the end of each sweep",
-        ("sweep", "travel mm", *names, "answer", "since mm"),
+        "Probability at the end of each sweep",
+        ("sweep", "travel mm", *names, "answer", "final after mm"),
         rows,
         verdict(sweeps),
     )
 
 
 def travel_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
-    """Mean probability of each candidate along the travel, over the sweeps that go so far."""
+    """Mean probability of each candidate along the travel, over the sweeps that are long enough."""
     rows = []
     for mark in MARKS:
         reached = [sweep for sweep in sweeps if sweep.travel[-1] >= mark]
@@ -130,18 +130,18 @@ def travel_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
             along = [sweep.probabilities[np.searchsorted(sweep.travel, mark)] for sweep in reached]
             means = np.mean(along, axis=0)
             rows.append((f"{mark * MM:g}", str(len(reached)), *(f"{mean:.3f}" for mean in means)))
-    return Table("mean probability along the travel", ("travel mm", "sweeps", *sweeps[0].names), rows)
+    return Table("Mean probability along the travel", ("travel mm", "sweeps", *sweeps[0].names), rows)
 
 
 def verdict(sweeps: Sequence[IdentifiedSweep]) -> str:
-    """How many sweeps have which answer, the most frequent first."""
+    """Number of sweeps per answer, the most frequent first."""
     counts = Counter(sweep.answer for sweep in sweeps).most_common()
     return ", ".join(f"{name}: {count} of {len(sweeps)} sweeps" for name, count in counts)
 
 
 def identification_figure(sweeps: Sequence[IdentifiedSweep], title: str) -> Figure:
-    """The probabilities along the travel, a plot per sweep (the first :data:`_MOST_PLOTS`)."""
-    shown = sweeps[:_MOST_PLOTS]
+    """Probabilities along the travel, a plot per sweep (of the first :data:`_MAX_PLOTS`)."""
+    shown = sweeps[:_MAX_PLOTS]
     columns = min(_COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
     figure = Figure(figsize=(4.2 * columns, 2.2 * rows + 1.0), layout="constrained")

@@ -13,12 +13,12 @@ from tactile_localizer.sim.scan import sweep_plan
 from tactile_localizer.sim.sweep import simulate_sweep
 
 LIMIT_M = 0.1 * INCH
-"""The error that the paper reports after contact: a tenth of an inch, m."""
+"""Error after contact that the paper reports, a tenth of an inch, m."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Where along x the fingers of a sweep feel the feature above noise, from ``first`` to ``last``, m."""
+    """Positions along x between which the feature exceeds the noise, m."""
 
     first: float
     last: float
@@ -35,7 +35,7 @@ class LiveSweep:
     mean, truth : (n, 2) m, x and y
     trace : (n,) m^2
     converged : (n,) bool
-    contact : where the feature is felt; ``None``: nowhere
+    contact : with the feature; ``None``: the sweep passes beside it
     """
 
     number: int
@@ -53,24 +53,24 @@ class LiveSweep:
 
     @property
     def after_contact(self) -> np.ndarray:
-        """Which estimates lie between contact and the feature's end, (n,) bool."""
+        """Whether each estimate lies between contact and the feature's end, (n,) bool."""
         if self.contact is None:
             return np.zeros(len(self.stamp_ns), dtype=bool)
         return (self.truth[:, 0] >= self.contact.first) & (self.truth[:, 0] <= self.contact.last)
 
-    def told(self) -> dict[str, Any]:
-        """Its numbers, by name; ``None`` for what did not happen."""
-        felt = self.after_contact
+    def outcome(self) -> dict[str, Any]:
+        """Errors and convergence, by name; ``None`` where there is no value."""
+        during = self.after_contact
         travel = np.abs(self.truth[:, 0] - self.truth[0, 0])
         first = int(np.argmax(self.converged)) if self.converged.any() else None
         contact_m = None if self.contact is None else self.contact.first
         return {
             "sweep": self.number,
             "start_mm": (self.truth[0] * 1e3).round(2),
-            "error_after_contact_mm": _mean_mm(self.error[felt]),
-            "error_converged_mm": _mean_mm(self.error[felt & self.converged]),
-            "error_at_end_mm": 1e3 * float(self.error[felt][-1]) if felt.any() else None,
-            "converged": bool(self.converged[felt].any()),
+            "error_after_contact_mm": _mean_mm(self.error[during]),
+            "error_converged_mm": _mean_mm(self.error[during & self.converged]),
+            "error_at_end_mm": 1e3 * float(self.error[during][-1]) if during.any() else None,
+            "converged": bool(self.converged[during].any()),
             "converged_before_contact": first is not None
             and (contact_m is None or bool(self.truth[first, 0] < contact_m)),
             "time_to_convergence_s": None
@@ -81,7 +81,7 @@ class LiveSweep:
 
 
 def contact_of(feature: str, seed: int, number: int, speed: float, rate: float) -> Contact | None:
-    """Where the simulated hand feels the feature in a test sweep; arguments as the simulator has them."""
+    """Contact of a simulated test sweep with the feature; ``None``: it passes beside it."""
     start, end = sweep_plan("test", number, seed)
     sweep = simulate_sweep(feature, seed, number, "test", start=start, end=end, speed=speed, rate=rate)
     if sweep.contact < 0:
@@ -90,8 +90,8 @@ def contact_of(feature: str, seed: int, number: int, speed: float, rate: float) 
 
 
 def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
-    """Means over the sweeps, by name; ``within_limit``: the error after contact is at most 0.1 inch."""
-    outcomes = [sweep.told() for sweep in sweeps]
+    """Means over the sweeps, by name; ``within_limit``: mean error after contact of at most 0.1 inch."""
+    outcomes = [sweep.outcome() for sweep in sweeps]
     errors = _known(outcomes, "error_after_contact_mm")
     mean = float(np.mean(errors)) if len(errors) else None
     return {
@@ -110,7 +110,7 @@ def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
 
 
 def _mean_mm(error: np.ndarray) -> float | None:
-    """Mean of errors in m, in mm; ``None`` for that of none."""
+    """Mean of errors, m, in mm; ``None`` where there are none."""
     return 1e3 * float(error.mean()) if len(error) else None
 
 

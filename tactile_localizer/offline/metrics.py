@@ -1,4 +1,4 @@
-"""Measures of a replay: error, calibration, convergence, time."""
+"""Metrics of a replay: error, calibration, convergence, computing time."""
 
 from __future__ import annotations
 
@@ -19,28 +19,27 @@ INCH = 0.0254
 """m"""
 
 MARKS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
-"""m of travel at which the error is reported."""
+"""Travel at which the error is reported, m."""
 
 CONFIDENCE = 0.95
 """Probability of the region whose coverage is measured."""
 
-
 _ROUNDING = 1e-9
-"""m, of a sum of many steps."""
+"""Rounding error of a sum of many steps, m."""
 
 _NARROWEST = 1e-18
-"""m2 (yaw: rad2); where all particles are one, their covariance is zero."""
+"""Least variance, m2 (yaw: rad2): the covariance of identical particles is zero."""
 
 
 def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Estimate less truth (n, d); an axis that is a full turn along the shortest arc."""
+    """Estimate minus truth (n, d); axes of a full turn along the shortest arc."""
     difference = mean - truth
     difference[:, scene.wraps] = wrap_angle(difference[:, scene.wraps])
     return difference
 
 
 def position_error(scene: Scene, track: Track) -> np.ndarray:
-    """Distance of the estimate from the truth on the axes that are lengths, m: (n,); NaN where not known."""
+    """Distance of the estimate from the truth on the axes that are lengths, m: (n,); NaN where unknown."""
     lengths = np.array([axis.name != "yaw" for axis in scene.axes])
     if track.truth is None or not lengths.any():
         return np.full(len(track), np.nan)
@@ -55,7 +54,7 @@ def yaw_error(scene: Scene, track: Track) -> np.ndarray:
 
 
 def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
-    """Squared error in units of the covariance (n,): d on average when the uncertainty is right."""
+    """Squared Mahalanobis distance of the estimate from the truth, (n,); d on average when consistent."""
     if track.truth is None:
         return np.full(len(track), np.nan)
     difference = deviation(scene, track.mean, track.truth)
@@ -67,9 +66,9 @@ def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
 def calibration(
     scene: Scene, tracks: Sequence[Track], keep: Sequence[np.ndarray] | None = None
 ) -> dict[str, Any]:
-    """Normalised estimation error squared a degree of freedom, and coverage of the 95 % region.
+    """Normalized estimation error squared (NEES) per degree of freedom, and coverage of the 95 % region.
 
-    ``keep``: which entries of each track count; by default all with a known truth.
+    ``keep`` selects entries of each track; by default all with a known truth count.
     """
     squared = _pooled([squared_mahalanobis(scene, track) for track in tracks], keep)
     if not len(squared):
@@ -96,7 +95,7 @@ def statistics(values: np.ndarray) -> dict[str, Any]:
 
 
 def error_at(errors: Sequence[np.ndarray], tracks: Sequence[Track], mark: float) -> np.ndarray:
-    """Errors at ``mark`` m of :func:`travel_from_contact`, of the tracks that go so far."""
+    """Errors at ``mark`` m of :func:`travel_from_contact`, of the tracks that are long enough."""
     found = []
     for error, track in zip(errors, tracks, strict=True):
         travel = travel_from_contact(track)
@@ -123,9 +122,10 @@ def travel_to_convergence(tracks: Sequence[Track]) -> np.ndarray:
 def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> Recording:
     """The recording with contact known, where the truth is.
 
-    A feature is felt where it exceeds the noise: as the recording says (the simulator knows), otherwise where
-    the map expects a phalanx at the true position to feel more than the noise of one visit. Contact is the
-    first such sample, the feature's end the last. Material that is felt everywhere has no contact.
+    A sample is on the feature where the signal exceeds the noise: as recorded (the simulator knows),
+    otherwise where the map predicts more than the noise of one visit for a phalanx at the true position.
+    Contact is the first such sample, the feature's end the last. Material without featureless places has no
+    contact.
 
     Parameters
     ----------
@@ -148,14 +148,14 @@ def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> R
 
 
 def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
-    """All that can be said of the tracks, by name, in SI units; ``None`` for what is not known.
+    """Summary of the tracks, by name, in SI units; ``None`` for what is unknown.
 
     *On contact* is from contact to the feature's end (:func:`with_contact`); travel is counted from contact
     where it is known.
     """
     errors = [position_error(scene, track) for track in tracks]
     converged = [track.converged for track in tracks]
-    # Where contact is known at all, a sweep without one has nothing to count from.
+    # Where any contact is known, travel of a sweep without one has no origin.
     counted = [track.contact[0] >= 0 for track in tracks]
     counts = [index for index, one in enumerate(counted) if one or not any(counted)]
     after = [errors[index] for index in counts], [tracks[index] for index in counts]
@@ -183,22 +183,22 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
 
 
 def timing(tracks: Sequence[Track]) -> dict[str, Any]:
-    """What the localizer took, us: a measurement update, any strain, and a millimetre of travel."""
+    """Computing time, us: of a measurement update, of any strain vector, and per millimetre of travel."""
     updates = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
     every = _pooled([track.seconds for track in tracks]) * 1e6
-    way = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
+    travel_mm = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
     if not len(updates):
         return dict.fromkeys(("update_median_us", "update_p99_us", "strain_mean_us", "us_per_mm"))
     return {
         "update_median_us": float(np.median(updates)),
         "update_p99_us": float(np.quantile(updates, 0.99)),
         "strain_mean_us": float(np.mean(every)),
-        "us_per_mm": float(every.sum() / way) if way > 0.0 else None,
+        "us_per_mm": float(every.sum() / travel_mm) if travel_mm > 0.0 else None,
     }
 
 
 def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:
-    """The finite values of all tracks, or those of them that ``keep`` marks."""
+    """The finite values of all tracks, restricted to the entries that ``keep`` selects."""
     if not values:
         return np.empty(0)
     pooled = np.concatenate(values)

@@ -1,4 +1,4 @@
-"""Reasons why a recording cannot fit a map: positions and strains that the scan never had."""
+"""Detection of recordings that do not fit a map: positions and strains outside the range of the scan."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tactile_localizer.scene import Scene
 _FARTHEST = 1e100
 """Standard deviations beyond which squares overflow."""
 _SWAPPED = 10.0
-"""Nats per measurement by which another order of the phalanges must explain the strains better. Over 1,000 in
-favour of the right one on simulated hands."""
+"""Gain in log-likelihood at which another order of the phalanges is suggested, nats per measurement. On
+simulated hands the right order gains over 1,000."""
 _MOST_PHALANGES = 6
-"""Phalanges of which all orders are tried, 720."""
+"""Phalanges up to which all orders (720) are tried."""
 _SCALES = {1e-3: "1000 times too large: millivolts?", 1e3: "1000 times too small: another unit?"}
 
 
@@ -30,26 +30,26 @@ class Misfit(NamedTuple):
 
     Parameters
     ----------
-    outside : share of the positions out of the scene's bounds
-    unfelt : share of the strains with a channel beyond the range of the scan
-    left_out : names of the phalanges that no strain was used of, or that were stuck
-    hints : what that usually means
+    outside : fraction of the positions outside the scene's bounds
+    beyond : fraction of the strains with a channel outside the range of the scan
+    left_out : names of the phalanges that were never used or were stuck
+    hints : likely causes
     """
 
     outside: float
-    unfelt: float
+    beyond: float
     left_out: tuple[str, ...]
     hints: tuple[str, ...]
 
     @property
     def line(self) -> str | None:
-        """One line for a person; ``None`` where the recording fits."""
-        fits = self.outside <= MATERIAL_SHARE and self.unfelt <= MATERIAL_SHARE
+        """One line for the user; ``None`` where the recording fits."""
+        fits = self.outside <= MATERIAL_SHARE and self.beyond <= MATERIAL_SHARE
         if fits and not self.left_out and not self.hints:
             return None
         parts = [
-            f"{self.outside:.0%} of the positions are out of the scene's bounds",
-            f"{self.unfelt:.0%} of the strains out of the scan's range",
+            f"{self.outside:.0%} of the positions are outside the scene's bounds",
+            f"{self.beyond:.0%} of the strains outside the scan's range",
         ]
         if self.left_out:
             parts.append(f"left out: {', '.join(self.left_out)}")
@@ -65,29 +65,29 @@ def misfit(
     Parameters
     ----------
     scan, scene : the map
-    recording : as it was read
+    recording : as read
     tracks : its replay
-    true_positions : whether the positions are those on the material, rather than the arm's own, of which
-        only the differences count
+    true_positions : whether positions are those on the material; otherwise they are the arm's, and only
+        their differences count
     """
     scan_range = ScanRange.of(scan, scene)
     positions = np.concatenate([sweep.position for sweep in recording.sweeps])
     strain = np.concatenate([sweep.strain for sweep in recording.sweeps])
     present = np.concatenate([usable(sweep.status) for sweep in recording.sweeps])
     outside = _outside(recording, scene, scan_range, true_positions)
-    unfelt = float(np.mean(scan_range.strains_outside(strain, present))) if len(strain) else 0.0
+    beyond = float(np.mean(scan_range.strains_outside(strain, present))) if len(strain) else 0.0
     hints = []
     if outside > MATERIAL_SHARE:
         hints += _position_hints(positions, scene)
-    whole = strain[np.isfinite(strain).all(axis=1)]
-    if len(whole):
-        felt = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
-        hints += _strain_hints(whole, felt, scene, scan_range, unfelt)
-    return Misfit(outside, unfelt, _left_out(scene, recording, tracks), tuple(hints))
+    complete = strain[np.isfinite(strain).all(axis=1)]
+    if len(complete):
+        scanned = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+        hints += _strain_hints(complete, scanned, scene, scan_range, beyond)
+    return Misfit(outside, beyond, _left_out(scene, recording, tracks), tuple(hints))
 
 
 def _outside(recording: Recording, scene: Scene, scan_range: ScanRange, true_positions: bool) -> float:
-    """Share of the positions that the scene does not have; the arm's count from where they start."""
+    """Fraction of the positions outside the scene; the arm's are relative to their first one."""
     if not len(recording):
         return 0.0
     parts = []
@@ -101,7 +101,7 @@ def _outside(recording: Recording, scene: Scene, scan_range: ScanRange, true_pos
 
 
 def _position_hints(positions: np.ndarray, scene: Scene) -> list[str]:
-    """Units in which axes that are out of their bounds would lie inside."""
+    """Units in which positions outside the bounds would lie inside."""
     hints = []
     for axis, values in zip(scene.axes, positions.T, strict=True):
         found = fitting_unit(axis, values, ANGLES if axis.name == "yaw" else LENGTHS)
@@ -111,50 +111,50 @@ def _position_hints(positions: np.ndarray, scene: Scene) -> list[str]:
 
 
 def _strain_hints(
-    strain: np.ndarray, felt: np.ndarray, scene: Scene, scan_range: ScanRange, unfelt: float
+    strain: np.ndarray, scanned: np.ndarray, scene: Scene, scan_range: ScanRange, beyond: float
 ) -> list[str]:
-    """Another unit of the strain, or another order of the phalanges, that fits far better."""
+    """A unit of strain or an order of the phalanges that fits far better."""
     every = np.ones(len(scene.phalanges), dtype=bool)
-    spread = np.maximum(_spread(felt), 1e-300)
+    spread = np.maximum(_spread(scanned), 1e-300)
     for factor, text in _SCALES.items():
         ratio = float(np.median(factor * _spread(strain) / spread))
         scaled = float(np.mean(scan_range.strains_outside(factor * strain, every)))
-        if 0.1 < ratio < 10.0 and scaled <= max(unfelt, MATERIAL_SHARE):
+        if 0.1 < ratio < 10.0 and scaled <= max(beyond, MATERIAL_SHARE):
             return [f"strains are {text}"]
-    order = _best_order(strain, felt, scene)
+    order = _best_order(strain, scanned, scene)
     if order is not None:
         expected = ", ".join(scene.phalanx_names)
         return [f"phalanges swapped: {', '.join(order)} in the columns of {expected}?"]
-    return ["another material, force or tare?"] if unfelt > MATERIAL_SHARE else []
+    return ["another material, force or tare?"] if beyond > MATERIAL_SHARE else []
 
 
 def _spread(strain: np.ndarray) -> np.ndarray:
-    """Half the distance (C,) between the quantiles at 16 and 84 %: single wild values do not count."""
+    """Half the distance (C,) between the 16 and 84 % quantiles, which outliers do not affect."""
     low, high = np.quantile(strain, (0.16, 0.84), axis=0)
     return np.asarray(0.5 * (high - low))
 
 
-def _best_order(strain: np.ndarray, felt: np.ndarray, scene: Scene) -> tuple[str, ...] | None:
-    """Names of the phalanges whose columns these really are, where that is another order."""
+def _best_order(strain: np.ndarray, scanned: np.ndarray, scene: Scene) -> tuple[str, ...] | None:
+    """Order of the phalanges that explains the columns, where it is not the given one."""
     slices, names = scene.layout.slices, scene.phalanx_names
     count = len(slices)
     if not 2 <= count <= _MOST_PHALANGES:
         return None
-    scores = np.array([[_score(strain[:, of], felt[:, by]) for by in slices] for of in slices])
+    scores = np.array([[_score(strain[:, of], scanned[:, by]) for by in slices] for of in slices])
     totals = {order: float(scores[range(count), order].sum()) for order in permutations(range(count))}
     best = max(totals, key=totals.__getitem__)
     gain = totals[best] - totals[tuple(range(count))]
     return tuple(names[index] for index in best) if gain > _SWAPPED else None
 
 
-def _score(strain: np.ndarray, felt: np.ndarray) -> float:
-    """Mean log-density of strains (n, c) under the normal distribution of those felt in the scan, nats."""
-    if strain.shape[1] != felt.shape[1]:
+def _score(strain: np.ndarray, scanned: np.ndarray) -> float:
+    """Mean log-density of strains (n, c) under the normal distribution of the scan's strains, nats."""
+    if strain.shape[1] != scanned.shape[1]:
         return -np.inf
-    covariance = np.atleast_2d(np.cov(felt.T))
+    covariance = np.atleast_2d(np.cov(scanned.T))
     covariance += np.diag(0.01 * np.diag(covariance) + 1e-300)
     root = np.linalg.cholesky(covariance)
-    scaled = np.linalg.solve(root, (strain - felt.mean(axis=0)).T).clip(-_FARTHEST, _FARTHEST)
+    scaled = np.linalg.solve(root, (strain - scanned.mean(axis=0)).T).clip(-_FARTHEST, _FARTHEST)
     return float(-0.5 * np.mean(np.sum(scaled**2, axis=0)) - np.log(np.diag(root)).sum())
 
 
@@ -166,4 +166,4 @@ def _left_out(scene: Scene, recording: Recording, tracks: Sequence[Track]) -> tu
     for flags in (present, consistent):
         if len(flags):
             used = np.minimum(used, flags.mean(axis=0))
-    return tuple(name for name, share in zip(scene.phalanx_names, used, strict=True) if share < 0.5)
+    return tuple(name for name, fraction in zip(scene.phalanx_names, used, strict=True) if fraction < 0.5)

@@ -13,11 +13,10 @@ from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
 
 SIMULATED, EXACT, RECORDED = "simulated", "exact", "recorded"
-"""Odometry: the truth's displacements with the scene's motion noise; without it; what the arm reported."""
-
+"""Kinds of odometry: true displacements with the scene's motion noise, without it, or those of the arm."""
 
 _ROUNDING = 1e-9
-"""m, of a sum of many steps."""
+"""Rounding error of a sum of many steps, m."""
 
 
 def with_odometry(recording: Recording, scene: Scene, rng: np.random.Generator, kind: str) -> Recording:
@@ -26,14 +25,14 @@ def with_odometry(recording: Recording, scene: Scene, rng: np.random.Generator, 
     Parameters
     ----------
     recording : its positions are the truth
-    scene : gives the motion's noise: variance ``motion_std**2`` a metre of travel, on each axis
+    scene : gives the motion noise: variance ``motion_std**2`` per metre of travel, on each axis
     rng : of the noise
     kind : :data:`SIMULATED` or :data:`EXACT`
 
     Returns
     -------
     Recording
-        Each sweep's odometry starts at zero, so that nothing in it shows where the palm is.
+        Each sweep's odometry starts at zero, so that it does not contain the position of the palm.
     """
     sweeps = []
     for sweep in recording.sweeps:
@@ -60,26 +59,26 @@ def travel(scene: Scene, steps: np.ndarray) -> np.ndarray:
 
 
 def travelled(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Way from the first of the positions (n, d) to each of them, m: (n,)."""
+    """Travel from the first of the positions (n, d) to each of them, m: (n,)."""
     return np.concatenate([[0.0], np.cumsum(travel(scene, displacements(scene, position)))])[: len(position)]
 
 
 def random_starts(
     recording: Recording, scene: Scene, count: int, length: float | None, rng: np.random.Generator
 ) -> Recording:
-    """Pieces of a recording that begin at random samples, numbered from 1.
+    """Parts of a recording that begin at random samples, numbered from 1.
 
     Parameters
     ----------
     recording : its positions give the travel
-    count : how many pieces
-    length : m, of each piece; ``None``: to the end of its sweep. No piece begins where less is left.
-    rng : chooses where they begin
+    count : number of parts
+    length : m, of each part; ``None``: to the end of its sweep. No part begins where less is left.
+    rng : draws the first samples
 
     Raises
     ------
     ScanError
-        No sweep is that long.
+        No sweep is long enough.
     """
     ways = [travelled(scene, sweep.position) for sweep in recording.sweeps]
     left = [way[-1:] - way for way in ways]
@@ -88,7 +87,7 @@ def random_starts(
     places = [(index, int(start)) for index, own in enumerate(starts) for start in own]
     if not places:
         longest = max((float(rest.max(initial=0.0)) for rest in left), default=0.0)
-        expected = "that goes anywhere" if length is None else f"of at least {length * 1e3:.1f} mm"
+        expected = "with any travel" if length is None else f"of at least {length * 1e3:.1f} mm"
         raise ScanError(
             f"{recording.source}: expected a sweep {expected} to start in, "
             f"the longest is {longest * 1e3:.1f} mm"

@@ -1,7 +1,7 @@
-"""A recording through the localizer that runs live, as fast as the machine goes.
+"""Replay of a recording through the localizer that runs live, as fast as the machine allows.
 
-The localizer is given stamps, positions and strains in their order, exactly as the filter node gives them; it
-starts from a uniform prior at each new sweep.
+The localizer receives stamps, positions and strains exactly as from the filter node, and starts each sweep
+from a uniform prior.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ class Track:
     stamp_ns : (n,) int64
     mean, covariance : (n, d) and (n, d, d), m (yaw: rad)
     state : n states of convergence
-    probability : (n,) that the hand is on the map and near the estimate
-    on_map : (n,) that it is on the map
+    probability : (n,) probability that the palm is on the map and near the estimate
+    on_map : (n,) probability that it is on the map
     log_marginal : (n,) nats
     updated : (n,) bool, whether the strain led to a measurement update
-    moved : (n,) m of travel by the localizer's own count
+    moved : (n,) m, travel that the localizer has counted
     consistent : (n, F) bool, phalanges that are not stuck
-    reason : n texts
+    reason : n texts, the reason for each state
     truth : (n, d) or ``None``
     travel : (n,) m from the sweep's start, along the truth where all of it is known
-    seconds : (n,) s, that the localizer took
+    seconds : (n,) s, computing time of the localizer
     refused : strains that the localizer refused
-    contact : rows of the recorded sweep at which the feature is first and last felt; -1: never, or not known
+    contact : rows of the recorded sweep at which the feature's contact begins and ends; -1: none, or unknown
     """
 
     number: int
@@ -107,17 +107,17 @@ def replay(
 
     Parameters
     ----------
-    localizer : its state of before is lost
+    localizer : is reset before each sweep
     recording : of the localizer's scene; its positions are the odometry
-    progress : called with what is being done and the fraction of it that is done
-    clock : s, measures what the localizer takes
+    progress : called with a description of the work and the completed fraction
+    clock : s, measures the computing time of the localizer
     """
     tracks = []
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
         estimates, rows, seconds = [], [], []
-        for row, estimate, elapsed in _localise(localizer, sweep, clock):
+        for row, estimate, elapsed in _localize(localizer, sweep, clock):
             if estimate is not None:
                 estimates.append(estimate)
                 rows.append(row)
@@ -132,17 +132,17 @@ def replay(
 
 
 def mixture_of(localizer: Localizer) -> SweepMixture:
-    """The sweep mixture of a localizer, which a kernel model has beside it."""
+    """The sweep mixture of a localizer; a kernel model holds one for convergence."""
     model = localizer.model
     mixture = model.mixture if isinstance(model, KernelPosition) else model
     assert isinstance(mixture, SweepMixture)
     return mixture
 
 
-def _localise(
+def _localize(
     localizer: Localizer, sweep: RecordedSweep, clock: Callable[[], float]
 ) -> Iterator[tuple[int, Estimate | None, float]]:
-    """For each sample its row, the estimate (``None``: refused) and the seconds it took."""
+    """Row, estimate (``None``: refused) and computing time in s of each sample."""
     samples = zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True)
     for row, sample in enumerate(samples):
         began = clock()

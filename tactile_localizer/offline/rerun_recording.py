@@ -20,23 +20,23 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import axis_scale
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording, usable
-from tactile_localizer.offline.figures.axes import MM, shown
+from tactile_localizer.offline.figures.axes import MM, display_units
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
 
 _NEIGHBOURS = 8
-"""Pairs of the scan whose mean strain is the expected one at a place."""
+"""Nearest pairs whose mean is the strain expected at a place."""
 _SHOWN = 400
-"""Hypotheses that are drawn."""
-_MOST_PAIRS = 20_000
+"""Hypotheses drawn."""
+_MAX_PAIRS = 20_000
 _ELLIPSE = np.linspace(0.0, 2.0 * np.pi, 49)
 _RADIUS_95 = 2.448
 """Mahalanobis radius of 95 % of a Gaussian on two axes."""
 _MARGIN_MM = 8.0
 _REPORT_EVERY = 100
 _AHEAD = 0.35
-"""What plots show after the cursor, of the duration of a sweep: room for the legend."""
+"""Time shown after the cursor, as a fraction of a sweep: room for the legend."""
 
 _CONVERGED, _OPEN, _TRUE = [60, 220, 90], [235, 80, 80], [255, 255, 255]
 _BELIEF = [255, 140, 0, 200]
@@ -45,7 +45,7 @@ _EXPLANATIONS = {
     "unknown": ("unknown material", _OPEN),
     "featureless": ("featureless material off the map", [150, 150, 150]),
 }
-"""Name of each explanation in a path, as people read it, and its colour."""
+"""Displayed name and colour of each explanation, by the name in its path."""
 _EXPECTED_BRIGHTNESS = 0.45
 """Brightness of an expected strain against the measured one of the same channel."""
 
@@ -83,7 +83,7 @@ class ReplayView:
         self._tree = cKDTree(self._positions * self._scale)
 
     def replay(self, localizer: Localizer, recording: Recording, progress: Progress | None = None) -> int:
-        """Localize each sweep of a recording and write what there is to see; returns the updates written."""
+        """Localize each sweep of a recording and write every measurement update; returns their number."""
         duration_s = _median_duration_s(recording)
         self._record.send_blueprint(self._blueprint(duration_s))
         self._draw_map()
@@ -120,7 +120,7 @@ class ReplayView:
         return written
 
     def _draw_map(self) -> None:
-        rr, every = self._rr, max(1, len(self._positions) // _MOST_PAIRS)
+        rr, every = self._rr, max(1, len(self._positions) // _MAX_PAIRS)
         change = np.linalg.norm(self._strain - np.median(self._strain, axis=0), axis=1)[::every]
         shade = change / max(float(np.quantile(change, 0.99)), 1e-300)
         places = self._places(self._positions[::every])
@@ -195,13 +195,13 @@ class ReplayView:
             ["°" if name == "yaw" else " mm" for name in self._scene.axis_names],
         )
         place = ", ".join(
-            f"{name} {shown(name, value):.1f}{unit}"
+            f"{name} {display_units(name, value):.1f}{unit}"
             for name, unit, value in zip(names, units, estimate.mean, strict=True)
         )
         return f"**sweep {sweep}**, {MM * estimate.travel:.1f} mm of travel, {place}\n\n{estimate.reason}"
 
     def _end_sweep(self, end_s: float, pause_s: float) -> None:
-        """Let nothing of a sweep be seen, or joined by a line, in the pause after it."""
+        """Clear the sweep, so that no line continues in the pause after it."""
         self._record.set_time("time", duration=end_s + 0.1 * pause_s)
         drawn = ("belief", "estimate", "region_95", "truth")
         for path in (
@@ -225,15 +225,15 @@ class ReplayView:
         return np.asarray(self._places(estimate.mean[None])[0] + outline * [1.0, -1.0])
 
     def _places(self, states: np.ndarray) -> np.ndarray:
-        """States (P, d) on the drawing: (P, 2), mm; a single axis lies along it."""
+        """Drawn positions of states (P, d): (P, 2), mm; a single axis is horizontal."""
         first = states[:, :2] * self._scale[:2] * MM
         second = -first[:, 1] if first.shape[1] == 2 else np.zeros(len(first))  # the viewer's is downwards
         return np.column_stack([first[:, 0], second])
 
     def _blueprint(self, duration_s: float) -> Any:
-        """Layout: the map on the left, what is known along the time on the right.
+        """Layout: the map on the left, time series on the right.
 
-        Plots show as much as a sweep of ``duration_s`` before the cursor.
+        Plots show ``duration_s`` before the cursor.
         """
         rr, views = self._rr, self._rr.blueprint
         shown = rr.TimeRange(
@@ -293,7 +293,7 @@ def _median_duration_s(recording: Recording) -> float:
 
 
 def _channel_colours(count: int) -> np.ndarray:
-    """Colours (count, 3) that can be told apart, 0 to 255."""
+    """Distinct colours (count, 3), 0 to 255."""
     if count <= 8:
         return 255 * colormaps["Set2"](np.arange(count))[:, :3]
     return 255 * colormaps["hsv"](np.arange(count) / count)[:, :3]
@@ -308,6 +308,6 @@ def _rerun() -> Any:
         import rerun
     except ImportError:
         raise ScanError(
-            "rerun-sdk: expected it for a view, found none; pip install 'rerun-sdk>=0.41,<0.42'"
+            "rerun-sdk: expected it to be installed (pip install 'rerun-sdk>=0.41,<0.42'), found none"
         ) from None
     return rerun

@@ -1,6 +1,6 @@
-"""What is wrong with a scan, so that it can be mended before it is used: one line a finding.
+"""Checks of a scan: coverage, gaps, dead or saturated gauges, drift; one line per finding.
 
-Every threshold is a constant here, with its reason; the findings are for a person to judge.
+The thresholds are judgement, each with its reason; the user decides what to do about a finding.
 """
 
 from __future__ import annotations
@@ -15,53 +15,53 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import sweep_distance
 from tactile_localizer.io.scans.rows import SweepInfo
-from tactile_localizer.offline.figures.axes import MM, shown
+from tactile_localizer.offline.figures.axes import MM, display_units
 from tactile_localizer.scene import Scene
 
-_FEWEST = 50
-"""Pairs below which the values of a gauge say nothing about the gauge."""
+_MIN_PAIRS = 50
+"""Pairs below which a gauge cannot be checked."""
 
-_MOST_VOLTS = 20.0
-"""More than any amplifier of strain gauges gives: rather mV or counts."""
+_MAX_VOLTS = 20.0
+"""Above the range of strain gauge amplifiers: likely mV or counts."""
 
-_LEAP = 0.2
-"""Share of the scan's extent by which a palm does not move from one sample to the next."""
-_LEAP_STEPS = 20.0
-"""And in median steps of the sweep, which may be sparse."""
-_FEWEST_STEPS = 10
+_JUMP = 0.2
+"""Step between samples that counts as a jump, as a fraction of the scan's extent ..."""
+_JUMP_STEPS = 20.0
+"""... and in median steps of the sweep, which may be sparsely sampled."""
+_MIN_STEPS = 10
 
 _LOSS = 0.05
-"""Share of a sweep's samples lost to gaps, or skipped, that is worth a line."""
+"""Fraction of a sweep's samples lost to gaps, or skipped, that is reported."""
 
 _ON_BOUND = 0.02
-"""Distance of a sweep from a bound of the scene, as a share of its extent, over which it wobbles."""
+"""Distance of a sweep from a bound within which the hand crosses it, as a fraction of the extent."""
 
 _HOLE = 0.85
-"""Distance to the nearest pair, in distances of the sweeps, that shows uneven spacing: half a distance is
-the most between even ones, a whole one where one is missing."""
+"""Distance to the nearest pair at which spacing is uneven, in sweep distances: at most 0.5 between evenly
+spaced sweeps, 1 where a sweep is missing."""
 
 _SAME_LINE = 0.01
-"""Share of the scene's longest extent within which sweeps, there and back, run on the same line."""
+"""Distance within which sweeps are on the same line (there and back), as a fraction of the longest extent."""
 
 _COVERED = 0.98
-"""Less coverage than this is worth a line."""
+"""Coverage below which it is reported."""
 
 _DEAD = 0.01
-"""A gauge whose range is this share of the typical gauge's feels nothing."""
+"""Range of a dead gauge, as a fraction of the median gauge's."""
 
 _AT_LIMIT = 0.01
-"""Share of samples at exactly the highest or lowest value from which a gauge seems cut off. Of noisy
-values not cut off, one sample is the highest; of coarse counts, a few are."""
+"""Fraction of samples at exactly the highest or lowest value from which a gauge seems saturated. Noisy values
+have one highest sample, coarse counts a few."""
 
 _DISAGREEMENT = 3.0
-"""Residual of a sweep, against what the sweeps around it felt, in residuals of the median sweep."""
+"""Residual of a sweep against its neighbouring sweeps that is reported, in residuals of the median sweep."""
 
 _COMPARED = 50_000
-"""Pairs that sweeps are compared by, evenly chosen from more: their median says as much."""
+"""Pairs by which sweeps are compared, evenly chosen from more: the median needs no more."""
 
 _DRIFT = 5.0
-"""Trend of a gauge over the scan, in standard deviations of the sweeps' medians around it; chance makes
-one of 3 in a hundredth of the gauges."""
+"""Trend of a gauge over the scan that is reported, in standard deviations of the sweeps' medians about it. By
+chance one gauge in a hundred has a trend of 3."""
 
 _DRIFT_SWEEPS = 6
 
@@ -73,21 +73,21 @@ def findings(
     unit: str = "V",
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[str]:
-    """Everything about a scan that may need mending.
+    """Findings about a scan that may need attention.
 
     Parameters
     ----------
     scan : the pairs
     scene : its bounds
-    sweeps : what the scan file says of the sweeps; dropped ones are passed over
+    sweeps : as recorded in the scan file; dropped ones are ignored
     unit : of the strain
-    progress : called with the share of the checks that is done, 0 to 1
+    progress : called with the completed fraction of the checks, 0 to 1
     """
     kept = [sweep for sweep in sweeps if not sweep.dropped]
     checks = (
         _amount(scan),
         _recording(kept),
-        _leaps(scan),
+        _jumps(scan),
         _along_bounds(scan, scene, kept),
         _coverage(scan, scene),
         _unit(scan, unit),
@@ -103,15 +103,15 @@ def findings(
 
 
 def _amount(scan: Scan) -> Iterator[str]:
-    if len(scan) < _FEWEST:
-        yield f"only {len(scan)} pairs: too few to judge the gauges"
+    if len(scan) < _MIN_PAIRS:
+        yield f"only {len(scan)} pairs: too few to check the gauges"
     if len(scan.sweep_numbers) == 1:
-        yield "only one sweep: how sweeps differ is not known, and the noise cannot be estimated well"
+        yield "only one sweep: the noise between sweeps cannot be estimated"
 
 
 def _unit(scan: Scan, unit: str) -> Iterator[str]:
-    greatest = float(max(scan.strain.max(), -scan.strain.min()))  # without a second array of that size
-    if unit == "V" and greatest > _MOST_VOLTS:
+    greatest = float(max(scan.strain.max(), -scan.strain.min()))  # no second array of that size
+    if unit == "V" and greatest > _MAX_VOLTS:
         yield (
             f"strain goes to {greatest:.4g} V: is it in V? (import: --column "
             f"PHALANX=NAME1..{scan.layout.counts[0]}*0.001 "
@@ -119,20 +119,20 @@ def _unit(scan: Scan, unit: str) -> Iterator[str]:
         )
 
 
-def _leaps(scan: Scan) -> Iterator[str]:
-    """Sweeps whose palm leaps from one pair to the next, as where a recording of several counts as one."""
+def _jumps(scan: Scan) -> Iterator[str]:
+    """Sweeps in which the palm jumps, as where a recording of several sweeps is taken for one."""
     places = scan.states[:, [column for column, axis in enumerate(scan.axes) if axis != "yaw"]]
     if not places.shape[1]:
         return
-    least = _LEAP * float(np.ptp(places, axis=0).max())
+    least = _JUMP * float(np.ptp(places, axis=0).max())
     for number in scan.sweep_numbers:
         steps = np.linalg.norm(np.diff(places[scan.sweep == number], axis=0), axis=1)
-        if len(steps) < _FEWEST_STEPS:
+        if len(steps) < _MIN_STEPS:
             continue
-        leaps = steps[steps > max(least, _LEAP_STEPS * float(np.median(steps)))]
-        if len(leaps):
+        jumps = steps[steps > max(least, _JUMP_STEPS * float(np.median(steps)))]
+        if len(jumps):
             yield (
-                f"sweep {number}: the palm leaps by {leaps.max() * MM:.1f} mm, {len(leaps)} in all: "
+                f"sweep {number}: the palm jumps by up to {jumps.max() * MM:.1f} mm, {len(jumps)} times: "
                 "is it one sweep, without gaps?"
             )
 
@@ -140,7 +140,7 @@ def _leaps(scan: Scan) -> Iterator[str]:
 def _recording(sweeps: Sequence[SweepInfo]) -> Iterator[str]:
     for sweep in sweeps:
         if not sweep.ended:
-            yield f"sweep {sweep.number}: its recording was cut off after {sweep.pairs} pairs"
+            yield f"sweep {sweep.number}: its recording ended early, after {sweep.pairs} pairs"
         total = sweep.pairs + sweep.gaps + sweep.skipped
         if sweep.gaps > _LOSS * total:
             yield f"sweep {sweep.number}: {sweep.gaps} of {total} samples fell into gaps of the palm poses"
@@ -150,7 +150,7 @@ def _recording(sweeps: Sequence[SweepInfo]) -> Iterator[str]:
 
 
 def _along_bounds(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> Iterator[str]:
-    """Sweeps that lost samples and lie on a bound of the scene, over which a hand wobbles."""
+    """Sweeps that lost samples because they follow a bound of the scene, which the hand crosses."""
     columns = scene.columns(scan.axes)
     for sweep in sweeps:
         if not sweep.skipped or sweep.skipped > 9 * sweep.pairs:
@@ -161,13 +161,14 @@ def _along_bounds(scan: Scan, scene: Scene, sweeps: Sequence[SweepInfo]) -> Iter
                 if abs(at - bound) < _ON_BOUND * (axis.upper - axis.lower) and not axis.wraps:
                     lost = f"{sweep.skipped} of {sweep.pairs + sweep.gaps + sweep.skipped}"
                     yield (
-                        f"sweep {sweep.number}: lies on the bound {axis.name} {shown(axis.name, bound):.1f}, "
-                        f"{lost} samples were left out: give the scene's bounds a margin"
+                        f"sweep {sweep.number}: follows the bound {axis.name} "
+                        f"{display_units(axis.name, bound):.1f}, "
+                        f"{lost} samples were left out: widen the scene's bounds"
                     )
 
 
 def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
-    """Over a plane, holes between the sweeps, by their own distance; else the share that is covered."""
+    """In a plane, gaps between sweeps relative to their distance; otherwise the covered fraction."""
     is_plane = "y" in scan.axes and "x" in scan.axes
     extent = max(axis.upper - axis.lower for axis in scene.axes if axis.name != "yaw" or not is_plane)
     distance = sweep_distance(scan, _SAME_LINE * extent) if is_plane else 0.0
@@ -182,7 +183,7 @@ def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
     place, hole = coverage.largest_hole()
     if hole > _HOLE:
         where = ", ".join(
-            f"{axis} {shown(axis, value):.1f}" for axis, value in zip(scan.axes, place, strict=True)
+            f"{axis} {display_units(axis, value):.1f}" for axis, value in zip(scan.axes, place, strict=True)
         )
         yield (
             f"uneven spacing: sweeps are {distance * MM:.1f} mm apart, but the nearest pair to {where} "
@@ -191,31 +192,31 @@ def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
 
 
 def _gauges(scan: Scan) -> Iterator[str]:
-    if len(scan) < _FEWEST:
+    if len(scan) < _MIN_PAIRS:
         return
     high, low = scan.strain.max(axis=0), scan.strain.min(axis=0)
     typical = float(np.median(high - low))
     for column in range(scan.strain.shape[1]):
-        name = _element(scan, column)
+        name = _channel_name(scan, column)
         if high[column] - low[column] <= _DEAD * typical:
             yield f"{name}: seems dead, all values lie within {high[column] - low[column]:.3g}"
             continue
         values = scan.strain[:, column]
         for limit in (low[column], high[column]):
             share = float(np.mean(values == limit))
-            # Many sensors give 0 where nothing is touched: that is rest, not the end of a range.
+            # Many sensors read 0 without contact, which is not the end of their range.
             if share > _AT_LIMIT and limit != 0.0:
                 yield f"{name}: seems saturated, {share:.1%} of the values are exactly {limit:.6g}"
 
 
-def _element(scan: Scan, column: int) -> str:
-    """A channel's name for people: the phalanx, and its number there."""
+def _channel_name(scan: Scan, column: int) -> str:
+    """Name of a channel for the user: its phalanx and number."""
     phalanx, channel = scan.layout.place(column)
-    return f"{scan.phalanges[phalanx]} element {channel}"
+    return f"{scan.phalanges[phalanx]} channel {channel}"
 
 
 def _disagreement(scan: Scan) -> Iterator[str]:
-    """Each sweep against the nearest pairs of the others."""
+    """Residual of each sweep against the nearest pairs of the others."""
     if len(scan.sweep_numbers) < 3:
         return
     if len(scan) > _COMPARED:
@@ -232,12 +233,12 @@ def _disagreement(scan: Scan) -> Iterator[str]:
     typical = float(np.median(list(residuals.values())))
     for number, residual in residuals.items():
         if residual > _DISAGREEMENT * typical:
-            times = f"{residual / typical:.1f} times as much as others do"
+            times = f"{residual / typical:.1f} times as much as the median sweep"
             yield f"sweep {number}: differs from the sweeps around it {times}"
 
 
 def _drift(scan: Scan) -> Iterator[str]:
-    """A trend of the sweeps' medians, which a feature that fills less than half of a sweep does not move."""
+    """Trend of the sweeps' medians, which a feature on less than half of a sweep does not affect."""
     numbers = scan.sweep_numbers
     if len(numbers) < _DRIFT_SWEEPS:
         return
@@ -248,6 +249,6 @@ def _drift(scan: Scan) -> Iterator[str]:
     scatter = np.sqrt(np.sum(rest**2, axis=0) / (len(numbers) - 2))
     total = slope * (len(numbers) - 1)
     for column in np.flatnonzero(np.abs(total) > _DRIFT * np.maximum(scatter, 1e-300)).tolist():
-        name = _element(scan, column)
+        name = _channel_name(scan, column)
         times = abs(total[column]) / max(scatter[column], 1e-300)
         yield f"{name}: drifts by {total[column]:+.3g} over the scan, {times:.0f} times its scatter"

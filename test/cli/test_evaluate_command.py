@@ -1,4 +1,4 @@
-"""`evaluate` tries methods on features or own recordings and writes tables, pictures and a report."""
+"""The command `evaluate`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def without_times(document: dict) -> dict:
     return {**document, "tasks": tasks, "tables": None}
 
 
-def test_own_recordings_are_evaluated_on_an_own_scan(folder: Path, capsys) -> None:
+def test_recordings_are_evaluated_on_a_scan(folder: Path, capsys) -> None:
     assert main([*OWN.split(), "-o", "out"]) == 0
     printed = capsys.readouterr().out
     assert "bump, mm" in printed
@@ -62,7 +62,7 @@ def test_the_number_of_workers_makes_no_difference(folder: Path) -> None:
     assert documents[0] == documents[1]
 
 
-def test_an_interrupted_run_goes_on_where_it_was(folder: Path) -> None:
+def test_an_interrupted_run_resumes(folder: Path) -> None:
     command = [sys.executable, "-c", "import sys; from tactile_localizer.cli import main; sys.exit(main())"]
     arguments = [*OWN.split(), "--seeds", "5", "-o", "again"]
 
@@ -73,11 +73,11 @@ def test_an_interrupted_run_goes_on_where_it_was(folder: Path) -> None:
     try:
         wait_until(lambda: len(results()) > 6, "some results", 60)
         running.terminate()
-        _, told = running.communicate(timeout=60)  # also waits for workers, who have the same stderr
+        _, printed = running.communicate(timeout=60)  # also waits for workers, who have the same stderr
     finally:
         running.kill()
     assert running.returncode == 130
-    assert "Warning" not in told
+    assert "Warning" not in printed
     before = {file: file.stat().st_mtime_ns for file in results()}
     assert 6 < len(before) < 15
     assert main(arguments) == 0
@@ -104,12 +104,11 @@ def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) ->
         ("--jobs 0", "jobs: expected at least 1"),
         ("--methods defualt", "--methods defualt: expected a YAML file or one of default, "),
         ("test.csv", "recordings: expected --scan with them"),
-        ("--features linen --data nowhere", "Linen_F250_V10mmps_0.csv"),
         ("test.csv --scan scan.db --travel 0.1", "--travel: expected --starts with it"),
         ("--scan scan.db", "scan.db: expected recordings to localise on it"),
     ],
 )
-def test_what_cannot_be_evaluated_is_refused_in_one_line(
+def test_unusable_requests_are_refused_in_one_line(
     folder: Path, capsys, arguments: str, message: str
 ) -> None:
     assert main(["evaluate", *arguments.split()]) == 2

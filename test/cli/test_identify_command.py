@@ -1,4 +1,4 @@
-"""`identify` tells which scan a recording was felt on, or none of them."""
+"""The command `identify`."""
 
 import numpy as np
 import pytest
@@ -32,23 +32,23 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_a_recording_of_a_snap_is_told_from_a_bump(folder, monkeypatch, capsys):
+def test_a_snap_is_distinguished_from_a_bump(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     arguments = ["identify", "test.csv", "--scan", "bump.db", "--scan", "snap.db", "--config", "fast"]
     assert main([*arguments, "-o", "found/picture.png"]) == 0
     output = capsys.readouterr().out
     assert "snap: 2 of 2 sweeps" in output
-    assert "mean probability along the travel" in output
+    assert "Mean probability along the travel" in output
     assert (folder / "found/picture.png").stat().st_size > 10_000
 
 
-def test_scans_that_cannot_be_compared_are_refused_in_one_line(folder, monkeypatch, capsys):
+def test_incompatible_scans_are_refused_in_one_line(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     assert main(["identify", "test.csv", "--scan", "bump.db", "--scan", "bump.db"]) == 2
     assert "--scan: expected scans of different names, got bump, bump" in capsys.readouterr().err
 
 
-def test_an_answer_counts_from_where_it_stands_for_good():
+def test_an_answer_is_final_after_its_last_change():
     probabilities = np.array([[0.5, 0.3, 0.2], [0.2, 0.6, 0.2], [0.5, 0.3, 0.2], [0.8, 0.1, 0.1]])
     sweep = IdentifiedSweep(3, ("a", "b", "none of them"), np.array([0.0, 0.01, 0.02, 0.03]), probabilities)
     assert (sweep.answer, sweep.settled_m) == ("a", 0.02)

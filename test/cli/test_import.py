@@ -1,4 +1,4 @@
-"""`import` makes scan files from recordings and reports skipped samples."""
+"""The command `import`."""
 
 import csv
 
@@ -27,7 +27,7 @@ def write_csv(path, rows):
         csv.writer(file).writerows([HEADER, *rows])
 
 
-def test_a_csv_of_standard_columns_becomes_a_scan_file(folder, capsys):
+def test_a_csv_with_standard_columns_is_imported(folder, capsys):
     rng = np.random.default_rng(0)
     rows = [[0.01 * n, n // 50, 0.0004 * n, 0.02, *rng.normal(size=16)] for n in range(200)]
     rows[7][5] = "broken"
@@ -48,7 +48,7 @@ def test_a_csv_of_standard_columns_becomes_a_scan_file(folder, capsys):
         assert (what, detail["files"]) == ("import csv", ["train.csv"])
 
 
-def test_the_shipped_fabric_scenes_and_naming_are_found_by_name(folder, capsys):
+def test_shipped_scenes_and_namings_are_found_by_name(folder, capsys):
     columns = ["timestamp", "proximity1", *(f"channel{n}" for n in range(1, 17))]
     for repeat in (0, 1):
         with (folder / f"{repeat}.csv").open("w") as file:
@@ -57,13 +57,13 @@ def test_the_shipped_fabric_scenes_and_naming_are_found_by_name(folder, capsys):
                 file.write(",".join(map(str, [443069 + 28 * row, 7, *range(row, row + 16)])) + "\n")
     arguments = "0.csv 1.csv --scene linen.yaml --columns fabric_slide.yaml --speed 0.01 -o linen.db"
     assert main(["import", "csv", *arguments.split()]) == 0
-    assert capsys.readouterr().out == "linen.db: 2 sweeps, 60 pairs\n"
+    assert "2 sweeps, 60 pairs" in capsys.readouterr().out
     with ScanStore.open("linen.db") as store:
         assert store.units["strain"] == "counts"
         np.testing.assert_allclose(store.load().states[:3, 0], [0, 0.00028, 0.00056], atol=1e-12)
 
 
-def test_the_folder_of_the_scan_file_is_made(folder, capsys):
+def test_the_folder_of_the_scan_file_is_created(folder, capsys):
     write_csv(folder / "a.csv", [[0.01 * n, 0, 0.0004 * n, 0.02, *range(16)] for n in range(50)])
     assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "scans/new/a.db"]) == 0
     assert (folder / "scans/new/a.db").exists()
@@ -71,7 +71,7 @@ def test_the_folder_of_the_scan_file_is_made(folder, capsys):
     assert "a.csv/b.db: expected a writable folder" in capsys.readouterr().err
 
 
-def test_a_bag_becomes_a_scan_file(folder, capsys):
+def test_a_bag_is_imported(folder, capsys):
     write_bag(folder / "bag", slide(0, 1000), "sqlite3")
     assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
     assert capsys.readouterr().out.splitlines() == [
@@ -80,7 +80,7 @@ def test_a_bag_becomes_a_scan_file(folder, capsys):
     ]
 
 
-def test_sweeps_of_a_bag_can_be_found_in_the_motion(folder):
+def test_sweeps_of_a_bag_are_detected_in_the_motion(folder):
     write_bag(folder / "bag", slide(0, 1000))
     arguments = "bag --scene scene.yaml --detect-sweeps one_way -o scan.db"
     assert main(["import", "bag", *arguments.split()]) == 0
@@ -102,7 +102,7 @@ def test_sweeps_of_a_bag_can_be_found_in_the_motion(folder):
         ("bag b --scene scene.yaml --material-pose 0 0 0 0 0 nan -o a.db", "material_pose: expected x, y"),
     ],
 )
-def test_what_cannot_be_imported_is_refused_in_one_line(folder, capsys, arguments, message):
+def test_unusable_files_are_refused_in_one_line(folder, capsys, arguments, message):
     assert main(["import", *arguments.split()]) == 2
     printed = capsys.readouterr()
     assert printed.err.startswith("error: ")
@@ -137,7 +137,7 @@ def slid(n=100, channels=8, time=1.0, place=1.0):
         (["t", "tcp.x"], (1e3, 1), (0.001, 1)),
     ],
 )
-def test_columns_are_guessed_shown_and_written_for_the_next_time(folder, capsys, names, factors, scales):
+def test_guessed_columns_are_printed_and_written(folder, capsys, names, factors, scales):
     names = [*names, *(f"taxel{n}" for n in range(8))]
     assert import_table(folder, names, slid(100, 8, *factors)) == 0
     printed = capsys.readouterr().out
@@ -150,7 +150,7 @@ def test_columns_are_guessed_shown_and_written_for_the_next_time(folder, capsys,
         np.testing.assert_allclose(np.diff(recording.stamp_ns) * 1e-9, 0.05, atol=1e-6)
     again = ["import", "csv", "own.csv", "--scene", "line.yaml", "--columns", "own.columns.yaml"]
     assert main([*again, "-o", "again.db"]) == 0
-    assert capsys.readouterr().out == "again.db: 1 sweeps, 100 pairs\n"
+    assert "1 sweeps, 100 pairs" in capsys.readouterr().out
 
 
 def test_a_wrench_and_a_constant_speed_are_guessed(folder, capsys):
@@ -163,7 +163,7 @@ def test_a_wrench_and_a_constant_speed_are_guessed(folder, capsys):
         np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
 
 
-def test_columns_of_all_phalanges_in_one_row_of_numbers_are_shared_in_the_scenes_order(folder, capsys):
+def test_numbered_columns_are_split_among_phalanges(folder, capsys):
     scene = Scene("line", LINE.axes, (Phalanx("distal", (0.0,), 6), Phalanx("proximal", (0.0,), 4)))
     names = ["time_s", "x", *(f"ch{n}" for n in range(1, 11))]
     assert import_table(folder, names, slid(channels=10), scene) == 0
@@ -179,7 +179,7 @@ def test_columns_of_all_phalanges_in_one_row_of_numbers_are_shared_in_the_scenes
         (["when", "x"], 8, ["time stamps (--column stamp_s=NAME"]),
     ],
 )
-def test_what_is_missing_is_named_with_what_to_add(folder, capsys, names, channels, messages):
+def test_missing_columns_are_named_with_a_hint(folder, capsys, names, channels, messages):
     rows = [row[: len(names)] + row[2:] for row in slid(channels=channels)]
     assert import_table(folder, [*names, *(f"e{n + 1}" for n in range(channels))], rows) == 2
     error = capsys.readouterr().err
@@ -217,7 +217,7 @@ def test_milliseconds_with_a_constant_speed_are_guessed(folder, capsys):
     assert "stamp_s seems to be in ms: --column stamp_s=stamp_s*0.001" in capsys.readouterr().err
 
 
-def test_stamps_too_large_for_seconds_say_so(folder, capsys):
+def test_stamps_too_large_for_seconds_are_refused(folder, capsys):
     rows = [[1.7e12 + 50 * k, *row[1:]] for k, row in enumerate(slid())]
     assert import_table(folder, STANDARD, rows) == 2
     assert "too large (in ms? --column stamp_s=NAME*0.001" in capsys.readouterr().err
@@ -240,7 +240,7 @@ def test_rows_in_another_order_are_sorted_by_stamp(folder, capsys, order):
         np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
 
 
-def test_a_negative_speed_runs_the_other_way_over_the_same_stretch(folder):
+def test_a_negative_speed_reverses_the_sweep(folder):
     rows = [[row[0], *row[2:]] for row in slid()]
     names = [STANDARD[0], *STANDARD[2:]]
     assert import_table(folder, names, rows, LINE, "--speed", "-0.01") == 0

@@ -1,4 +1,4 @@
-"""The frame of the command line: how subcommands are found and how it ends."""
+"""The command line: subcommands, exit status, errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def run_command(monkeypatch: pytest.MonkeyPatch):
     return install
 
 
-def test_a_subcommand_gets_its_arguments_and_gives_the_exit_status(run_command) -> None:
+def test_a_subcommand_returns_the_exit_status(run_command) -> None:
     run_command(lambda args: args.status)
     assert cli.main(["try", "--status", "3"]) == 3
 
@@ -59,9 +59,7 @@ def test_an_error_of_the_package_is_one_line_and_status_2(run_command, capsys: p
     assert capsys.readouterr().err == "error: scan.db: expected a scan file, found a picture\n"
 
 
-def test_an_interrupted_command_says_where_it_goes_on_when_run_again(
-    run_command, monkeypatch, capsys
-) -> None:
+def test_an_interrupted_command_can_be_resumed(run_command, monkeypatch, capsys) -> None:
     def interrupted(args: argparse.Namespace) -> int:
         raise KeyboardInterrupt
 
@@ -79,7 +77,7 @@ def test_an_interrupt_is_status_130(run_command) -> None:
     assert cli.main(["try"]) == 130
 
 
-def test_a_fault_of_the_program_is_not_hidden(run_command) -> None:
+def test_a_bug_is_not_hidden(run_command) -> None:
     run_command(lambda args: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         cli.main(["try"])
@@ -103,7 +101,7 @@ def test_every_subcommand_explains_itself(capsys: pytest.CaptureFixture) -> None
         assert f"tactile-localizer {name}" in capsys.readouterr().out
 
 
-def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
+def test_a_closed_pipe_ends_the_command_quietly() -> None:
     program = (
         "import sys, types; from tactile_localizer import cli\n"
         "m = types.ModuleType('tactile_localizer.cli.flood'); \n"
@@ -124,11 +122,12 @@ def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
 @pytest.mark.parametrize("command", [["replay", "a.csv", "--scan", "a.db"], ["simulate", "bump"], ["demo"]])
-def test_a_seed_that_is_none_is_refused(command, seed, capsys: pytest.CaptureFixture) -> None:
+def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main([*command, "--seed", seed])
-    refusal = f"error: argument --seed: expected a whole number from 0 on, got {seed}\n"
-    assert capsys.readouterr().err.endswith(refusal)
+    refusal = capsys.readouterr().err
+    assert "argument --seed" in refusal
+    assert refusal.endswith(f"got {seed}\n")
 
 
 def test_the_help_points_to_the_values_to_set(capsys: pytest.CaptureFixture) -> None:

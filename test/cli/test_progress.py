@@ -1,4 +1,4 @@
-"""Progress is a bar on a terminal and a line now and then elsewhere, always apart from the output."""
+"""Progress on terminals and in pipes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ print("done")
 """
 
 
-def test_what_is_soon_done_is_not_worth_a_line(capsys: pytest.CaptureFixture) -> None:
+def test_short_work_prints_nothing(capsys: pytest.CaptureFixture) -> None:
     with progress.progress_bars() as show:
         show("sorting", 0.5)
         show("sorting", 1.0)
@@ -29,9 +29,7 @@ def test_what_is_soon_done_is_not_worth_a_line(capsys: pytest.CaptureFixture) ->
     assert printed.err == ""
 
 
-def test_what_takes_long_is_told_in_plain_lines(
-    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_work_prints_lines(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     now = iter([0.0, 4.0, 11.0, 12.0, 22.0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(now))
     with progress.progress_bars() as show:
@@ -40,7 +38,7 @@ def test_what_takes_long_is_told_in_plain_lines(
     assert capsys.readouterr().err == "sorting: 50%\nsorting: 90%\n"
 
 
-def test_a_terminal_gets_a_bar_that_goes_away() -> None:
+def test_a_terminal_shows_a_transient_bar() -> None:
     control, terminal = pty.openpty()
     try:
         environment = os.environ | {"TERM": "xterm", "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -1,4 +1,4 @@
-"""`replay` localises anyone's recording and writes what was believed, the same each time for a seed."""
+"""The command `replay`."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def updates_text(path: str) -> str:
     return Path(path).read_text().partition('"updates"')[2]
 
 
-def test_train_import_replay_finds_the_place_and_writes_every_update(folder: Path, capsys) -> None:
+def test_import_and_replay_localize_and_write_every_update(folder: Path, capsys) -> None:
     assert main([*COMMAND.split(), "--json", "out.json"]) == 0
     printed = capsys.readouterr().out
     assert "sweep_mixture, grid filter; odometry simulated" in printed
@@ -72,7 +72,7 @@ def test_train_import_replay_finds_the_place_and_writes_every_update(folder: Pat
     assert {"sweep", "converged", "reason", "state", "probability", "on_map", "stamp_ns"} <= set(last)
 
 
-def test_a_seed_gives_the_same_updates_to_the_byte_and_another_seed_others(folder: Path) -> None:
+def test_updates_are_reproducible_by_seed(folder: Path) -> None:
     short = COMMAND.replace("grid", "particle").replace("test.csv", "short.csv").split()
     lines = Path("test.csv").read_text().splitlines()
     Path("short.csv").write_text("\n".join(lines[:200]))
@@ -90,9 +90,7 @@ def test_exact_odometry_is_the_truths_displacements(folder: Path) -> None:
     assert document("exact.json")["configuration"]["cell"] == load_configuration("fast").cell
 
 
-def test_what_does_not_fit_and_why_it_did_not_converge_is_said(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_misfit_and_the_reason_are_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     header, *rows = Path("test.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows[:400]]
     millivolts = [[*row[:4], *(str(1e3 * float(v)) for v in row[4:20]), *row[20:]] for row in cells]
@@ -100,17 +98,17 @@ def test_what_does_not_fit_and_why_it_did_not_converge_is_said(
     assert run("replay mv.csv --scan scan.db --config fast") == 0
     printed = capsys.readouterr().out
     assert "sweep 0 did not converge: unknown at its end; the map explains what is felt" in printed
-    assert "100% of the strains out of the scan's range (strains are 1000 times too large" in printed
+    assert "strains are 1000 times too large" in printed
 
 
-def test_a_scan_file_is_a_recording_too(folder: Path) -> None:
+def test_a_scan_file_is_a_recording(folder: Path) -> None:
     assert run("replay scan.db --scan scan.db --config fast --starts 3 --travel 0.02 --json own.json") == 0
     summary = document("own.json")["summary"]
     assert summary["sweeps"] == 3
     assert summary["error_after_travel_m"]["0.02"]["count"] == 3
 
 
-def test_a_bags_poses_are_the_odometry_and_its_ground_truth_the_truth(folder: Path) -> None:
+def test_a_bag_has_odometry_and_ground_truth(folder: Path) -> None:
     test = np.genfromtxt("test.csv", delimiter=",", names=True)
     names = [f"{phalanx}_{gauge}" for phalanx in ("index", "middle") for gauge in range(1, 9)]
     happened = []
@@ -128,12 +126,12 @@ def test_a_bags_poses_are_the_odometry_and_its_ground_truth_the_truth(folder: Pa
     assert found["updates"][-1]["truth"][0] == pytest.approx(test["x"][599])
 
 
-def test_a_recording_without_truth_is_localised_and_says_so(folder: Path, capsys) -> None:
+def test_a_recording_without_truth_is_localized(folder: Path, capsys) -> None:
     happened = []
     for now in range(10, 500, 10):
         happened += [("strain", now, strain(now, ("index", "middle"))), ("palm_pose", now, pose(now))]
-    write_bag(folder / "untold", happened)
-    assert run("replay untold --scan scan.db --config fast") == 0
+    write_bag(folder / "without_posterior", happened)
+    assert run("replay without_posterior --scan scan.db --config fast") == 0
     assert "no truth in the recording: errors are not known" in capsys.readouterr().out
 
 
@@ -159,9 +157,7 @@ def test_a_recording_without_truth_is_localised_and_says_so(folder: Path, capsys
         ("empty.mcap test.csv --scan scan.db", "test.csv: expected only bags beside a bag"),
     ],
 )
-def test_what_cannot_be_replayed_is_refused_in_one_line(
-    folder: Path, capsys, arguments: str, message: str
-) -> None:
+def test_unusable_input_is_refused_in_one_line(folder: Path, capsys, arguments: str, message: str) -> None:
     assert main(["replay", *arguments.split()]) == 2
     printed = capsys.readouterr()
     assert message in printed.err
@@ -177,7 +173,7 @@ def test_a_scan_of_another_scene_is_noted(folder: Path, capsys) -> None:
 
 
 @pytest.mark.parametrize(("material", "travel"), [("Linen", "0.08"), ("Canvas", "0.16")])
-def test_fabric_is_found_from_nowhere(
+def test_fabric_is_localized_globally(
     data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, material: str, travel: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -193,7 +189,7 @@ def test_fabric_is_found_from_nowhere(
     assert error["median"] < 0.001
 
 
-def test_the_scan_given_may_know_more_phalanges_than_the_scene(folder: Path) -> None:
+def test_a_scan_may_have_more_phalanges_than_the_scene(folder: Path) -> None:
     scene = load_scene("scene.yaml")
     save_scene(replace(scene, phalanges=scene.phalanges[1:]), "middle.yaml")
     arguments = "replay scan.db --scan scan.db --scene middle.yaml --config fast --starts 1 --travel 0.01"

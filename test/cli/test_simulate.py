@@ -1,4 +1,4 @@
-"""``tactile-localizer simulate``: recordings that the other commands read."""
+"""The command `simulate`."""
 
 import json
 
@@ -42,7 +42,7 @@ def test_recordings_read_back_as_what_was_simulated(tmp_path, scene, capsys):
     )
 
 
-def test_sweeps_that_never_reach_the_feature_end_before_it(tmp_path, scene):
+def test_blank_sweeps_end_before_the_feature(tmp_path, scene):
     command = ["simulate", "snap", "-o", str(tmp_path), "--train", "1", "--test", "4", "--never-reach"]
     assert cli.main(command) == 0
     assert all(
@@ -50,15 +50,15 @@ def test_sweeps_that_never_reach_the_feature_end_before_it(tmp_path, scene):
     )
 
 
-def test_mistakes_are_one_line(tmp_path, capsys):
+def test_errors_are_one_line(tmp_path, capsys):
     assert cli.main(["simulate", "bump", "-o", str(tmp_path), "--test", "0"]) == 2
-    assert capsys.readouterr().err == "error: simulated scan: expected at least one sweep, got 0\n"
+    assert "at least one sweep" in capsys.readouterr().err
     (tmp_path / "file").touch()
     assert cli.main(["simulate", "bump", "-o", str(tmp_path / "file"), "--train", "1", "--test", "1"]) == 2
     assert "expected to write a recording" in capsys.readouterr().err
 
 
-def test_the_shipped_scenes_hold_every_sweep_and_every_touch():
+def test_shipped_scenes_contain_every_sweep_and_contact():
     for feature in ("bump", "snap", "grommet"):
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
         for kind in ("train", "test"):
@@ -72,7 +72,7 @@ def test_the_shipped_scenes_hold_every_sweep_and_every_touch():
                     assert np.all(np.any(scene.feature.contains(felt).reshape(-1, 2), axis=0))
 
 
-def test_other_sensors_are_simulated_imported_and_localized_on(tmp_path, monkeypatch, capsys):
+def test_other_channel_counts_are_simulated_and_localized(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["simulate", "bump", "-o", "own", "--channels", "19", "6", "--test", "1"]) == 0
     assert cli.main(["import", "csv", "own/train.csv", "--scene", "own/scene.yaml", "-o", "own.db"]) == 0

@@ -1,4 +1,4 @@
-"""`tradeoff` answers which configuration to take, on own recordings too."""
+"""The command `tradeoff`, on recordings and simulated features."""
 
 from __future__ import annotations
 
@@ -21,9 +21,7 @@ FEW = [
     Candidate(Configuration(filter="particle", particles=50, update_distance=0.001)),
     Candidate(Configuration(filter="particle", particles=400)),
     Candidate(load_configuration("fast"), preset="fast"),
-    Candidate(
-        Configuration(model="gaussian", filter="particle", particles=50, update_distance=0.002), neighbours=4
-    ),
+    Candidate(Configuration(model="gaussian", filter="particle", particles=50, update_distance=0.002)),
 ]
 
 
@@ -45,7 +43,7 @@ def command(bump: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return ["tradeoff", "test.csv", "--scan", "scan.db", "-o", "out"]
 
 
-def test_everything_tried_is_shown_and_written(command: list[str], capsys) -> None:
+def test_all_candidates_are_printed_and_written(command: list[str], capsys) -> None:
     assert main(command) == 0
     printed = capsys.readouterr().out
     assert "Pareto front" in printed
@@ -57,51 +55,49 @@ def test_everything_tried_is_shown_and_written(command: list[str], capsys) -> No
     assert "scan.db" in Path("out/report.html").read_text()
 
 
-def test_a_budget_is_answered_with_a_configuration_that_can_be_used(command: list[str], capsys) -> None:
+def test_a_budget_gives_a_usable_configuration(command: list[str], capsys) -> None:
     assert main([*command, "--budget-us", "1e6"]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("# best within 1e+06 µs: ")
+    assert printed.startswith("# most accurate within 1e+06 µs: ")
     Path("answer.yaml").write_text(printed)
     assert load_configuration("answer.yaml") in [one.configuration for one in FEW]
     for name, value in yaml.safe_load(printed).items():
         assert f"-p {name}:={value}" in printed
 
 
-def test_a_target_is_answered_with_the_cheapest(command: list[str], capsys) -> None:
+def test_a_target_gives_the_fastest_configuration(command: list[str], capsys) -> None:
     assert main([*command, "--target-mm", "1000"]) == 0
-    assert "# cheapest within 1000 mm: " in capsys.readouterr().out
+    assert "# fastest within 1000 mm: " in capsys.readouterr().out
 
 
-def test_what_nothing_meets_is_said_with_the_nearest_and_status_1(command: list[str], capsys) -> None:
+def test_an_unmet_request_names_the_nearest_and_gives_status_1(command: list[str], capsys) -> None:
     assert main([*command, "--budget-us", "0.1", "--target-mm", "1e-6"]) == 1
     printed = capsys.readouterr().out
-    assert printed.count("nothing; nearest is ") == 2
+    assert printed.count("none; nearest is ") == 2
 
 
-def test_a_budget_that_is_none_is_refused(command: list[str], capsys) -> None:
+def test_a_budget_of_zero_is_refused(command: list[str], capsys) -> None:
     assert main([*command, "--budget-us", "0"]) == 2
-    assert capsys.readouterr().err == "error: --budget-us: expected a positive number, got 0.0\n"
+    assert "--budget-us" in capsys.readouterr().err
 
 
-def test_the_curve_of_soon_against_sure_is_drawn(
+def test_the_convergence_curve_is_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = ["--features", "bump", "--sweeps", "1", "--seeds", "1", "-o", "out"]
     assert main(["tradeoff", "--convergence", *arguments]) == 0
     printed = capsys.readouterr().out
-    assert "Soon against sure" in printed
+    assert "Early against false convergence" in printed
     assert "0.99 *" in printed
     points = json.loads(Path("out/convergence.json").read_text())["points"]
     assert [point["probability"] for point in points] == [0.9, 0.95, 0.99, 0.999, 0.9999]
     assert Path("out/convergence.png").exists()
 
 
-def test_the_curve_is_of_simulated_features_alone(
+def test_the_convergence_curve_needs_simulated_features(
     bump: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(bump)
     assert main(["tradeoff", "test.csv", "--scan", "scan.db", "--convergence"]) == 2
-    assert capsys.readouterr().err.startswith(
-        "error: --convergence: expected features of bump, snap, grommet"
-    )
+    assert "--convergence" in capsys.readouterr().err

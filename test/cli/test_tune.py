@@ -1,4 +1,4 @@
-"""`tune` shows what a scan teaches, keeps it in the scan file, and writes scenes for the kernel models."""
+"""The command `tune`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def linen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data_dir: Path) -> Pa
     return tmp_path
 
 
-def test_what_is_learned_is_shown_with_units_and_kept(
+def test_learned_values_are_printed_and_stored(
     linen: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main(["tune", "--scan", "scan.db"]) == 0

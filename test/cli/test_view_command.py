@@ -1,4 +1,4 @@
-"""`view` writes a replay for the Rerun viewer."""
+"""The command `view`."""
 
 import subprocess
 import sys
@@ -43,11 +43,11 @@ def test_a_view_is_saved_with_belief_truth_strains_and_reason(folder, monkeypatc
         assert f"/{entity}" in entities
 
 
-def test_a_viewer_that_is_not_installed_is_named_in_one_line(folder, monkeypatch, capsys):
+def test_a_missing_viewer_is_named_in_one_line(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["view", "test.csv", "--scan", "scan.db", "--save", "a.rrd"]) == 2
-    assert capsys.readouterr().err == (
-        "error: rerun-sdk: expected it for a view, found none; pip install 'rerun-sdk>=0.41,<0.42'\n"
-    )
+    printed = capsys.readouterr().err
+    assert "rerun-sdk" in printed
+    assert printed.count("\n") == 1
     assert view.MM == 1e3

@@ -1,4 +1,4 @@
-"""A live sweep's numbers: the error from contact to the feature's end, and when it converged."""
+"""Outcome of a live sweep."""
 
 import numpy as np
 import pytest
@@ -27,43 +27,43 @@ def sweep(error_mm=2.0, converged_from=60, contact=Contact(0.020, 0.040), number
     )
 
 
-def test_only_what_lies_between_contact_and_the_features_end_counts():
-    told = sweep(error_mm=1.5).told()
-    assert told["error_after_contact_mm"] == pytest.approx(1.5)
-    assert told["error_at_end_mm"] == pytest.approx(1.5)
+def test_errors_count_between_contact_and_feature_end():
+    outcome = sweep(error_mm=1.5).outcome()
+    assert outcome["error_after_contact_mm"] == pytest.approx(1.5)
+    assert outcome["error_at_end_mm"] == pytest.approx(1.5)
 
 
 def test_the_error_while_converged_is_separate():
     one = sweep(error_mm=1.5, converged_from=60)
     one.mean[40:60] += 0.01
-    told = one.told()
-    assert told["error_converged_mm"] == pytest.approx(1.5)
-    assert told["error_after_contact_mm"] > 5.0
-    assert sweep(converged_from=N).told()["error_converged_mm"] is None
+    outcome = one.outcome()
+    assert outcome["error_converged_mm"] == pytest.approx(1.5)
+    assert outcome["error_after_contact_mm"] > 5.0
+    assert sweep(converged_from=N).outcome()["error_converged_mm"] is None
 
 
 def test_time_and_travel_to_convergence_are_from_the_sweeps_start():
-    told = sweep(converged_from=60).told()
-    assert told["time_to_convergence_s"] == pytest.approx(0.6)
-    assert told["travel_to_convergence_mm"] == pytest.approx(30.0)
-    assert told["converged"]
-    assert not told["converged_before_contact"]
+    outcome = sweep(converged_from=60).outcome()
+    assert outcome["time_to_convergence_s"] == pytest.approx(0.6)
+    assert outcome["travel_to_convergence_mm"] == pytest.approx(30.0)
+    assert outcome["converged"]
+    assert not outcome["converged_before_contact"]
 
 
-def test_to_believe_before_contact_is_told():
-    assert sweep(converged_from=10).told()["converged_before_contact"]
+def test_convergence_before_contact_is_reported():
+    assert sweep(converged_from=10).outcome()["converged_before_contact"]
 
 
 def test_a_sweep_that_never_converged_has_no_time():
-    told = sweep(converged_from=N).told()
-    assert told["time_to_convergence_s"] is None
-    assert not told["converged"]
+    outcome = sweep(converged_from=N).outcome()
+    assert outcome["time_to_convergence_s"] is None
+    assert not outcome["converged"]
 
 
 def test_a_sweep_without_contact_has_no_error_after_it():
-    told = sweep(contact=None).told()
-    assert told["error_after_contact_mm"] is None
-    assert told["converged_before_contact"], "it converged without contact"
+    outcome = sweep(contact=None).outcome()
+    assert outcome["error_after_contact_mm"] is None
+    assert outcome["converged_before_contact"], "it converged without contact"
 
 
 @pytest.mark.parametrize(("errors_mm", "within"), [((2.0, 3.0), True), ((2.0, 3.2), False)])
@@ -80,7 +80,7 @@ def test_all_have_converged_only_if_each_has():
     assert (summary["converged"], summary["converged_sweeps"]) == (False, 1)
 
 
-def test_of_no_sweeps_nothing_is_claimed():
+def test_no_sweeps_give_no_numbers():
     summary = summarize([])
     assert (summary["error_after_contact_mm"], summary["within_limit"], summary["converged"]) == (
         None,
@@ -89,7 +89,7 @@ def test_of_no_sweeps_nothing_is_claimed():
     )
 
 
-def test_contact_is_where_the_simulated_hand_feels_the_feature():
+def test_contact_is_that_of_the_simulator():
     scan = simulate_scan("bump", seed=1, kind="test", sweeps=3)
     for number in range(3):
         contact = contact_of("bump", 1, number, SPEED_MPS, RATE_HZ)
@@ -98,7 +98,7 @@ def test_contact_is_where_the_simulated_hand_feels_the_feature():
     assert contact_of("none", 1, 0, SPEED_MPS, RATE_HZ) is None
 
 
-def test_the_pictures_show_every_sweep_and_the_limit(tmp_path):
+def test_figures_show_every_sweep_and_the_limit(tmp_path):
     sweeps = [sweep(number=number) for number in range(4)]
     figure = error_along_the_sweep(sweeps, "bump")
     error, trace, share = figure.axes[:3]

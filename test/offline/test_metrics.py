@@ -1,4 +1,4 @@
-"""The numbers of a replay, on tracks whose numbers are known."""
+"""Metrics of tracks with known errors."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ def test_the_error_is_the_distance_from_the_truth() -> None:
     np.testing.assert_allclose(position_error(SCENE, track([[0.003, 0.004], [0.0, -0.001]])), [0.005, 0.001])
 
 
-def test_yaw_counts_apart_and_along_the_shortest_arc() -> None:
+def test_yaw_error_is_separate_and_wraps() -> None:
     scene = Scene("turning", (Axis("x", 0.0, 0.1), Axis("yaw", -math.pi, math.pi)), SCENE.phalanges)
     turned = track([[0.002, 2 * math.pi - 0.1]])
     assert position_error(scene, turned)[0] == pytest.approx(0.002)
     assert yaw_error(scene, turned)[0] == pytest.approx(0.1)
 
 
-def test_a_belief_without_any_width_is_no_failure_but_wrong() -> None:
+def test_a_degenerate_covariance_gives_finite_metrics() -> None:
     collapsed = track([[0.001, 0.0], [0.0, 0.0]], std=0.0)
     assert calibration(SCENE, [collapsed])["coverage_95"] == 0.5
     assert calibration(SCENE, [collapsed])["nees"] > 1e6
 
 
-def test_without_truth_no_error_is_claimed() -> None:
+def test_without_truth_errors_are_unknown() -> None:
     unknown = track(np.zeros((3, 2)), truth=False)
     summary = summarize(SCENE, [unknown])
     assert summary["error_m"]["count"] == 0
@@ -68,7 +68,7 @@ def test_without_truth_no_error_is_claimed() -> None:
     assert summary["strains"] == 3
 
 
-def test_an_honest_uncertainty_has_nees_one_and_covers_95_percent() -> None:
+def test_a_consistent_covariance_has_nees_one_and_covers_95_percent() -> None:
     rng = np.random.default_rng(0)
     honest = calibration(SCENE, [track(0.001 * rng.standard_normal((20000, 2)))])
     assert honest["nees"] == pytest.approx(1.0, abs=0.03)
@@ -78,12 +78,12 @@ def test_an_honest_uncertainty_has_nees_one_and_covers_95_percent() -> None:
     assert boastful["coverage_95"] < 0.4
 
 
-def test_statistics_leave_out_what_is_not_known() -> None:
+def test_statistics_ignore_unknown_values() -> None:
     found = statistics(np.array([1.0, np.nan, 3.0]))
     assert (found["count"], found["median"], found["mean"], found["max"]) == (2, 2.0, 2.0, 3.0)
 
 
-def test_the_error_at_a_mark_is_that_of_the_sweeps_which_go_so_far() -> None:
+def test_the_error_at_a_mark_is_of_long_enough_sweeps() -> None:
     short, long = track([[0.009, 0.0]] * 5), track([[0.001 * i, 0.0] for i in range(20)])
     errors = [position_error(SCENE, t) for t in (short, long)]
     np.testing.assert_allclose(error_at(errors, [short, long], 0.004), [0.009, 0.004])
@@ -115,13 +115,13 @@ def test_travel_is_counted_from_contact_where_it_is_known() -> None:
     assert summary["travel_to_convergence_m"]["median"] == pytest.approx(0.002)
 
 
-def test_timing_tells_weighed_strains_from_all() -> None:
+def test_timing_separates_measurement_updates() -> None:
     found = timing([track(np.zeros((10, 2)))])
     assert found["update_median_us"] == pytest.approx(1000.0)
     assert found["strain_mean_us"] == pytest.approx(505.0)
 
 
-def test_a_sweep_without_samples_is_no_stumbling_block() -> None:
+def test_an_empty_sweep_is_summarized() -> None:
     summary = summarize(SCENE, [track(np.empty((0, 2))), track(np.zeros((3, 2)))])
     assert summary["sweeps"] == 2
     assert summary["error_m"]["count"] == 3

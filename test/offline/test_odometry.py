@@ -1,4 +1,4 @@
-"""What a filter is told of the motion: never the truth, only its displacements with the scene's noise."""
+"""Odometry from true positions, and random starts."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def recording(*lengths: int, step: float = 0.001) -> Recording:
     return Recording("strip.csv", ("x", "y"), ("index",), tuple(sweeps))
 
 
-def test_exact_odometry_has_the_truths_displacements_but_not_its_place() -> None:
+def test_exact_odometry_has_true_displacements_without_the_position() -> None:
     (sweep,) = with_odometry(recording(50), SCENE, np.random.default_rng(0), EXACT).sweeps
     np.testing.assert_array_equal(sweep.position[0], [0.0, 0.0])
     np.testing.assert_allclose(np.diff(sweep.position, axis=0), np.diff(sweep.truth, axis=0), atol=1e-15)
 
 
 @pytest.mark.parametrize("step", [0.001, 0.0001])
-def test_the_noise_after_a_metre_is_the_scenes_whatever_the_sample_rate(step: float) -> None:
+def test_odometry_noise_does_not_depend_on_the_sample_rate(step: float) -> None:
     n = round(0.04 / step) + 1
     noisy = with_odometry(recording(*[n] * 400, step=step), SCENE, np.random.default_rng(0), SIMULATED)
     ends = np.array([s.position[-1] - (s.truth[-1] - s.truth[0]) for s in noisy.sweeps])
@@ -69,12 +69,12 @@ def test_yaw_is_followed_along_the_shortest_arc() -> None:
     np.testing.assert_allclose(steps[:, 0], [2 * math.pi - 6.2, 6.2 - 2 * math.pi])
 
 
-def test_the_way_is_the_sum_of_the_steps() -> None:
+def test_travel_is_the_sum_of_the_steps() -> None:
     way = travelled(SCENE, np.array([[0.0, 0.0], [0.003, 0.004], [0.0, 0.0]]))
     np.testing.assert_allclose(way, [0.0, 0.005, 0.01])
 
 
-def test_random_starts_are_pieces_of_the_wanted_length() -> None:
+def test_random_starts_have_the_given_length() -> None:
     source = recording(100, 30, 200)
     pieces = random_starts(source, SCENE, 40, 0.08, np.random.default_rng(1)).sweeps
     assert [piece.number for piece in pieces] == list(range(1, 41))
@@ -84,12 +84,12 @@ def test_random_starts_are_pieces_of_the_wanted_length() -> None:
     assert len({float(piece.position[0, 0]) for piece in pieces}) > 20
 
 
-def test_without_a_length_each_start_goes_on_to_the_end_of_its_sweep() -> None:
+def test_without_a_length_starts_continue_to_the_sweep_end() -> None:
     pieces = random_starts(recording(100), SCENE, 10, None, np.random.default_rng(1)).sweeps
     assert {float(piece.strain[-1, 0]) for piece in pieces} == {99.0}
 
 
-def test_starts_that_find_no_sweep_long_enough_are_refused() -> None:
+def test_starts_longer_than_every_sweep_are_refused() -> None:
     with pytest.raises(
         ScanError, match=r"expected a sweep of at least 120.0 mm to start in, the longest is 99.0 mm"
     ):

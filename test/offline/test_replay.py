@@ -1,4 +1,4 @@
-"""A replay feeds the localizer as the filter node does: in order, and from nowhere at each sweep."""
+"""Replay: estimates as from the filter node, and the JSON document."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def localizer(seed: int = 1) -> Localizer:
     return build_localizer(SCAN, SCENE, QUICK, np.random.default_rng(seed))
 
 
-def test_the_track_is_what_the_localizer_says_when_fed_by_hand(recording: Recording) -> None:
+def test_a_track_equals_the_localizers_estimates(recording: Recording) -> None:
     tracks = replay(localizer(), recording)
     by_hand = localizer()
     for sweep, track in zip(recording.sweeps, tracks, strict=True):
@@ -67,7 +67,7 @@ def test_the_track_is_what_the_localizer_says_when_fed_by_hand(recording: Record
         assert (track.seconds > 0).all()
 
 
-def test_each_sweep_starts_from_nowhere(recording: Recording) -> None:
+def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
     uniform = (SCENE.upper - SCENE.lower) ** 2 / 12
     for track in replay(localizer(), recording):
         assert track.trace[0] > 0.5 * uniform.sum()
@@ -75,24 +75,24 @@ def test_each_sweep_starts_from_nowhere(recording: Recording) -> None:
         assert track.travel[0] == 0.0
 
 
-def test_the_truth_makes_no_difference_to_what_is_believed(recording: Recording) -> None:
-    told = replay(localizer(), recording)
-    untold = replay(
+def test_the_truth_does_not_affect_the_estimate(recording: Recording) -> None:
+    printed = replay(localizer(), recording)
+    without_posterior = replay(
         localizer(), replace(recording, sweeps=tuple(replace(s, truth=None) for s in recording.sweeps))
     )
-    for a, b in zip(told, untold, strict=True):
+    for a, b in zip(printed, without_posterior, strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)
         assert b.truth is None
 
 
-def test_only_displacements_count_not_where_the_odometry_begins(recording: Recording) -> None:
+def test_the_origin_of_the_odometry_does_not_matter(recording: Recording) -> None:
     away = np.array([5.0, -2.0])
     moved = replace(recording, sweeps=tuple(replace(s, position=s.position + away) for s in recording.sweeps))
     for a, b in zip(replay(localizer(), recording), replay(localizer(), moved), strict=True):
         np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
 
 
-def test_a_silent_phalanx_drops_out_and_a_silent_hand_is_counted(recording: Recording) -> None:
+def test_missing_phalanges_are_left_out(recording: Recording) -> None:
     sweep = recording.sweeps[0]
     status, strain = sweep.status.copy(), sweep.strain.copy()
     status[50:90, 0] = MISSING
@@ -106,13 +106,13 @@ def test_a_silent_phalanx_drops_out_and_a_silent_hand_is_counted(recording: Reco
 
 
 def test_progress_ends_at_one(recording: Recording) -> None:
-    told: list[float] = []
-    replay(localizer(), recording, lambda text, share: told.append(share))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    printed: list[float] = []
+    replay(localizer(), recording, lambda text, share: printed.append(share))
+    assert printed == sorted(printed)
+    assert printed[-1] == 1.0
 
 
-def test_rows_of_columns_are_written_as_each_row_alone_would_be(tmp_path: Path) -> None:
+def test_columns_are_written_like_rows(tmp_path: Path) -> None:
     columns = {
         "stamp_ns": np.array([2**62 + 1, 5]),
         "mean": np.array([[0.1, np.nan], [1e-300, -0.0]]),
@@ -131,7 +131,7 @@ def test_rows_of_columns_are_written_as_each_row_alone_would_be(tmp_path: Path) 
     ]
 
 
-def test_results_that_cannot_be_written_leave_nothing_behind(tmp_path: Path) -> None:
+def test_unwritable_results_leave_no_file(tmp_path: Path) -> None:
     (tmp_path / "out.json").mkdir()
     for path, reason in ((tmp_path / "out.json", "Is a directory"), (Path("/proc/none/out.json"), "No such")):
         with pytest.raises(ScanError, match=f"{path}: expected to write results, {reason}"):

@@ -1,1 +1,1 @@
-"""Many sweeps by many methods, on simulated and recorded conditions, and what they show."""
+"""Evaluation of many methods on simulated and recorded conditions."""

@@ -1,4 +1,4 @@
-"""Many sweeps by many methods: the tasks, and their results gathered."""
+"""Comparison of methods: tasks over conditions, and their results."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Results:
 
     Parameters
     ----------
-    conditions : what was tried, in order
+    conditions : in order
     methods : by name
-    tasks : by method, the result of :func:`localise` for each condition
+    tasks : by method, the result of :func:`localize` for each condition
     """
 
     conditions: tuple[Condition, ...]
@@ -54,23 +54,23 @@ class Results:
         return list(dict.fromkeys(condition.name for condition in self.conditions))
 
     def sweeps(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
-        """Outcomes of all sweeps, over all seeds, of one condition or all; in one order for all methods."""
+        """Outcomes of all sweeps of one condition or all, in the same order for every method."""
         return [sweep for task in self._of(method, condition) for sweep in task["sweeps"]]
 
     def blanks(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
-        """Outcomes of all sweeps that never reach a feature."""
+        """Outcomes of all blank sweeps, which do not reach a feature."""
         return [blank for task in self._of(method, condition) for blank in task["blanks"]]
 
     def values(self, method: str, name: str, condition: str | None = None) -> np.ndarray:
-        """One number of every sweep; NaN where it is not known."""
+        """One number of every sweep; NaN where unknown."""
         return as_array([sweep[name] for sweep in self.sweeps(method, condition)])
 
     def interval(self, method: str, name: str, condition: str | None = None) -> Interval | None:
         """Mean of one number over the sweeps, with its confidence interval."""
         return mean_interval(self.values(method, name, condition))
 
-    def felt(self, condition: str) -> bool:
-        """Whether it is known when the feature of a condition is touched."""
+    def has_contact(self, condition: str) -> bool:
+        """Whether contact with the feature of a condition is known."""
         return any(np.isfinite(self.values(m, "error_contact_m", condition)).any() for m in self.methods)
 
     def only(self, names: Sequence[str]) -> Results:
@@ -79,14 +79,26 @@ class Results:
         tasks = {method: [of[index] for index in kept] for method, of in self.tasks.items()}
         return Results(tuple(self.conditions[index] for index in kept), self.methods, tasks)
 
+    def by_feature(self) -> tuple[Results | None, Results | None]:
+        """The results on conditions with known contact, and those on the others; ``None``: there are none."""
+        known = [name for name in self.condition_names if self.has_contact(name)]
+        rest = [name for name in self.condition_names if name not in known]
+        return self.only(known) if known else None, self.only(rest) if rest else None
+
+    def compared_error(self) -> tuple[str, str]:
+        """Name of the error that methods are compared by, and its description."""
+        if any(map(self.has_contact, self.condition_names)):
+            return "error_contact_m", "from contact to the feature's end"
+        return "error_m", "over the sweep"
+
     def sweep_axis(self, condition: str) -> tuple[str, np.ndarray]:
-        """Name of the axis that a condition's sweeps go along, and middles of the curves' stretches on it."""
+        """Axis of a condition's sweeps, and the centres of the bins of the curves along it."""
         task = self._of(next(iter(self.methods)), condition)[0]
         edges = np.array(task["edges_m"])
         return task["axis"], (edges[:-1] + edges[1:]) / 2
 
     def times(self, method: str) -> tuple[float, float]:
-        """Median update time, and the largest 99th percentile of the tasks, us."""
+        """Medians over the tasks of the median update time and of its 99th percentile, us."""
         of = [task["timing"] for task in self.tasks[method]]
         medians = [t["update_median_us"] for t in of if t["update_median_us"] is not None]
         if not medians:
@@ -102,7 +114,7 @@ class Results:
 
 
 def as_array(values: Sequence[float | None]) -> np.ndarray:
-    """Numbers with NaN for what is not known."""
+    """Numbers as an array, NaN for ``None``."""
     return np.array([np.nan if value is None else float(value) for value in values])
 
 
@@ -113,12 +125,12 @@ def evaluate(
     workers: Workers,
     progress: Progress | None = None,
 ) -> Results:
-    """Try every method on every condition; what ``folder`` holds already is not tried again.
+    """Try every method on every condition; results that ``folder`` holds are reused.
 
     Raises
     ------
     ParameterError
-        A configuration that cannot be used, or workers that cannot be had.
+        An unusable configuration, or unavailable workers.
     """
     learned = learn_conditions(conditions, folder, workers, progress)
     kernels = [method for method in methods if method.configuration.model != SWEEP_MIXTURE]
@@ -127,7 +139,7 @@ def evaluate(
     for method in methods:
         for condition, calibration, own in zip(conditions, learned, widths, strict=True):
             measurement = {**own, **method.measurement} if method in kernels else {}
-            tasks.append(localisation(condition, calibration, measurement, method.configuration))
+            tasks.append(localization_task(condition, calibration, measurement, method.configuration))
     results = run_tasks(tasks, folder, workers, progress, "localizing")
     n = len(conditions)
     by_method = {method.name: results[i * n : (i + 1) * n] for i, method in enumerate(methods)}
@@ -137,7 +149,7 @@ def evaluate(
 def learn_conditions(
     conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
-    """The calibration of every condition, as JSON holds it."""
+    """The calibration of every condition, as plain values."""
     tasks = [Task(learn_condition, (condition,), condition.identity) for condition in conditions]
     return run_tasks(tasks, folder, workers, progress, "learning from the scans")
 
@@ -152,13 +164,13 @@ def learn_condition(condition: Condition) -> dict[str, Any]:
 def kernel_widths(
     conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
-    """Parameters of the kernel models for every condition: those of its scene, the rest chosen."""
+    """Parameters of the kernel models for every condition: given by its scene or chosen from the scan."""
     tasks = [Task(choose_widths, (condition,), condition.identity) for condition in conditions]
     return run_tasks(tasks, folder, workers, progress, "choosing kernel widths")
 
 
 def choose_widths(condition: Condition) -> dict[str, Any]:
-    """Parameters of a condition's scene; the kernel widths that it leaves open are chosen from the scan."""
+    """Parameters of the kernel models for a condition: given by its scene or chosen from the scan."""
     material = condition.load()
     given = ModelParameters.from_mapping(material.scene.measurement)
     if given.position_std is None or given.strain_std is None:
@@ -166,33 +178,33 @@ def choose_widths(condition: Condition) -> dict[str, Any]:
     return given.to_mapping()
 
 
-def localisation(
+def localization_task(
     condition: Condition,
     calibration: dict[str, Any],
     measurement: dict[str, Any],
     configuration: Configuration,
 ) -> Task:
-    """The task of :func:`localise`."""
+    """The task of :func:`localize`."""
     identity = {
         "condition": condition.identity,
         "calibration": calibration,
         "measurement": measurement,
         "configuration": configuration_identity(configuration),
     }
-    return Task(localise, (condition, calibration, measurement, configuration), identity)
+    return Task(localize, (condition, calibration, measurement, configuration), identity)
 
 
-def localise(
+def localize(
     condition: Condition,
     calibration: dict[str, Any],
     measurement: dict[str, Any],
     configuration: Configuration,
 ) -> dict[str, Any]:
-    """Outcomes of a condition's sweeps, of its blank sweeps, and the time that updates took."""
+    """Outcomes of a condition's sweeps and blank sweeps, and computing times."""
     material = condition.load()
     scene = replace(material.scene, measurement=measurement)
     localizer = built(condition, material, calibration, measurement, configuration)
-    # Processor time: tasks share the machine, with each other and with others.
+    # Processor time, because tasks share the machine.
     recording = with_contact(material.recording, scene, mixture_of(localizer).map)
     tracks = replay(localizer, recording, clock=time.thread_time)
     blanks = replay(localizer, material.blank) if material.blank is not None else []
@@ -225,7 +237,7 @@ def built(
 
 
 def _narrow_trace(configuration: Configuration, scene: Scene) -> float:
-    """Trace of a normal belief just narrow enough for convergence, all axes at their limit."""
+    """Trace of a normal belief that is just narrow enough for convergence on every axis."""
     criteria = convergence_criteria(scene, configuration)
     inside = chdtri(scene.dimension, 1.0 - criteria.probability)
     return float(np.sum(criteria.radius**2) / inside)

@@ -1,4 +1,4 @@
-"""Conditions that a localizer is tried on: simulated features, or one's own scan and recordings."""
+"""Conditions of an evaluation: simulated features, or recordings on a scan."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.scan import AXES
 
 SIMULATED_FEATURES = ("bump", "snap", "grommet")
-"""Features of the simulation that come with a scene."""
+"""Simulated features with a shipped scene."""
 
 
 @dataclass(frozen=True)
 class Material:
-    """A map and sweeps to be localised on it.
+    """A map and sweeps to be localized on it.
 
     Parameters
     ----------
-    scan, scene : the map and what is modelled
+    scan, scene : of the map
     recording : its positions are odometry, the truth is known
     blank : sweeps that never reach the feature, or ``None``
     """
@@ -41,19 +41,19 @@ class Material:
 
 
 class Condition(Protocol):
-    """What a localizer is tried on, under a name and with a seed of everything random."""
+    """A named map and its sweeps, with a random seed."""
 
     @property
     def name(self) -> str:
-        """For tables and figures."""
+        """Name in tables and figures."""
 
     @property
     def seed(self) -> int:
-        """Of the filter, and of what is simulated."""
+        """Seed of the filter and of the simulation."""
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Identity of this condition among others, as JSON can hold it."""
+        """Values that identify this condition, as JSON can hold them."""
 
     def load(self) -> Material:
         """The map and the sweeps."""
@@ -78,11 +78,11 @@ class SimulatedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Identity of this condition among others."""
+        """Values that identify this condition."""
         return dict(vars(self))
 
     def load(self) -> Material:
-        """Simulate it."""
+        """Simulate the scan and the sweeps."""
         return _simulate(self)
 
 
@@ -103,7 +103,7 @@ def _simulate(condition: SimulatedCondition) -> Material:
 
 
 def recording_of(scan: SimulatedScan) -> Recording:
-    """Simulated sweeps as a recording: the arm's positions, and the truth beside them."""
+    """Simulated sweeps as a recording: the arm's positions with the truth."""
     sweeps = tuple(
         RecordedSweep(
             number=int(scan.sweep[part.start]),
@@ -121,15 +121,15 @@ def recording_of(scan: SimulatedScan) -> Recording:
 
 @dataclass(frozen=True, eq=False)
 class RecordedCondition:
-    """One's own recording on one's own scan.
+    """A recording on a scan.
 
     Parameters
     ----------
-    name : for tables and figures
-    seed : of the odometry's noise and of the filter
-    scan, scene : the map and what is modelled
-    recording : its positions are the truth, unless it has a truth of its own
-    starts, travel : start so often at random places and go on for so many m; ``None``: the sweeps as they are
+    name : in tables and figures
+    seed : of the odometry noise and of the filter
+    scan, scene : of the map
+    recording : its positions are the truth unless it has ground truth
+    starts, travel : number of random starts and their travel, m; ``None``: the sweeps as recorded
     """
 
     name: str
@@ -142,7 +142,7 @@ class RecordedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Identity of this condition among others: a digest of all its numbers."""
+        """Name, seed and a digest of all numbers."""
         digest = hashlib.sha256()
         for array in (self.scan.states, self.scan.strain, self.scan.sweep):
             digest.update(np.ascontiguousarray(array).data)

@@ -1,4 +1,4 @@
-"""Confidence intervals by resampling sweeps."""
+"""Bootstrap confidence intervals over sweeps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _SEED = 20110509
 
 
 class Interval(NamedTuple):
-    """A mean with the ends of its 95 % confidence interval."""
+    """Mean with its 95 % confidence interval."""
 
     mean: float
     low: float
@@ -19,7 +19,7 @@ class Interval(NamedTuple):
 
 
 def mean_interval(values: np.ndarray) -> Interval | None:
-    """Mean of the finite ``values`` and its interval by percentiles; ``None`` where there are none."""
+    """Mean of the finite ``values`` with its percentile bootstrap interval; ``None`` where there are none."""
     values = values[np.isfinite(values)]
     if not len(values):
         return None

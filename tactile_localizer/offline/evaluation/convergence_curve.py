@@ -1,6 +1,6 @@
-"""Convergence soon against convergence sure: ``convergence_probability`` moves along the curve.
+"""Early against false convergence over the threshold ``convergence_probability``.
 
-The belief does not depend on the threshold, so one replay of each material gives the whole curve.
+The belief does not depend on the threshold, so that one replay of each material gives the whole curve.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from tactile_localizer.offline.evaluation.jobs import (
 from tactile_localizer.offline.figures.axes import MM
 from tactile_localizer.offline.metrics import travel_from_contact
 from tactile_localizer.offline.replay import Track, replay
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 from tactile_localizer.sim import simulate_scan
 
 PROBABILITIES = (0.9, 0.95, 0.99, 0.999, 0.9999)
-"""Thresholds that are tried, beside that of the configuration."""
-SOON_M = (0.005, 0.010)
-"""m of travel from contact within which a sweep is to converge."""
-FOREIGN = ("seam", "none")
-"""What no scan has shown: another feature, and material without one over the whole way."""
+"""Thresholds tried beside that of the configuration."""
+WITHIN_M = (0.005, 0.010)
+"""Travel from contact within which convergence is counted, m."""
+UNSCANNED = ("seam", "none")
+"""Simulated materials beside the scanned one: another feature, and no feature at all."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,14 @@ class CurvePoint:
     Parameters
     ----------
     probability : the threshold
-    within : shares of the sweeps over the feature converged within each of :data:`SOON_M` of contact
+    within : fractions of the sweeps over the feature that converge within each of :data:`WITHIN_M` of
+        contact
     median_m : travel from contact to convergence, m; NaN where fewer than half of the sweeps converge
-    before : share of those sweeps that converge before contact
-    blank : share of the sweeps that end before the feature and converge
-    featureless : share of the sweeps over material without a feature that converge
-    seam_sweeps, seam_strains : shares of the sweeps over a seam, and of their strains from contact on, that
-        are converged
+    before : fraction of those sweeps that converge before contact
+    blank : fraction of the sweeps ending before the feature that converge
+    featureless : fraction of the sweeps over material without a feature that converge
+    seam_sweeps, seam_strains : fractions of the sweeps over a seam, and of their strains from contact on,
+        that are converged
     """
 
     probability: float
@@ -73,7 +74,7 @@ def convergence_curve(
     workers: Workers,
     progress: Progress | None = None,
 ) -> list[CurvePoint]:
-    """The curve over simulated features; what ``folder`` holds already is not measured again."""
+    """The curve over simulated features; results that ``folder`` holds are reused."""
     learned = learn_conditions(conditions, folder, workers, progress)
     choices = configuration_identity(configuration)
     tasks = [
@@ -91,12 +92,14 @@ def convergence_curve(
 def decide(
     condition: SimulatedCondition, calibration: dict[str, Any], configuration: Configuration
 ) -> dict[str, Any]:
-    """Of each threshold: travel to convergence of every sweep, and what converged falsely."""
+    """Travel to convergence of every sweep and false convergence, for each threshold."""
     material = condition.load()
     localizer = built(condition, material, calibration, {}, configuration)
     own = replay(localizer, material.recording)
     blank = replay(localizer, material.blank) if material.blank is not None else []
-    seam, nothing = (foreign_tracks(localizer, name, condition.seed, condition.sweeps) for name in FOREIGN)
+    seam, nothing = (
+        unscanned_tracks(localizer, name, condition.seed, condition.sweeps) for name in UNSCANNED
+    )
     criteria = convergence_criteria(material.scene, configuration)
     points = []
     for probability in sorted({*PROBABILITIES, configuration.convergence_probability}):
@@ -115,8 +118,8 @@ def decide(
     return {"points": points}
 
 
-def foreign_tracks(localizer: Localizer, material: str, seed: int, sweeps: int) -> list[Track]:
-    """Test sweeps over a simulated material that the localizer has no map of."""
+def unscanned_tracks(localizer: Localizer, material: str, seed: int, sweeps: int) -> list[Track]:
+    """Test sweeps over a simulated material that is not on the map."""
     return replay(localizer, recording_of(simulate_scan(material, seed, "test", sweeps=sweeps)))
 
 
@@ -132,7 +135,7 @@ def decisions(track: Track, criteria: ConvergenceCriteria) -> np.ndarray:
     before = 0.0
     for index, (updated, moved) in enumerate(zip(track.updated, track.moved, strict=True)):
         if updated:
-            # Why it has not converged makes no difference: all that is not near counts as off the map.
+            # The reason for not converging does not matter here: everything not near counts as off the map.
             convergence.update(float(track.probability[index]), 1.0, 0.0, float(moved - before))
             before = float(moved)
         flags[index] = convergence.converged
@@ -140,15 +143,15 @@ def decisions(track: Track, criteria: ConvergenceCriteria) -> np.ndarray:
 
 
 def curve_table(points: Sequence[CurvePoint], default: float) -> Table:
-    """A row per threshold; the configuration's own is marked."""
+    """Table with a row per threshold; that of the configuration is marked."""
     rows = [
         (
             f"{point.probability:g}{' *' if point.probability == default else ''}",
-            *(f"{100 * share:.1f}" for share in point.within),
+            *(f"{100 * fraction:.1f}" for fraction in point.within),
             f"{point.median_m * MM:.1f}" if np.isfinite(point.median_m) else "",
             *(
-                f"{100 * share:.1f}"
-                for share in (
+                f"{100 * fraction:.1f}"
+                for fraction in (
                     point.before,
                     point.blank,
                     point.featureless,
@@ -161,7 +164,7 @@ def curve_table(points: Sequence[CurvePoint], default: float) -> Table:
     ]
     columns = (
         "convergence_probability",
-        *(f"within {soon * MM:g} mm, %" for soon in SOON_M),
+        *(f"within {travel * MM:g} mm, %" for travel in WITHIN_M),
         "median, mm",
         "before contact, %",
         "blank, %",
@@ -170,30 +173,30 @@ def curve_table(points: Sequence[CurvePoint], default: float) -> Table:
         "seam, % of strains",
     )
     note = (
-        "Travel from contact to convergence, over the scanned feature; then false convergence: there before "
+        "Travel from contact to convergence, over the scanned feature; then false convergence: before "
         "contact, in sweeps that end before the feature, over material without a feature, and from contact "
-        "with a seam that no scan has shown; *: the configuration's."
+        "with a seam that is not on the map; *: the configuration's threshold."
     )
-    return Table("Soon against sure", columns, rows, note)
+    return Table("Early against false convergence", columns, rows, note)
 
 
 def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
-    """Share of sweeps that converge soon against false convergence, a point per threshold."""
+    """Figure of early against false convergence, a point per threshold."""
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     curve, thresholds = figure.subplots(1, 2)
     false = [100 * point.seam_strains for point in points]
-    for column, soon in enumerate(SOON_M):
-        shares = [100 * point.within[column] for point in points]
-        (line,) = curve.plot(false, shares, "o-", ms=4, label=f"within {soon * MM:g} mm of contact")
-        for point, x, y in zip(points, false, shares, strict=True):
+    for column, travel in enumerate(WITHIN_M):
+        fractions = [100 * point.within[column] for point in points]
+        (line,) = curve.plot(false, fractions, "o-", ms=4, label=f"within {travel * MM:g} mm of contact")
+        for point, x, y in zip(points, false, fractions, strict=True):
             place = {"xytext": (4, 4), "textcoords": "offset points", "size": 7}
             curve.annotate(f"{point.probability:g}", (x, y), **place)
             if point.probability == default:
                 curve.plot(x, y, "o", ms=11, mfc="none", mec=line.get_color())
-    curve.set_xlabel("false: strains on a seam that are converged, %")
-    curve.set_ylabel("sweeps over the feature that converged, %")
+    curve.set_xlabel("falsely converged strains on a seam, %")
+    curve.set_ylabel("converged sweeps over the feature, %")
     curve.set_ylim(-3.0, 110.0)
-    open_share = [1.0 - point.probability for point in points]
+    complement = [1.0 - point.probability for point in points]
     for label, name in (
         ("before contact", "before"),
         ("blank sweeps", "blank"),
@@ -201,11 +204,11 @@ def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
         ("seam sweeps", "seam_sweeps"),
         ("seam strains", "seam_strains"),
     ):
-        thresholds.plot(open_share, [100 * getattr(point, name) for point in points], "o-", ms=4, label=label)
+        thresholds.plot(complement, [100 * getattr(point, name) for point in points], "o-", ms=4, label=label)
     thresholds.axvline(1.0 - default, color="0.5", ls=":", label="configuration")
     thresholds.set_xscale("log")
     thresholds.invert_xaxis()
-    thresholds.set_xticks(open_share, [f"{point.probability:g}" for point in points], fontsize=8)
+    thresholds.set_xticks(complement, [f"{point.probability:g}" for point in points], fontsize=8)
     thresholds.minorticks_off()
     thresholds.set_xlabel("convergence_probability")
     thresholds.set_ylabel("false convergence, %")
@@ -224,18 +227,19 @@ def _travel_to(track: Track, flags: np.ndarray) -> float | None:
 def _point(parts: Sequence[dict[str, Any]]) -> CurvePoint:
     """The results of all conditions under one threshold."""
 
-    def share(name: str) -> float:
+    def fraction(name: str) -> float:
         flags = [flag for part in parts for flag in part[name]]
         return float(np.mean(flags)) if flags else np.nan
 
-    travel = np.array(
-        [np.inf if way is None else way for part in parts for way in part["travel_m"]], dtype=np.float64
+    to_convergence = np.array(
+        [np.inf if travel is None else travel for part in parts for travel in part["travel_m"]],
+        dtype=np.float64,
     )
-    median = float(np.median(travel))
+    median = float(np.median(to_convergence))
     return CurvePoint(
         parts[0]["probability"],
-        tuple(float(np.mean(travel <= soon)) for soon in SOON_M),
+        tuple(float(np.mean(to_convergence <= travel)) for travel in WITHIN_M),
         median if np.isfinite(median) else np.nan,
-        float(np.mean(travel < 0.0)),
-        *(share(name) for name in ("blank", "featureless", "seam_sweeps", "seam_strains")),
+        float(np.mean(to_convergence < 0.0)),
+        *(fraction(name) for name in ("blank", "featureless", "seam_sweeps", "seam_strains")),
     )

@@ -1,7 +1,7 @@
-"""Many independent tasks: on the cores of this machine or a dask cluster, each result kept as it comes.
+"""Independent tasks on the cores of this machine or a dask cluster; every result is stored when it is ready.
 
-A task's result depends on its arguments alone, never on the worker: what is random is seeded by the
-arguments, and workers use one thread each. A run that was interrupted goes on with what is missing.
+A task's result depends on its arguments alone, not on the worker: random numbers are seeded by the
+arguments, and workers use one thread each. An interrupted run resumes with the missing tasks.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from tactile_localizer.resources import PACKAGE
 
 Progress = Callable[[str, float], None]
 
-_PATIENCE_S = 5
-_THAT_MATTER = ("core", "io", "sim", "evaluation", "scene.py")
+DASK_TIMEOUT_S = 5
+RESULT_SOURCES = ("core", "io", "sim", "offline", "scene.py", "channels.py")
 """Parts of the package that results depend on."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A call whose result can be kept.
+    """A function call whose result is stored.
 
     Parameters
     ----------
-    function : importable by its name; returns a mapping that JSON can hold
+    function : importable by name; returns values that JSON can hold
     arguments : of the call
-    identity : its identity among tasks, as JSON can hold it; equal identities mean equal results
+    identity : values that identify the task, as JSON can hold them; equal identities mean equal results
     """
 
     function: Callable[..., dict[str, Any]]
@@ -51,19 +51,19 @@ class Task:
 
     @cached_property
     def key(self) -> str:
-        """Name of the result's file: changes with the identity, the function and the package's code."""
+        """Name of the result's file: a digest of the identity, the function and the package's sources."""
         text = json.dumps([self.function.__qualname__, plain(self.identity), source_digest()], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the tasks.
+    """Workers for the tasks.
 
     Parameters
     ----------
-    jobs : processes on this machine; -1: one a core
-    dask : address of a dask scheduler, used instead
+    jobs : processes on this machine; -1: one per core
+    dask : address of a dask scheduler to use instead
     """
 
     jobs: int = 1
@@ -71,7 +71,7 @@ class Workers:
 
     def __post_init__(self) -> None:
         if self.jobs < 1 and self.jobs != -1:
-            raise ParameterError(f"jobs: expected at least 1, or -1 for one a core, got {self.jobs}")
+            raise ParameterError(f"jobs: expected at least 1, or -1 for one per core, got {self.jobs}")
 
 
 def run_tasks(
@@ -81,7 +81,7 @@ def run_tasks(
     progress: Progress | None = None,
     text: str = "evaluating",
 ) -> list[dict[str, Any]]:
-    """Results of the tasks, in their order; those that ``folder`` holds already are not done again.
+    """Results of the tasks, in order; results that ``folder`` holds are reused.
 
     Raises
     ------
@@ -100,20 +100,20 @@ def run_tasks(
                     done += 1
                     if progress is not None:
                         progress(text, done / len(files))
-    # Those just done are read back too, so that all have passed through the same form.
+    # New results are read back too, so that all have the same types.
     return [json.loads(files[task.key].read_text(encoding="utf-8"))["result"] for task in tasks]
 
 
 @cache
 def source_digest() -> str:
-    """Digest of the code that results depend on: another version's results are not taken for this one's."""
-    return _digest(PACKAGE / part for part in _THAT_MATTER)
+    """Digest of the sources that results depend on, so that results of other versions are not reused."""
+    return _digest(PACKAGE / part for part in RESULT_SOURCES)
 
 
 def configuration_identity(configuration: Configuration) -> dict[str, Any]:
-    """Identity of a configuration: its choices, and the code of a user-defined model.
+    """Values that identify a configuration: its fields, and a digest of a user-defined model's sources.
 
-    Of a module its file counts, of a package all of its modules; what they import from elsewhere does not.
+    The sources are the module, or all modules of the package, without what they import.
     """
     choices = vars(configuration)
     if SEPARATOR not in configuration.model:
@@ -125,7 +125,7 @@ def configuration_identity(configuration: Configuration) -> dict[str, Any]:
 
 
 def _digest(places: Iterable[Path]) -> str:
-    """Of Python files, or of those in folders."""
+    """Digest of Python files, or of those in folders."""
     digest = hashlib.sha256()
     for place in places:
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
@@ -136,13 +136,13 @@ def _digest(places: Iterable[Path]) -> str:
 def _backend(workers: Workers) -> AbstractContextManager[Any]:
     if workers.dask is not None:
         return _dask(workers.dask)
-    # A single job is done in this process, which the command line has made single-threaded as all others are.
+    # A single job runs in this process, which the command line has made single-threaded like the workers.
     return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
 
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the workers too, as Ctrl-C does; by default it would leave them to themselves."""
+    """Make SIGTERM end the workers too, as Ctrl-C does; by default they would continue."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -155,7 +155,7 @@ def _terminated_as_interrupted() -> Iterator[None]:
 
 @contextmanager
 def _quietly_closed(results: Generator[Any, None, None]) -> Iterator[Iterator[Any]]:
-    """Results that come as tasks are done; where they are not waited for, joblib does not warn of it."""
+    """Results in the order of the tasks; joblib does not warn when they are abandoned."""
     try:
         yield results
     finally:
@@ -171,7 +171,7 @@ def _dask(address: str) -> Iterator[None]:
     except ImportError:
         raise ParameterError("dask: expected dask[distributed], not installed") from None
     try:
-        client = Client(address, timeout=_PATIENCE_S)
+        client = Client(address, timeout=DASK_TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise ParameterError(
             f"dask {address}: expected a scheduler, {' '.join(str(error).split())}"

@@ -1,4 +1,4 @@
-"""Methods that an evaluation compares: the default, the presets and the paper's models."""
+"""Methods to compare: the default, the presets and the paper's models."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ PAPER_PARAMETERS = {
     "correlation_length": Configuration().update_distance,
     "interpolate": False,
 }
-"""The paper's hand-set widths (III-C) in m and V; each strain counts in full, as it is."""
+"""The paper's hand-set widths (III-C), m and V; no tempering, no interpolation."""
 
 PAPER_MODELS = tuple(model for model in MODELS if model != SWEEP_MIXTURE)
 
 PARTICLES = (75, 300, 1000)
-"""The paper's number, the default's, and one that should come close to the exact filter."""
+"""The paper's number of particles, the default's, and one that should approach the exact filter."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A configuration under a name.
+    """A named configuration.
 
     Parameters
     ----------
-    name : for tables and figures
+    name : in tables and figures
     configuration : choices of the user
-    measurement : parameters of a kernel model that go before those of the scene and of the choice
+    measurement : parameters of a kernel model that override those of the scene
     """
 
     name: str
@@ -51,17 +51,17 @@ class Method:
 
 
 def paper_form(model: str) -> str:
-    """Name of the method that is a model as the paper has it."""
+    """Name of the method with a model in the paper's form."""
     return f"{model}-paper"
 
 
 def exact_form(model: str) -> str:
-    """Name of the method that is the same model and parameters with the exact filter."""
+    """Name of the method with the same model and parameters, and the exact filter."""
     return f"{model}-paper-grid"
 
 
 def exact_of(method: Method) -> str:
-    """Name of the method that a method would be with the exact filter; its own where there is none other."""
+    """Name of the method with the exact filter that a method approximates, or its own."""
     if method.name.endswith("-paper"):
         return f"{method.name}-grid"
     return "default" if method.configuration.model == SWEEP_MIXTURE else method.name
@@ -70,8 +70,8 @@ def exact_of(method: Method) -> str:
 def standard_methods() -> dict[str, Method]:
     """By name: the default, also with few and many particles, the presets, and the paper's models.
 
-    The sums of Gaussians are there with widths chosen from the scan; each of the paper's models as the paper
-    has it, and so with the exact filter.
+    Sums of Gaussians have widths chosen from the scan; the paper's models are in the paper's form, with its
+    particle filter and with the exact filter.
     """
     methods = [Method("default", Configuration())]
     methods += [
@@ -83,7 +83,7 @@ def standard_methods() -> dict[str, Method]:
         methods.append(
             Method(paper_form(model), Configuration(model=model, **PAPER_FILTER), dict(PAPER_PARAMETERS))
         )
-        # A Gaussian at every fine cell would take minutes a sweep; its neighbours change only between pairs.
+        # Gaussians on a fine grid would take minutes per sweep; their neighbours change only between pairs.
         cell = 0.3 if model in ("sum_of_gaussians", "featureless") else 0.6
         exact = Configuration(model=model, filter="grid", cell=cell, conditional=False)
         methods.append(Method(exact_form(model), exact, dict(PAPER_PARAMETERS)))

@@ -1,4 +1,4 @@
-"""Outcome of one sweep as plain numbers, which evaluations gather from every task."""
+"""Outcome of one sweep as plain numbers, for evaluations to collect."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
 
 BINS = 50
-"""Stretches of the sweep axis over which errors are averaged for figures."""
+"""Bins along the sweep axis in which errors are averaged for figures."""
 
 
 def sweep_axis(scene: Scene, tracks: list[Track]) -> int:
-    """The axis along which the sweeps go: on which their truth spans most of the bounds."""
+    """Index of the axis along which the sweeps run: on which the truth spans most of the bounds."""
     spans = [np.ptp(track.truth, axis=0) for track in tracks if track.truth is not None and len(track)]
     return int(np.argmax(np.mean(spans, axis=0) / (scene.upper - scene.lower))) if spans else 0
 
 
 def bin_edges(scene: Scene, axis: int) -> np.ndarray:
-    """Edges of the stretches, (BINS + 1,) m."""
+    """Edges of the bins, (BINS + 1,) m."""
     return np.linspace(scene.lower[axis], scene.upper[axis], BINS + 1)
 
 
@@ -71,7 +71,7 @@ def sweep_outcome(scene: Scene, track: Track, axis: int) -> dict[str, Any]:
 
 
 def blank_outcome(track: Track) -> dict[str, Any]:
-    """Outcome of a sweep that never reaches a feature: whatever fires, fires falsely."""
+    """Outcome of a blank sweep: any convergence is false."""
     every = np.ones(len(track), dtype=bool)
     return {"converged": bool(track.converged.any()), **_plain_criteria("blank", track, every)}
 
@@ -97,7 +97,7 @@ def _convergence(track: Track, errors: np.ndarray, first: int, last: int) -> dic
 
 
 def _plain_criteria(when: str, track: Track, part: np.ndarray) -> dict[str, Any]:
-    """What the paper's plain criteria look at (III-D): lowest trace, highest marginal likelihood."""
+    """Quantities of the paper's plain criteria (III-D): lowest trace, highest marginal likelihood."""
     part = part & track.updated
     return {
         f"lowest_trace_{when}_m2": float(track.trace[part].min()) if part.any() else None,
@@ -106,51 +106,57 @@ def _plain_criteria(when: str, track: Track, part: np.ndarray) -> dict[str, Any]
 
 
 def _places(track: Track, part: np.ndarray, axis: int) -> list[float] | None:
-    """Where on the sweep axis a part of the track begins and ends, m."""
+    """First and last position on the sweep axis of a part of the track, m."""
     if track.truth is None or not part.any():
         return None
     return [float(place) for place in track.truth[part][[0, -1], axis]]
 
 
 def _binned(scene: Scene, track: Track, values: np.ndarray, axis: int) -> list[float | None]:
-    """Mean of ``values`` over each stretch of the sweep axis."""
+    """Mean of ``values`` in each bin of the sweep axis."""
     if track.truth is None:
         return [None] * BINS
     place = np.digitize(track.truth[:, axis], bin_edges(scene, axis)) - 1
-    return [_mean(values[place == stretch]) for stretch in range(BINS)]
+    return [_mean(values[place == index]) for index in range(BINS)]
 
 
-STRETCHES = np.arange(0.0, 0.0301, 0.0025)
-"""Stretches of travel after contact, and after the feature's end, m."""
+TRAVEL_BINS_M = np.arange(0.0, 0.0301, 0.0025)
+"""Edges of the bins of travel after contact, and after the feature's end, m."""
 
 
 def _by_travel(track: Track, errors: np.ndarray, first: int, last: int) -> list[float | None]:
-    """Mean error over each stretch of travel after contact, up to the feature's end."""
+    """Mean error in each bin of travel after contact, up to the feature's end."""
     if first < 0 or not len(track):
-        return [None] * (len(STRETCHES) - 1)
-    gone = np.where(track.row <= last, track.travel - track.travel[track.start], -1.0)
-    return _by_stretch(gone, errors)
+        return [None] * (len(TRAVEL_BINS_M) - 1)
+    travel = np.where(track.row <= last, track.travel - track.travel[track.start], -1.0)
+    return _by_travel_bin(travel, errors)
 
 
 def _past(scene: Scene, track: Track, errors: np.ndarray, last: int) -> dict[str, list[float | None]]:
-    """Error over each stretch of travel after the feature's end, and what motion alone would have made of it.
+    """Error in each bin of travel after the feature's end, and the error expected from motion noise alone.
 
-    Motion alone adds its noise to the error at the feature's end: variance ``motion_std**2`` a metre.
+    Motion noise adds the variance ``motion_std**2`` per metre to the error at the feature's end.
     """
     end = int(np.searchsorted(track.row, last, side="right")) - 1
     if last < 0 or end < 0:
-        return {"error_past_m": [None] * (len(STRETCHES) - 1), "motion_past_m": [None] * (len(STRETCHES) - 1)}
-    gone = track.travel - track.travel[end]
-    gone[: end + 1] = -1.0
+        return {
+            "error_past_m": [None] * (len(TRAVEL_BINS_M) - 1),
+            "motion_past_m": [None] * (len(TRAVEL_BINS_M) - 1),
+        }
+    travel = track.travel - track.travel[end]
+    travel[: end + 1] = -1.0
     lengths = np.array([axis.name != "yaw" for axis in scene.axes])
     variance = float(np.sum(scene.motion_std[lengths] ** 2))
-    by_motion = np.sqrt(errors[end] ** 2 + variance * np.maximum(gone, 0.0))
-    return {"error_past_m": _by_stretch(gone, errors), "motion_past_m": _by_stretch(gone, by_motion)}
+    by_motion = np.sqrt(errors[end] ** 2 + variance * np.maximum(travel, 0.0))
+    return {
+        "error_past_m": _by_travel_bin(travel, errors),
+        "motion_past_m": _by_travel_bin(travel, by_motion),
+    }
 
 
-def _by_stretch(gone: np.ndarray, values: np.ndarray) -> list[float | None]:
-    place = np.digitize(gone, STRETCHES) - 1
-    return [_mean(values[place == stretch]) for stretch in range(len(STRETCHES) - 1)]
+def _by_travel_bin(travel: np.ndarray, values: np.ndarray) -> list[float | None]:
+    place = np.digitize(travel, TRAVEL_BINS_M) - 1
+    return [_mean(values[place == index]) for index in range(len(TRAVEL_BINS_M) - 1)]
 
 
 def _mean(values: np.ndarray) -> float | None:

@@ -1,4 +1,4 @@
-"""Accuracy against cost: many configurations tried, those that nothing beats, and answers from them."""
+"""Accuracy against computing time of many configurations: the Pareto front, and choices from it."""
 
 from __future__ import annotations
 
@@ -14,30 +14,26 @@ import numpy as np
 
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
-from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.offline.evaluation.comparison import (
     as_array,
     built,
     kernel_widths,
     learn_conditions,
-    localisation,
+    localization_task,
 )
-from tactile_localizer.offline.evaluation.conditions import Condition, Material
+from tactile_localizer.offline.evaluation.conditions import Condition
 from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
 from tactile_localizer.offline.evaluation.jobs import Progress, Task, Workers, run_tasks
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import replay
 
-_WIDEST = 200
-"""Samples from the start of a sweep, in which memory is measured."""
+_MEMORY_SAMPLES = 200
+"""Samples from the start of a sweep over which memory is measured."""
 
 _TIMED_SWEEPS = 2
 _PASSES = 3
-"""Times that the sweeps are localised to measure time."""
-
-NEIGHBOURS = ModelParameters().neighbours
-"""Of the Gaussian models, where nothing else is said."""
+"""Repetitions of the sweeps in which time is measured."""
 
 
 @dataclass(frozen=True)
@@ -46,48 +42,42 @@ class Candidate:
 
     Parameters
     ----------
-    configuration : choices of the user
-    neighbours : of the Gaussian models
-    every : the map keeps each so-many-th pair of the scan
-    preset : its name, if it is one
+    configuration : of the localizer
+    preset : its name, where it is a preset
     """
 
     configuration: Configuration
-    neighbours: int = NEIGHBOURS
-    every: int = 1
     preset: str = ""
 
     @property
     def changes(self) -> dict[str, Any]:
-        """What the configuration sets otherwise than the defaults do."""
+        """Fields of the configuration that differ from the defaults."""
         default = asdict(Configuration())
         return {k: v for k, v in asdict(self.configuration).items() if v != default[k]}
 
     @property
     def name(self) -> str:
-        """All that makes this candidate, in a few words."""
+        """Short description of the configuration."""
         own, default = self.configuration, Configuration()
         parts = [f"{self.preset}:"] if self.preset else []
         parts += [own.model, f"grid {own.cell:g}" if own.filter == "grid" else f"particle {own.particles}"]
         parts += [str(getattr(own, n)) for n in ("evaluation", "precision") if n in self.changes]
         step = own.update_distance
         parts += [f"{step * 1e3:g} mm"] if step != default.update_distance else []
-        parts += [f"k {self.neighbours}"] if self.neighbours != NEIGHBOURS else []
-        parts += [f"map 1/{self.every}"] if self.every != 1 else []
         return " ".join(parts)
 
 
 @dataclass(frozen=True)
 class Trade:
-    """What a candidate gives and costs.
+    """Accuracy and cost of a candidate.
 
     Parameters
     ----------
     error : m, mean from contact to the feature's end (over the sweep where contact is not known)
-    coverage : share of estimates whose 95 % region holds the truth
+    coverage : fraction of the estimates whose 95 % region contains the truth
     update_us, update_p99_us : processor time of a measurement update, median and 99th percentile
     us_per_mm : processor time per millimetre of travel
-    memory_mb : most memory held, beside the scan, MB
+    memory_mb : peak memory beside the scan, MB
     """
 
     candidate: Candidate
@@ -99,46 +89,13 @@ class Trade:
     memory_mb: float
 
 
-@dataclass(frozen=True)
-class Thinned:
-    """A condition whose map keeps only each so-many-th pair."""
-
-    condition: Condition
-    every: int
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """Identity of this condition among others."""
-        return {**self.condition.identity, "every": self.every}
-
-    @property
-    def name(self) -> str:
-        """Name of the condition."""
-        return self.condition.name
-
-    @property
-    def seed(self) -> int:
-        """Seed of the condition."""
-        return self.condition.seed
-
-    def load(self) -> Material:
-        """The condition with a thinner map."""
-        material = self.condition.load()
-        kept = np.arange(0, len(material.scan), self.every)
-        return replace(material, scan=material.scan.select(kept), blank=None)
-
-
 def candidates() -> list[Candidate]:
-    """Configurations over model, filter, evaluation, particles, cells, neighbours, map size and precision."""
+    """Configurations over model, filter, evaluation, particles, cells and precision."""
     found = [Candidate(load_configuration(preset), preset=preset) for preset in PRESETS]
     found += [Candidate(configuration) for configuration in _configurations()]
-    few = replace(Configuration(), filter="particle", particles=300)
-    found += [Candidate(few, every=every) for every in (2, 4, 8)]
-    found += [Candidate(Configuration(), every=4)]
-    found += [Candidate(replace(few, model="gaussian"), neighbours=k) for k in (4, 64)]
-    unique: dict[tuple[Any, ...], Candidate] = {}
+    unique: dict[Configuration, Candidate] = {}
     for candidate in found:
-        unique.setdefault((candidate.configuration, candidate.neighbours, candidate.every), candidate)
+        unique.setdefault(candidate.configuration, candidate)
     return list(unique.values())
 
 
@@ -159,7 +116,7 @@ def _configurations() -> Iterator[Configuration]:
             yield replace(one, model=model)
     for model in ("gaussian", "gaussian_independent"):
         yield replace(particle, model=model)
-        # What the particles cost; finer cells would take minutes.
+        # As many cells as particles; finer grids would take minutes.
         yield replace(grid, model=model, cell=0.6)
 
 
@@ -170,34 +127,31 @@ def trade(
     workers: Workers,
     progress: Progress | None = None,
 ) -> list[Trade]:
-    """Try every candidate on every condition; what ``folder`` holds already is not tried again.
+    """Try every candidate on every condition; results that ``folder`` holds are reused.
 
     Raises
     ------
     ParameterError
-        Workers that cannot be had.
+        Unavailable workers.
     """
-    pairs = [(one, Thinned(condition, one.every)) for one in tried for condition in conditions]
-    materials = list(dict.fromkeys(own for _, own in pairs))
-    learned = dict(zip(materials, learn_conditions(materials, folder, workers, progress), strict=True))
+    learned = learn_conditions(conditions, folder, workers, progress)
     widths = kernel_widths(conditions, folder, workers, progress)
     tasks = [
-        localisation(condition, learned[condition], _measurement(one, own), one.configuration)
-        for (one, condition), own in zip(pairs, widths * len(tried), strict=True)
+        localization_task(condition, calibration, _measurement(one, own), one.configuration)
+        for one in tried
+        for condition, calibration, own in zip(conditions, learned, widths, strict=True)
     ]
     results = run_tasks(tasks, folder, workers, progress, "trying configurations")
     n = len(conditions)
-    # One at a time, whoever does the rest: they would take time from each other.
+    # One at a time: concurrent tasks would slow each other down.
     costing = [Task(cost, task.arguments, task.identity) for task in tasks[::n]]
     costs = run_tasks(costing, folder, Workers(), progress, "measuring time and memory")
     return [_gather(one, results[i * n : (i + 1) * n], costs[i]) for i, one in enumerate(tried)]
 
 
 def _measurement(candidate: Candidate, widths: dict[str, Any]) -> dict[str, Any]:
-    """What a candidate's scene gives under ``measurement``."""
-    if candidate.configuration.model == SWEEP_MIXTURE:
-        return {}
-    return {**widths, "neighbours": candidate.neighbours}
+    """Parameters of a candidate's model."""
+    return {} if candidate.configuration.model == SWEEP_MIXTURE else widths
 
 
 def cost(
@@ -206,9 +160,9 @@ def cost(
     measurement: dict[str, Any],
     configuration: Configuration,
 ) -> dict[str, Any]:
-    """What a localizer takes: processor time of one thread, and most memory beside the scan.
+    """Cost of a localizer: processor time of one thread, and peak memory beside the scan.
 
-    A strain's time is the least of several passes, so that what else the machine does counts little.
+    The time of each strain is the least of several repetitions, which removes the load of other processes.
     """
     material = condition.load()
     few = replace(material.recording, sweeps=material.recording.sweeps[:_TIMED_SWEEPS])
@@ -220,8 +174,8 @@ def cost(
         replace(tracks[0], seconds=np.min([track.seconds for track in tracks], axis=0))
         for tracks in zip(*passes, strict=True)
     ]
-    # The belief is widest at first.
-    start = replace(few, sweeps=(few.sweeps[0].part(slice(_WIDEST), 1),))
+    # The belief is widest, and takes most memory, at the start.
+    start = replace(few, sweeps=(few.sweeps[0].part(slice(_MEMORY_SAMPLES), 1),))
     tracemalloc.start()
     try:
         replay(build(), start)
@@ -247,7 +201,7 @@ def _gather(candidate: Candidate, results: Sequence[dict[str, Any]], cost: dict[
 
 
 def pareto_front(trades: Sequence[Trade]) -> list[Trade]:
-    """The trades that no other beats in both error and update time, from cheap to accurate."""
+    """The trades that no other beats in both error and update time, from fast to accurate."""
     front: list[Trade] = []
     for one in sorted(trades, key=lambda t: (t.update_us, t.error.mean)):
         if not front or one.error.mean < front[-1].error.mean:
@@ -256,12 +210,12 @@ def pareto_front(trades: Sequence[Trade]) -> list[Trade]:
 
 
 def within_budget(trades: Sequence[Trade], budget_us: float) -> Trade | None:
-    """The most accurate of the trades on the whole map whose median update takes at most ``budget_us``."""
-    affordable = (t for t in trades if t.update_us <= budget_us and t.candidate.every == 1)
+    """The most accurate trade whose median update takes at most ``budget_us``."""
+    affordable = (t for t in trades if t.update_us <= budget_us)
     return min(affordable, key=lambda t: t.error.mean, default=None)
 
 
 def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
-    """The cheapest of the trades on the whole map whose mean error is at most ``target_m``."""
-    accurate = (t for t in trades if t.error.mean <= target_m and t.candidate.every == 1)
+    """The cheapest trade whose mean error is at most ``target_m``."""
+    accurate = (t for t in trades if t.error.mean <= target_m)
     return min(accurate, key=lambda t: t.update_us, default=None)

@@ -1,4 +1,4 @@
-"""Lengths as people read them in figures: millimetres, with inches beside."""
+"""Axes of figures: millimetres with inches on the opposite side, degrees for yaw; legends."""
 
 from __future__ import annotations
 
@@ -6,36 +6,39 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:  # matplotlib takes a second, which those who only want the units need not wait for
+if TYPE_CHECKING:  # users of the units alone need not import matplotlib, which takes a second
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MM = 1e3
-"""Millimetres in a metre."""
+"""Millimetres per metre."""
 
 INCH_MM = 25.4
-"""Millimetres in an inch."""
+"""Millimetres per inch."""
+
+TENTH_INCH_MM = 0.1 * INCH_MM
+"""Error after contact that the paper reports, mm."""
 
 _LEGEND_INCH = 0.35
-"""Height of the strip that a legend below the plots takes, inch."""
+"""Height of a legend below the plots, inch."""
 
 
-def shown(axis: str, values: np.ndarray) -> np.ndarray:
-    """Positions on an axis of the state as figures show them: m in mm, rad in degrees."""
+def display_units(axis: str, values: np.ndarray) -> np.ndarray:
+    """Positions on an axis of the state in display units: mm, degrees for yaw."""
     return np.degrees(values) if axis == "yaw" else np.asarray(values) * MM
 
 
 def literal(text: str) -> str:
-    """A name as matplotlib shows it letter for letter: a dollar sign begins no formula."""
+    """Text with dollar signs escaped, so that matplotlib does not read them as a formula."""
     return text.replace("$", r"\$")
 
 
 def label_axis(plot: Axes, which: str, axis: str, *, inches: bool = True, label: bool = True) -> None:
-    """Name a plot's axis after an axis of the state, in mm, and put inches on the opposite side.
+    """Label a plot's axis with an axis of the state, in mm, and add inches on the opposite side.
 
     Parameters
     ----------
-    plot : shows values of :func:`shown`
+    plot : of values in display units (:func:`display_units`)
     which : ``"x"`` or ``"y"`` of the plot
     axis : name of the state's axis
     inches : whether the opposite side is labelled
@@ -54,12 +57,12 @@ def label_axis(plot: Axes, which: str, axis: str, *, inches: bool = True, label:
 
 
 def legend_below(figure: Figure, plot: Axes) -> None:
-    """Put the legend of one plot in a row below all plots of a figure, where it has any entries.
+    """Put the legend of one plot, if it has entries, in a row below all plots of a figure.
 
     Parameters
     ----------
-    figure : with constrained layout, which is told to leave room (``"outside"`` needs matplotlib 3.7)
-    plot : whose entries are shown
+    figure : with constrained layout, in which room is reserved (``"outside"`` needs matplotlib 3.7)
+    plot : with the entries
     """
     handles, labels = plot.get_legend_handles_labels()
     if not handles:

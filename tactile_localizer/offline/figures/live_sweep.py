@@ -1,4 +1,4 @@
-"""Pictures of live sweeps: the error along the sweep (the paper's Fig. 5), its uncertainty (Fig. 8 b)."""
+"""Figures of live sweeps: error along the sweep (paper, Fig. 5) and uncertainty (Fig. 8 b)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep
 
 _BIN_MM = 1.0
 _HIGHEST_MM = 15.0
-"""Errors above mean that the position is still open."""
+"""Larger errors occur before contact only, and are cut off."""
 _COLOUR = "tab:blue"
-_FELT = "tab:orange"
+_FEATURE = "tab:orange"
 
 
 def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
-    """Error, standard deviation and share of converged sweeps over the palm's true position along x."""
+    """Error, standard deviation and fraction of converged sweeps over the true position along x."""
     figure = Figure(figsize=(9, 8.5), layout="constrained")
     error, trace, share = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
     x = np.concatenate([sweep.truth[:, 0] for sweep in sweeps]) * MM
@@ -34,9 +34,9 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
     error.axhline(LIMIT_M * MM, color="tab:red", linewidth=1.0, linestyle="--", label="0.1 inch")
     error.set_ylabel("error, mm")
     error.set_ylim(0, min(_HIGHEST_MM, error.get_ylim()[1]))
-    trace.set_ylabel("root of the\ncovariance trace, mm")
+    trace.set_ylabel("standard\ndeviation, mm")
     trace.set_ylim(0, None)
-    share.set_ylabel("share of\nsweeps converged")
+    share.set_ylabel("fraction of\nsweeps converged")
     share.set_ylim(-0.05, 1.05)
     for plot in (error, trace, share):
         _contact_band(plot, sweeps)
@@ -49,7 +49,7 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
 
 
 def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
-    """One sweep: where the palm truly was, and where it was estimated to be."""
+    """True and estimated position of the palm along one sweep."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     plots = figure.subplots(2, 1, sharex=True)
     seconds = (sweep.stamp_ns - sweep.stamp_ns[0]) * 1e-9
@@ -61,7 +61,7 @@ def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
         plot.plot(seconds, converged, color="tab:green", linewidth=3.0, alpha=0.5, label="converged")
         felt = seconds[sweep.after_contact]
         if len(felt):
-            plot.axvspan(felt[0], felt[-1], color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")
+            plot.axvspan(felt[0], felt[-1], color=_FEATURE, alpha=0.12, linewidth=0, label="on the feature")
         plot.margins(x=0)
     plots[-1].set_xlabel("time since the sweep began, s")
     plots[0].legend(frameon=False)
@@ -70,11 +70,11 @@ def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
 
 
 def _contact_band(plot: Axes, sweeps: Sequence[LiveSweep]) -> None:
-    """Shade where the feature is felt, from the sweeps' median contact to their median end."""
+    """Shade the feature, from the sweeps' median contact to their median end."""
     felt = np.array([(s.contact.first, s.contact.last) for s in sweeps if s.contact is not None])
     if len(felt):
         first, last = np.median(felt, axis=0) * MM
-        plot.axvspan(first, last, color=_FELT, alpha=0.12, linewidth=0, label="feature is felt")
+        plot.axvspan(first, last, color=_FEATURE, alpha=0.12, linewidth=0, label="on the feature")
 
 
 def _mean_line(plot: Axes, x: np.ndarray, values: np.ndarray, label: str) -> None:

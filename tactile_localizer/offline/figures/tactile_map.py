@@ -1,4 +1,4 @@
-"""Pictures of a scan: the tactile map (paper, Fig. 3 and 4), sweep paths, neighbours' values (Fig. 6)."""
+"""Figures of a scan: the tactile map (paper, Fig. 3 and 4), sweep paths, neighbours' values (Fig. 6)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
-from tactile_localizer.offline.figures.axes import label_axis, legend_below, literal, shown
+from tactile_localizer.offline.figures.axes import display_units, label_axis, legend_below, literal
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
@@ -27,14 +27,14 @@ _NEIGHBOURS = 4
 _OUTLINE = 61
 """Points along each side of a region's outline."""
 
-MOST_ELEMENTS = 48
-"""Elements of a phalanx that a picture shows at most."""
+MAX_CHANNELS = 48
+"""Channels of a phalanx shown at most."""
 
 
 def scan_figures(
     scan: Scan, scene: Scene, *, unit: str = "V", regions: Mapping[str, Region] | None = None
 ) -> dict[str, Figure]:
-    """Every picture of a scan, by the name of the file that it belongs into.
+    """Every figure of a scan, by the name of its file.
 
     Parameters
     ----------
@@ -65,36 +65,36 @@ def map_sheet(
     unit: str = "V",
     regions: Mapping[str, Region] | None = None,
 ) -> Figure:
-    """The elements of a phalanx over the palm's position, in one scale of colours.
+    """The channels of a phalanx over the palm's position, in one colour scale.
 
-    Of more than :data:`MOST_ELEMENTS` those that vary most.
+    Of more than :data:`MAX_CHANNELS`, those that vary most are shown.
 
     Parameters
     ----------
     tactile_map : over two axes of the scene
     scan : drawn as faint paths of the sweeps
-    scene : says where the phalanx sits
+    scene : gives the phalanx's offset
     phalanx : its name
     unit : of the strain
     regions : feature regions to outline, by label, in phalanx coordinates
     """
-    elements = _shown_elements(tactile_map, phalanx)
-    rows = math.ceil(len(elements) / 4)
+    channels = _shown_channels(tactile_map, phalanx)
+    rows = math.ceil(len(channels) / 4)
     figure = Figure(figsize=(13, 3.5 * rows), layout="constrained")
     plots = figure.subplots(rows, 4, sharex=True, sharey=True, squeeze=False)
-    for plot in plots.flat[len(elements) :]:
+    for plot in plots.flat[len(channels) :]:
         plot.set_axis_off()
-    for place, (element, plot) in enumerate(zip(elements, plots.flat, strict=False)):
+    for place, (channel, plot) in enumerate(zip(channels, plots.flat, strict=False)):
         row, column = divmod(place, 4)
-        colours = _draw_element(plot, tactile_map, phalanx, element)
+        colours = _draw_channel(plot, tactile_map, phalanx, channel)
         _draw_paths(plot, scan)
         _outline(plot, regions, _phalanx(scene, phalanx), scene)
-        plot.set_title(f"element {element + 1}", fontsize=10)
+        plot.set_title(f"channel {channel + 1}", fontsize=10)
         label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=row == rows - 1)
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 3, label=column == 0)
     _colour_bar(figure, colours, plots, unit)
     legend_below(figure, plots.flat[0])
-    figure.suptitle(f"{literal(scene.name)}: what phalanx {literal(phalanx)} feels, by the palm's position")
+    figure.suptitle(f"{literal(scene.name)}: strain of phalanx {literal(phalanx)} by the palm's position")
     return figure
 
 
@@ -106,20 +106,20 @@ def map_pair(
     unit: str = "V",
     regions: Mapping[str, Region] | None = None,
 ) -> Figure:
-    """The paths of the sweeps and two elements that respond differently (the paper's Fig. 3 b, c, d).
+    """The paths of the sweeps and two channels that respond differently (paper, Fig. 3 b, c, d).
 
-    Shown are the element that the feature changes most, and the one that it changes most of those that
-    do not merely repeat it. Parameters as for :func:`map_sheet`.
+    The first channel is the one that varies most, the second the one with the largest part that is not
+    proportional to the first. Parameters as for :func:`map_sheet`.
     """
     figure = Figure(figsize=(14, 5.2), layout="constrained")
     plots = figure.subplots(1, 3)
     _draw_sweeps(plots[0], scan)
     _draw_bounds(plots[0], scene)
     plots[0].set_title(f"{len(scan.sweep_numbers)} sweeps, {len(scan)} pairs", fontsize=10)
-    for plot, (phalanx, element) in zip(plots[1:], _telling_elements(tactile_map), strict=True):
-        colours = _draw_element(plot, tactile_map, phalanx, element)
+    for plot, (phalanx, channel) in zip(plots[1:], _distinct_channels(tactile_map), strict=True):
+        colours = _draw_channel(plot, tactile_map, phalanx, channel)
         _outline(plot, regions, _phalanx(scene, phalanx), scene)
-        plot.set_title(f"{literal(phalanx)}, element {element + 1}", fontsize=10)
+        plot.set_title(f"{literal(phalanx)}, channel {channel + 1}", fontsize=10)
     for column, plot in enumerate(plots):
         label_axis(plot, "x", tactile_map.axes[0])
         label_axis(plot, "y", tactile_map.axes[1], inches=column == 2, label=column == 0)
@@ -138,40 +138,46 @@ def profile_sheet(
     unit: str = "V",
     regions: Mapping[str, Region] | None = None,
 ) -> Figure:
-    """The elements of a phalanx along the one axis of the scene: every sweep, and the map in black.
+    """The channels of a phalanx along the only axis of the scene: every sweep, and the map in black.
 
     Parameters as for :func:`map_sheet`.
     """
-    elements = _shown_elements(tactile_map, phalanx)
-    figure = Figure(figsize=(13, 1 + 1.25 * len(elements)), layout="constrained")
-    plots = figure.subplots(len(elements), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    channels = _shown_channels(tactile_map, phalanx)
+    figure = Figure(figsize=(13, 1 + 1.25 * len(channels)), layout="constrained")
+    plots = figure.subplots(len(channels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     axis = tactile_map.axes[0]
     start = scan.layout.slices[scan.phalanges.index(phalanx)].start
     profile = tactile_map.phalanx(phalanx)
-    for element, plot in zip(elements, plots, strict=True):
-        column = start + element
+    for channel, plot in zip(channels, plots, strict=True):
+        column = start + channel
         for number in scan.sweep_numbers:
             mine = scan.sweep == number
             along = np.argsort(scan.states[mine, 0])
             values = scan.strain[mine, column] - tactile_map.background[column]
             label = f"sweep {number}" if len(scan.sweep_numbers) <= 6 else None
-            plot.plot(shown(axis, scan.states[mine, 0][along]), values[along], linewidth=0.7, label=label)
-        plot.plot(shown(axis, tactile_map.nodes[0]), profile[:, element], "k", linewidth=1.2, label="map")
-        plot.set_ylabel(f"{element + 1}", rotation=0, labelpad=10)
+            plot.plot(
+                display_units(axis, scan.states[mine, 0][along]), values[along], linewidth=0.7, label=label
+            )
+        plot.plot(
+            display_units(axis, tactile_map.nodes[0]), profile[:, channel], "k", linewidth=1.2, label="map"
+        )
+        plot.set_ylabel(f"{channel + 1}", rotation=0, labelpad=10)
         plot.margins(x=0)
         for number, region in enumerate((regions or {}).values()):
             lower, upper = _palm_limits(region, _phalanx(scene, phalanx), scene)
-            plot.axvspan(*shown(axis, np.array([lower[0], upper[0]])), color=_LINES[number % 3], alpha=0.08)
+            plot.axvspan(
+                *display_units(axis, np.array([lower[0], upper[0]])), color=_LINES[number % 3], alpha=0.08
+            )
     label_axis(plots[0], "x", axis, label=False)
     label_axis(plots[-1], "x", axis, inches=False)
     legend_below(figure, plots[0])
-    figure.supylabel(f"element: strain less its median, {literal(unit)}", fontsize=10)
-    figure.suptitle(f"{literal(scene.name)}: what phalanx {literal(phalanx)} feels, by the palm's position")
+    figure.supylabel(f"channel: strain minus its median, {literal(unit)}", fontsize=10)
+    figure.suptitle(f"{literal(scene.name)}: strain of phalanx {literal(phalanx)} by the palm's position")
     return figure
 
 
 def sweep_paths(scan: Scan, scene: Scene) -> Figure:
-    """Where the palm was in each sweep; coloured by the order of the sweeps, with a dot where each began."""
+    """Paths of the palm, coloured by the order of the sweeps, with a dot where each begins."""
     numbers = scan.sweep_numbers
     size = (8, 7) if len(scan.axes) > 1 else (9, 2 + 0.25 * len(numbers))
     figure = Figure(figsize=size, layout="constrained")
@@ -195,43 +201,45 @@ def neighbour_values(
     scene: Scene,
     phalanx: str,
     *,
-    element: int | None = None,
+    channel: int | None = None,
     sweep: int | None = None,
     k: int = _NEIGHBOURS,
     unit: str = "V",
 ) -> Figure:
-    """What was felt around a trajectory: the nearest neighbours' values along it (the paper's Fig. 6).
+    """Strain along a sweep beside that of its nearest neighbours (paper, Fig. 6).
 
-    The trajectory is that of a sweep. Its neighbours are the nearest pairs of the k nearest sweeps, one
-    of each: the very nearest pairs would all lie on one sweep, whose pairs are much denser than the
-    sweeps are. Where the values part into bands, what will be felt there has several modes.
+    The neighbours are the nearest pairs of the k nearest sweeps, one of each: pairs are much denser along
+    a sweep than sweeps are, so that the nearest pairs would all lie on one sweep. Values in separate bands
+    mean that the measurement distribution is multimodal there.
 
     Parameters
     ----------
     scan, scene, phalanx, unit : as for :func:`map_sheet`
-    element : of the phalanx, from 0; by default the one that varies most
-    sweep : number of the sweep; by default the one along which the element varies most
-    k : neighbours of each point, one a sweep
+    channel : channel of the phalanx, from 0; by default the one that varies most
+    sweep : number of the sweep; by default the one along which the channel varies most
+    k : neighbours of each point, one per sweep
     """
     own = scan.layout.slices[scan.phalanges.index(phalanx)]
-    if element is None:
-        element = int(np.argmax(scan.strain[:, own].std(axis=0)))
-    values = scan.strain[:, own.start + element]
+    if channel is None:
+        channel = int(np.argmax(scan.strain[:, own].std(axis=0)))
+    values = scan.strain[:, own.start + channel]
     if sweep is None:
         sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
     mine = scan.sweep == sweep
-    x = shown(scan.axes[0], scan.states[mine, 0])
+    x = display_units(scan.axes[0], scan.states[mine, 0])
     figure = Figure(figsize=(10, 5.5), layout="constrained")
     plot = figure.subplots()
-    for index, (number, felt) in enumerate(_nearest_by_sweep(scan, scene, values, sweep, k).items()):
-        plot.plot(x, felt, ".", markersize=2.5, color=colormaps["tab10"](index % 10), label=f"sweep {number}")
-    plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep} itself")
-    plot.set_ylabel(f"element {element + 1} of {literal(phalanx)}, {literal(unit)}")
+    for index, (number, nearest) in enumerate(_nearest_by_sweep(scan, scene, values, sweep, k).items()):
+        plot.plot(
+            x, nearest, ".", markersize=2.5, color=colormaps["tab10"](index % 10), label=f"sweep {number}"
+        )
+    plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep}")
+    plot.set_ylabel(f"channel {channel + 1} of {literal(phalanx)}, {literal(unit)}")
     plot.margins(x=0)
     label_axis(plot, "x", scan.axes[0])
     plot.legend(title="nearest pairs of", markerscale=4, fontsize=8)
     plot.set_title(
-        f"{literal(scene.name)}: what was felt along sweep {sweep}, and nearest to it in other sweeps"
+        f"{literal(scene.name)}: strain along sweep {sweep}, and of the nearest pairs of other sweeps"
     )
     return figure
 
@@ -239,34 +247,36 @@ def neighbour_values(
 def _nearest_by_sweep(
     scan: Scan, scene: Scene, values: np.ndarray, sweep: int, k: int
 ) -> dict[int, np.ndarray]:
-    """By sweep, its nearest value to each pair of ``sweep``, NaN where k other sweeps are nearer."""
+    """Nearest value of each other sweep to each pair of ``sweep``; NaN where k other sweeps are nearer."""
     states = scan.states[:, scene.columns(scan.axes)] * axis_scale(scene)
     path = states[scan.sweep == sweep]
     others = [number for number in scan.sweep_numbers if number != sweep]
-    distances, felt = np.empty((len(others), len(path))), np.empty((len(others), len(path)))
+    distances, nearest = np.empty((len(others), len(path))), np.empty((len(others), len(path)))
     for row, number in enumerate(others):
         here = scan.sweep == number
         distances[row], index = cKDTree(states[here]).query(path)
-        felt[row] = values[here][index]
+        nearest[row] = values[here][index]
     rank = distances.argsort(axis=0).argsort(axis=0)
-    felt[rank >= k] = np.nan
-    return {int(number): row for number, row in zip(others, felt, strict=True) if np.isfinite(row).any()}
+    nearest[rank >= k] = np.nan
+    return {int(number): row for number, row in zip(others, nearest, strict=True) if np.isfinite(row).any()}
 
 
-def _draw_element(plot: Axes, tactile_map: TactileMap, phalanx: str, element: int) -> QuadMesh:
-    """Draw a map of one element; all elements of a map have the same colours."""
-    x, y = (shown(axis, nodes) for axis, nodes in zip(tactile_map.axes, tactile_map.nodes, strict=True))
+def _draw_channel(plot: Axes, tactile_map: TactileMap, phalanx: str, channel: int) -> QuadMesh:
+    """Draw the map of one channel; all channels have the same colour scale."""
+    x, y = (
+        display_units(axis, nodes) for axis, nodes in zip(tactile_map.axes, tactile_map.nodes, strict=True)
+    )
     everything = np.concatenate([tactile_map.phalanx(name) for name in tactile_map.phalanges], axis=-1)
     limit = float(np.nanpercentile(np.abs(everything), 99.8)) or 1.0
-    values = tactile_map.phalanx(phalanx)[..., element].T
+    values = tactile_map.phalanx(phalanx)[..., channel].T
     plot.set_facecolor(_NO_DATA)
     if "yaw" not in tactile_map.axes:
         plot.set_aspect("equal")
     return plot.pcolormesh(x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit)
 
 
-def _telling_elements(tactile_map: TactileMap) -> list[tuple[str, int]]:
-    """Phalanx and element: the one that varies most, and the one whose own part varies most beside it."""
+def _distinct_channels(tactile_map: TactileMap) -> list[tuple[str, int]]:
+    """The channel that varies most and the one with the largest residual beside it, with their phalanges."""
     covered = tactile_map.covered
     values = np.concatenate([tactile_map.phalanx(name)[covered] for name in tactile_map.phalanges], axis=1)
     values = values - values.mean(axis=0)
@@ -277,10 +287,10 @@ def _telling_elements(tactile_map: TactileMap) -> list[tuple[str, int]]:
     return [(tactile_map.phalanges[phalanx], channel - 1) for phalanx, channel in places]
 
 
-def _shown_elements(tactile_map: TactileMap, phalanx: str) -> list[int]:
-    """Elements of a phalanx, from 0: all, or the :data:`MOST_ELEMENTS` that vary most."""
+def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:
+    """Channels of a phalanx, from 0: all, or the :data:`MAX_CHANNELS` that vary most."""
     spread = np.nan_to_num(tactile_map.phalanx(phalanx)[tactile_map.covered]).std(axis=0)
-    return sorted(np.argsort(-spread, kind="stable")[:MOST_ELEMENTS].tolist())
+    return sorted(np.argsort(-spread, kind="stable")[:MAX_CHANNELS].tolist())
 
 
 def _draw_paths(plot: Axes, scan: Scan) -> None:
@@ -290,7 +300,7 @@ def _draw_paths(plot: Axes, scan: Scan) -> None:
 
 
 def _draw_sweeps(plot: Axes, scan: Scan) -> None:
-    """Paths coloured by order, with a dot where each begins; along one axis, one above the other."""
+    """Draw paths coloured by order, with a dot where each begins; on one axis, one above the other."""
     numbers = scan.sweep_numbers
     for colour, number in zip(colormaps["viridis"](np.linspace(0, 0.9, len(numbers))), numbers, strict=True):
         x, *others = _path(scan, number)
@@ -300,25 +310,25 @@ def _draw_sweeps(plot: Axes, scan: Scan) -> None:
 
 
 def _path(scan: Scan, number: int) -> list[np.ndarray]:
-    """The first axes of a sweep as shown; NaN where a yaw goes over the half turn, so that no line does."""
+    """First axes of a sweep in display units; NaN where a yaw wraps, so that no line is drawn there."""
     path = []
     for axis, values in zip(scan.axes[:2], scan.states[scan.sweep == number].T, strict=False):
         over = np.flatnonzero(np.abs(np.diff(values)) > np.pi) if axis == "yaw" else np.empty(0, dtype=int)
-        path.append(shown(axis, values))
+        path.append(display_units(axis, values))
         path[-1][over] = np.nan
     return path
 
 
 def _draw_bounds(plot: Axes, scene: Scene) -> None:
     x, y = scene.axes[:2]
-    plot.set_xlim(*shown(x.name, np.array([x.lower, x.upper])))
-    plot.set_ylim(*shown(y.name, np.array([y.lower, y.upper])))
+    plot.set_xlim(*display_units(x.name, np.array([x.lower, x.upper])))
+    plot.set_ylim(*display_units(y.name, np.array([y.lower, y.upper])))
     if "yaw" not in (x.name, y.name):
         plot.set_aspect("equal")
 
 
 def _palm_limits(region: Region, phalanx: Phalanx, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Palm positions between which the phalanx is in the region, cut off at the scene's bounds."""
+    """Palm positions between which the phalanx is in the region, clipped to the scene's bounds."""
     offset = np.asarray(phalanx.offset)
     lower = np.clip(np.asarray(region.lower) - offset, scene.lower, scene.upper)
     upper = np.clip(np.asarray(region.upper) - offset, scene.lower, scene.upper)
@@ -349,7 +359,7 @@ def _outline(plot: Axes, regions: Mapping[str, Region] | None, phalanx: Phalanx,
     for number, (label, region) in enumerate((regions or {}).items()):
         edge = _palm_outline(region, phalanx, scene)
         box = Polygon(
-            np.stack([shown(name, edge[:, column]) for column, name in enumerate(names[:2])], axis=1),
+            np.stack([display_units(name, edge[:, column]) for column, name in enumerate(names[:2])], axis=1),
             fill=False,
             edgecolor=_LINES[number % len(_LINES)],
             linestyle=("-", "--", "-.")[number % 3],
@@ -368,4 +378,4 @@ def _phalanx(scene: Scene, name: str) -> Phalanx:
 
 def _colour_bar(figure: Figure, colours: QuadMesh, plots: Sequence[Axes] | np.ndarray, unit: str) -> None:
     bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="both")
-    bar.set_label(f"strain less that of featureless material, {literal(unit)}")
+    bar.set_label(f"strain minus that of featureless material, {literal(unit)}")

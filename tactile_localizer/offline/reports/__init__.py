@@ -1,1 +1,1 @@
-"""Tables, HTML pages and JSON files of results."""
+"""Reports of results: tables, HTML pages, JSON files."""

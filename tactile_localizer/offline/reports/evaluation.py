@@ -1,4 +1,4 @@
-"""The report of an evaluation."""
+"""HTML report of an evaluation."""
 
 from __future__ import annotations
 
@@ -11,23 +11,13 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.offline.evaluation.comparison import Results
 from tactile_localizer.offline.reports.html import Report, mapping_table
 from tactile_localizer.offline.reports.machine import machine
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 
 _HEADINGS = {
-    "fig5": (
-        "Error along the sweep",
-        "As the paper's Fig. 5: its particle filter and widths, mean over all sweeps.",
-    ),
-    "fig8": ("Featureless regions apart", "As the paper's Fig. 8: error above, covariance trace below."),
-    "methods": ("All methods", "Mean error with its 95 % interval over sweeps."),
+    "methods": ("All methods", "Mean error with its 95 % confidence interval over sweeps."),
     "convergence": (
         "Convergence along the travel",
-        "Share of sweeps that have converged, over the travel since contact.",
-    ),
-    "past": (
-        "Past the feature",
-        "Error over the travel since the feature's end; dotted: what the motion's noise alone makes of the "
-        "error at its end.",
+        "Fraction of the sweeps that have converged, over the travel since contact.",
     ),
 }
 
@@ -39,8 +29,9 @@ def evaluation_report(
 
     Parameters
     ----------
-    tables, figures : as :func:`.tables.evaluation_tables` and :func:`.figures.evaluation_figures` make them
-    command : that made it
+    tables, figures : from :func:`~.tables.evaluation_tables` and
+        :func:`~tactile_localizer.offline.figures.comparison.evaluation_figures`
+    command : the command line
 
     Raises
     ------
@@ -50,16 +41,15 @@ def evaluation_report(
     n = len(results.sweeps(next(iter(results.methods))))
     seeds = len({condition.seed for condition in results.conditions})
     report = Report(
-        "Tactile localisation: evaluation",
+        "Tactile localization: evaluation",
         f"{n} sweeps on {', '.join(results.condition_names)}, {_count(seeds, 'seed')}, "
         f"{_count(len(results.methods), 'method')}.",
     )
     by_title = {table.title: table for table in tables}
     report.add_table(by_title.pop("Error"))
-    for start, (heading, note) in _HEADINGS.items():
-        own = {name: figure for name, figure in figures.items() if name.startswith(start)}
-        if own:
-            report.add_figures(heading, own, note)
+    for name, figure in figures.items():
+        heading, note = _HEADINGS[name]
+        report.add_figures(heading, {name: figure}, note)
     for table in by_title.values():
         report.add_table(table)
     report.add_table(configuration_table(results))
@@ -68,7 +58,7 @@ def evaluation_report(
 
 
 def configuration_table(results: Results) -> Table:
-    """What each method's configuration changes of the default."""
+    """Table of the fields in which each method's configuration differs from the default."""
     default = asdict(Configuration())
     rows = []
     for name, method in results.methods.items():

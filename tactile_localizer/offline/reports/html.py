@@ -1,4 +1,4 @@
-"""One HTML file with everything in it: pictures, tables, configuration, machine; no network needed."""
+"""HTML report in one file, with embedded figures and tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 
 _STYLE = """
 :root { color-scheme: light; }
@@ -29,7 +29,6 @@ figcaption { font-size: .85rem; color: #555; }
 th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd; white-space: nowrap; }
 th { border-bottom: 2px solid #999; } th:first-child, td:first-child { text-align: left; }
 .words td, .words th { white-space: normal; text-align: left; vertical-align: top; }
-.held { color: #17692b; } .not { color: #a11919; } .open { color: #7a5b00; }
 @media (max-width: 40rem) {
   table { font-size: .72rem; } th, td { padding: .2rem .35rem; }
   th { white-space: normal; } th:first-child, td:first-child { white-space: normal; overflow-wrap: anywhere; }
@@ -47,12 +46,12 @@ th { border-bottom: 2px solid #999; } th:first-child, td:first-child { text-alig
 
 
 class Report:
-    """Sections are added in their order; then the page is written.
+    """HTML page to which sections are added in order.
 
     Parameters
     ----------
     title : of the page
-    summary : a sentence or two below it
+    summary : paragraph below the title
     """
 
     def __init__(self, title: str, summary: str) -> None:
@@ -60,7 +59,7 @@ class Report:
         self._parts = [f"<h1>{escape(title)}</h1>", f"<p>{escape(summary)}</p>"]
 
     def add_figures(self, heading: str, figures: Mapping[str, Figure], note: str = "") -> None:
-        """Add pictures, by name, side by side where the page is wide enough."""
+        """Add figures by name, side by side where the page is wide enough."""
         pictures = "".join(
             f'<figure><img alt="{escape(name)}" src="{_embedded(figure)}">'
             f"<figcaption>{escape(name)}</figcaption></figure>"
@@ -71,7 +70,9 @@ class Report:
     def add_table(self, table: Table) -> None:
         """Add a table."""
         head = "".join(f"<th>{escape(column)}</th>" for column in table.columns)
-        rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in table.rows)
+        rows = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows
+        )
         words = any(len(cell) > 60 for row in table.rows for cell in row)
         kind = ' class="words"' if words else ""
         content = f"<table{kind}><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
@@ -110,7 +111,7 @@ def mapping_table(title: str, values: Mapping[str, object]) -> Table:
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path) -> Sequence[Path]:
-    """Write pictures as PNG, each under its name.
+    """Write figures as PNG files, each under its name.
 
     Raises
     ------
@@ -123,18 +124,12 @@ def save_figures(figures: Mapping[str, Figure], folder: Path) -> Sequence[Path]:
         for path, figure in zip(paths, figures.values(), strict=True):
             figure.savefig(path, dpi=150)
     except OSError as error:
-        raise ScanError(f"{folder}: expected to write pictures, {error.strerror}") from None
+        raise ScanError(f"{folder}: expected to write figures, {error.strerror}") from None
     return paths
 
 
-def _cell(text: str) -> str:
-    verdict = text.split()[0] if text in ("held", "not held", "open") else ""
-    kind = f' class="{verdict}"' if verdict else ""
-    return f"<td{kind}>{escape(text)}</td>"
-
-
 def _embedded(figure: Figure) -> str:
-    """A picture as a data address; the same picture gives the same bytes."""
+    """Figure as a data URL; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "tactile_localizer"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})

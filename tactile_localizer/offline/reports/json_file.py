@@ -1,4 +1,4 @@
-"""Results as JSON: numpy's arrays and numbers as plain ones, what is not finite as null."""
+"""JSON files of results: numpy arrays and numbers as plain values, non-finite numbers as null."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_localizer.io.whole_file import whole_file
 
 
 def plain(value: Any) -> Any:
-    """``value`` of mappings, sequences, dataclasses, arrays and numbers as JSON can hold it."""
+    """Mappings, sequences, dataclasses, arrays and numbers as values that JSON can hold."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):
@@ -31,7 +31,7 @@ def plain(value: Any) -> Any:
 
 
 def plain_columns(columns: Mapping[str, np.ndarray | list[Any]]) -> Iterator[dict[str, Any]]:
-    """The rows of columns of the same length as :func:`plain` would make them, but sooner."""
+    """Rows of equally long columns, as from :func:`plain` but faster."""
     lists = [column if isinstance(column, list) else _entries(column) for column in columns.values()]
     return (dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True))
 
@@ -56,8 +56,8 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
 
     Parameters
     ----------
-    value : may hold what :func:`plain` knows
-    rows : name of an entry that is a list, to be written with one element a line
+    value : of types that :func:`plain` accepts
+    rows : name of a list to be written with one entry per line
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Tables of what a scan teaches: noise, lengths, registration, and the kernel models' parameters."""
+"""Tables of the values learned from a scan: noise, lengths, registration, parameters of kernel models."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.offline.figures.axes import MM
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 from tactile_localizer.scene import Scene
 
-FEATURELESS, EVERYWHERE = "featureless between features", "felt everywhere"
-"""What a material is like between its features."""
+FEATURELESS, TEXTURED = "featureless between features", "textured everywhere"
+"""Kinds of material."""
 
 
 def noise_table(scene: Scene, model: SweepModel, unit: str = "V") -> Table:
-    """Noise of a visit beside the signal, a row per phalanx.
+    """Noise between visits beside the signal, a row per phalanx.
 
     Parameters
     ----------
@@ -53,31 +53,31 @@ def noise_table(scene: Scene, model: SweepModel, unit: str = "V") -> Table:
         f"strain, {unit}",
     )
     note = (
-        "Standard deviations, of the median channel: by which one sweep differs from what the others let "
-        "expect; of the noisiest channel; of the constant between sweeps; and of the strain over the scan."
+        "Standard deviations. Noise: of a sweep about the prediction of the others, median and noisiest "
+        "channel; offset: of the constant between sweeps; strain: over the scan, median channel."
     )
     return Table("Noise", columns, rows, note)
 
 
 def learned_table(scene: Scene, mixture: SweepMixture, calibration: Calibration) -> Table:
-    """Lengths, registration and kind of the material, a row each."""
+    """Kind of the material, lengths and registration, a row each."""
     rows = [(name, value) for name, value in learned_values(scene, mixture, calibration).items()]
     note = (
-        "Information length: travel that makes one independent measurement of where the hand is; presence "
-        "length: of whether it is on the map; registration: how far the positions of one sweep are from "
-        "those of another, one standard deviation."
+        "Information length: travel per independent measurement of the position; presence length: the same "
+        "for whether the palm is on the map; registration: standard deviation of the displacement between "
+        "sweeps."
     )
     return Table("Learned from the scan", ("", "value"), rows, note)
 
 
 def learned_values(scene: Scene, mixture: SweepMixture, calibration: Calibration) -> dict[str, str]:
-    """What was learned from a scan, with units, by name."""
+    """Values learned from a scan, with units, by name."""
     registration = ", ".join(
         _with_unit(axis, std)
         for axis, std in zip(scene.axis_names, calibration.registration_std, strict=True)
     )
     return {
-        "material": EVERYWHERE if mixture.map.featureless_variance is None else FEATURELESS,
+        "material": TEXTURED if mixture.map.featureless_variance is None else FEATURELESS,
         "information length": f"{calibration.information_length * MM:.1f} mm",
         "presence length": f"{mixture.presence_length * MM:.1f} mm",
         "registration": registration,
@@ -101,7 +101,7 @@ def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> 
 
 
 def neighbours_table(trials: Sequence[NeighbourTrial], best: NeighbourTrial) -> Table:
-    """The numbers of neighbours of the Gaussian models that were tried; the chosen one is marked."""
+    """Numbers of neighbours tried for the Gaussian models; the chosen one is marked."""
     rows = [
         (
             "*" if trial is best else "",
@@ -115,7 +115,7 @@ def neighbours_table(trials: Sequence[NeighbourTrial], best: NeighbourTrial) -> 
     ]
     columns = ("", "k", "shrinkage", "unshrunk", "shrunk", "score, nats per measurement")
     note = (
-        "Of the Gaussian models. Shrinkage: share of the covariance that is that of held-out residuals; "
+        "Of the Gaussian models. Shrinkage: fraction of the covariance taken from held-out residuals; "
         "unshrunk, shrunk: median squared Mahalanobis distance of held-out strains over that of a normal "
         "distribution; score: their log-likelihood; *: chosen."
     )

@@ -1,4 +1,4 @@
-"""On what, and with which versions, something was measured."""
+"""Description of the machine and library versions of a measurement."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def machine() -> dict[str, str]:
 
 
 def processor() -> str:
-    """The processor's name."""
+    """Name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

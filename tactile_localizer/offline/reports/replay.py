@@ -1,4 +1,4 @@
-"""A replay as one document: the summary, what it was made with, and every update."""
+"""JSON document of a replay: summary, settings and every update."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def replay_document(
     odometry: str,
     seed: int,
 ) -> dict[str, Any]:
-    """Everything about a replay; all but ``timing`` is the same each time for the same seed.
+    """Document of a replay; all but ``timing`` is reproducible for a seed.
 
     Parameters
     ----------
-    scene : what was modelled
-    recording : that was replayed; ``odometry`` says what its positions are
-    learned : what the localizer learned from the scan, by name
+    scene : of the localizer
+    recording : that was replayed; ``odometry`` names the kind of its positions
+    learned : values learned from the scan, by name
     """
     return {
         "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, tracks)},
@@ -71,8 +71,8 @@ def _updates(scene: Scene, track: Track) -> Iterator[dict[str, Any]]:
 
 
 def _known(track: Track) -> list[list[float] | None]:
-    """The true positions; ``None`` where one is not known on all axes."""
+    """True positions; ``None`` where an axis is unknown."""
     if track.truth is None:
         return [None] * len(track)
     known = np.isfinite(track.truth).all(axis=1).tolist()
-    return [place if here else None for place, here in zip(track.truth.tolist(), known, strict=True)]
+    return [place if is_known else None for place, is_known in zip(track.truth.tolist(), known, strict=True)]

@@ -1,4 +1,4 @@
-"""Picture, tables and report of a trade-off."""
+"""Figure, tables and HTML report of a trade-off."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from tactile_localizer.core.configuration import MODELS
-from tactile_localizer.offline.evaluation.findings import TENTH_INCH
 from tactile_localizer.offline.evaluation.tradeoff import Trade, pareto_front
-from tactile_localizer.offline.figures.axes import MM
+from tactile_localizer.offline.figures.axes import MM, TENTH_INCH_MM
 from tactile_localizer.offline.reports.html import Report, mapping_table
 from tactile_localizer.offline.reports.machine import machine
-from tactile_localizer.offline.reports.table import Table
+from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
 _MARKERS = {"grid": "s", "particle": "o"}
@@ -32,17 +31,20 @@ _COLUMNS = (
 
 
 def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
-    """The Pareto front, the presets, and everything that was tried."""
+    """Tables of the Pareto front, the presets, and everything tried."""
     front = pareto_front(trades)
     presets = [one for one in trades if one.candidate.preset]
     everything = sorted(trades, key=lambda one: one.update_us)
     note = (
-        "Error from contact to the feature's end with its 95 % interval; processor time of one thread, least "
-        "of three passes; memory beside the scan."
+        "Error from contact to the feature's end with its 95 % confidence interval; processor time of one "
+        "thread, least of three repetitions; peak memory beside the scan."
     )
     return [
         Table(
-            "Pareto front", _COLUMNS, [_row(one) for one in front], "Nothing tried is both faster and better."
+            "Pareto front",
+            _COLUMNS,
+            [_row(one) for one in front],
+            "Nothing tried is both faster and more accurate.",
         ),
         Table("Presets", _COLUMNS, [_row(one) for one in presets], note),
         Table("Everything tried", _COLUMNS, [_row(one) for one in everything], note),
@@ -50,7 +52,7 @@ def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
 
 
 def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
-    """Error against update time of everything tried, with the Pareto front and the presets."""
+    """Figure of error against update time, with the Pareto front and the presets."""
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     plot = figure.add_subplot()
     for model, colour in _COLOURS.items():
@@ -66,7 +68,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
     front = pareto_front(trades)
     plot.step(*_places(front), where="post", color="0.3", lw=1, label="Pareto front")
     _draw_presets(plot, [one for one in trades if one.candidate.preset])
-    plot.axhline(TENTH_INCH * MM, color="0.6", ls="--", lw=0.8)
+    plot.axhline(TENTH_INCH_MM, color="0.6", ls="--", lw=0.8)
     plot.set_axisbelow(True)
     plot.margins(x=0.1)
     plot.set_xscale("log")
@@ -89,7 +91,7 @@ def _places(trades: Sequence[Trade]) -> tuple[list[float], list[float]]:
 
 
 def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
-    """Circles with names below, in a row so that they do not touch."""
+    """Circle the presets and put their names below, in a row without overlaps."""
     in_order = sorted(presets, key=lambda one: one.update_us)
     for row, one in enumerate(in_order):
         place = (one.update_us, one.error.mean * MM)
@@ -108,14 +110,14 @@ def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
 def tradeoff_report(
     tables: Sequence[Table], figure: Figure, conditions: str, command: str, path: Path
 ) -> None:
-    """Write a trade-off as one page; ``conditions`` says what it was tried on.
+    """Write a trade-off as an HTML page; ``conditions`` describes the conditions.
 
     Raises
     ------
     ScanError
         The file cannot be written.
     """
-    report = Report("Tactile localisation: accuracy against cost", conditions)
+    report = Report("Tactile localization: accuracy against computing time", conditions)
     report.add_figures("Error against time", {"tradeoff": figure})
     for table in tables:
         report.add_table(table)
@@ -124,7 +126,7 @@ def tradeoff_report(
 
 
 def describe(trade: Trade) -> str:
-    """A trade in a line."""
+    """Description of a trade in one line."""
     return (
         f"{trade.candidate.name}: error {trade.error.mean * MM:.2f} mm, update {trade.update_us:.0f} µs "
         f"(99 %: {trade.update_p99_us:.0f} µs), {trade.memory_mb:.0f} MB"

@@ -1,4 +1,4 @@
-"""Methods are tried on conditions, and the results can be asked by method and condition."""
+"""Evaluation of methods on conditions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from support.evaluations import CALIBRATION, QUICK, TUNED, condition, results
 
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.offline.evaluation.comparison import choose_widths, evaluate, localise
+from tactile_localizer.offline.evaluation.comparison import choose_widths, evaluate, localize
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.methods import PAPER_PARAMETERS, standard_methods
@@ -29,7 +29,7 @@ def test_every_method_is_tried_on_every_condition(tmp_path: Path) -> None:
     assert np.isclose(np.diff(middles), 0.0528 / 50).all()
 
 
-def test_what_a_scene_gives_is_not_chosen_again() -> None:
+def test_widths_given_by_a_scene_are_kept() -> None:
     parameters = choose_widths(condition())
     assert parameters == {**TUNED, "neighbours": 8}
 
@@ -47,12 +47,12 @@ def test_a_simulated_condition_has_its_contacts_and_blank_sweeps() -> None:
 
 def test_blank_sweeps_are_replayed_too() -> None:
     tried = SimulatedCondition("bump", 1, sweeps=1, blanks=1)
-    outcome = localise(tried, CALIBRATION, {}, QUICK[0].configuration)
+    outcome = localize(tried, CALIBRATION, {}, QUICK[0].configuration)
     assert len(outcome["blanks"]) == 1
     assert 0.0 < outcome["narrow_trace_m2"] < 2 * QUICK[0].configuration.convergence_radius ** 2
 
 
-def test_an_own_recording_keeps_its_contact_and_differs_by_seed() -> None:
+def test_a_recording_keeps_its_contact_and_differs_by_seed() -> None:
     material = condition(1).load()
     assert material.blank is None
     assert all(sweep.contact[0] > 0 for sweep in material.recording.sweeps)
@@ -60,7 +60,7 @@ def test_an_own_recording_keeps_its_contact_and_differs_by_seed() -> None:
     assert condition(1).identity["data"] == condition(2).identity["data"]
 
 
-def test_the_standard_methods_are_the_default_the_presets_and_the_papers_models_in_two_forms() -> None:
+def test_standard_methods_contain_default_presets_and_paper_models() -> None:
     methods = standard_methods()
     assert {"default", "fast", "balanced", "accurate"} <= methods.keys()
     for model in ("gaussian", "gaussian_independent", "sum_of_gaussians", "featureless"):
@@ -71,7 +71,7 @@ def test_the_standard_methods_are_the_default_the_presets_and_the_papers_models_
         assert paper.measurement == exact.measurement == PAPER_PARAMETERS
 
 
-def test_kernel_widths_that_a_scene_leaves_open_are_chosen() -> None:
+def test_missing_kernel_widths_are_chosen() -> None:
     open_scene = replace(condition().scene, measurement={"strain_std": 0.03})
     chosen = ModelParameters.from_mapping(choose_widths(replace(condition(), scene=open_scene)))
     assert chosen.strain_std == 0.03
@@ -83,7 +83,7 @@ def test_the_papers_widths_are_variances_in_inches() -> None:
     assert PAPER_PARAMETERS["strain_std"] == pytest.approx(np.sqrt(0.001))
 
 
-def test_results_can_be_asked_by_condition() -> None:
+def test_results_are_selected_by_condition() -> None:
     found = results(sweeps=5)
     assert len(found.sweeps("default")) == 10
     assert len(found.sweeps("default", "snap")) == 5

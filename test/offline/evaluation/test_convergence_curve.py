@@ -1,4 +1,4 @@
-"""One threshold moves along the curve of soon against sure."""
+"""Early against false convergence over the threshold."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CONDITION = SimulatedCondition("bump", 3, sweeps=2, blanks=1)
 CONFIGURATION = Configuration(cell=1.0, update_distance=0.002)
 
 
-def test_a_threshold_has_to_hold_over_the_travel() -> None:
+def test_a_threshold_must_hold_over_the_travel() -> None:
     track = made_track(
         np.zeros((6, 2)), 0.001, None, probability=np.array([0.1, 0.96, 0.3, 0.96, 0.97, 0.98])
     )
@@ -40,7 +40,7 @@ def test_a_threshold_has_to_hold_over_the_travel() -> None:
     assert not decisions(track, replace(criteria, probability=0.99)).any()
 
 
-def test_flags_count_from_contact_and_all_of_them_without_one() -> None:
+def test_flags_count_from_contact() -> None:
     track = made_track(np.zeros((4, 2)), 0.001, None, contact=(2, 3))
     flags = np.array([True, False, False, True])
     np.testing.assert_array_equal(from_contact(track, flags), [False, True])
@@ -52,7 +52,7 @@ def calibration() -> dict[str, object]:
     return learn_condition(CONDITION)
 
 
-def test_the_configurations_own_threshold_decides_as_the_localizer_did(calibration: dict) -> None:
+def test_the_default_threshold_reproduces_the_localizer(calibration: dict) -> None:
     material = CONDITION.load()
     localizer = built(CONDITION, material, calibration, {}, CONFIGURATION)
     for track in replay(localizer, material.recording):
@@ -61,7 +61,7 @@ def test_the_configurations_own_threshold_decides_as_the_localizer_did(calibrati
         assert same.any()
 
 
-def test_a_higher_threshold_is_later_and_no_falser(calibration: dict) -> None:
+def test_a_higher_threshold_converges_later(calibration: dict) -> None:
     points = decide(CONDITION, calibration, CONFIGURATION)["points"]
     assert [point["probability"] for point in points] == list(PROBABILITIES)
     for lower, higher in pairwise(points):
@@ -70,7 +70,7 @@ def test_a_higher_threshold_is_later_and_no_falser(calibration: dict) -> None:
         assert sum(higher["seam_strains"]) <= sum(lower["seam_strains"])
 
 
-def test_the_curve_is_shown_with_units(tmp_path: Path) -> None:
+def test_the_curve_has_units(tmp_path: Path) -> None:
     points = convergence_curve([CONDITION], CONFIGURATION, tmp_path, Workers(1))
     table = curve_table(points, 0.99)
     assert [row[0] for row in table.rows] == ["0.9", "0.95", "0.99 *", "0.999", "0.9999"]

@@ -1,4 +1,4 @@
-"""Tasks give the same results whoever does them, and those that are done are not done again."""
+"""Tasks: reproducible results, storage and resumption."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from support.evaluations import CALIBRATION, QUICK, condition
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.offline.evaluation import jobs
-from tactile_localizer.offline.evaluation.comparison import localise
+from tactile_localizer.offline.evaluation.comparison import localize
 from tactile_localizer.offline.evaluation.jobs import Task, Workers, configuration_identity, run_tasks
+from tactile_localizer.resources import PACKAGE
 
 
 def task(seed: int, configuration: Configuration = QUICK[0].configuration) -> Task:
     tried = condition(seed)
     identity = {"condition": tried.identity, "configuration": vars(configuration)}
-    return Task(localise, (tried, CALIBRATION, {}, configuration), identity)
+    return Task(localize, (tried, CALIBRATION, {}, configuration), identity)
 
 
 def without_times(results: list[dict]) -> list[dict]:
     return [{name: value for name, value in result.items() if name != "timing"} for result in results]
 
 
-def test_results_are_those_of_the_tasks_in_their_order_whatever_the_number_of_workers(tmp_path: Path) -> None:
+def test_results_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
     tasks = [task(seed) for seed in (1, 2, 3)]
     alone = run_tasks(tasks, tmp_path / "alone", Workers(1))
     together = run_tasks(tasks, tmp_path / "together", Workers(2))
@@ -46,7 +47,7 @@ def test_a_dask_cluster_of_processes_gives_the_same_results(tmp_path: Path) -> N
     assert without_times(here) == without_times(there)
 
 
-def test_a_run_goes_on_with_what_is_missing(tmp_path: Path) -> None:
+def test_a_run_resumes_with_the_missing_tasks(tmp_path: Path) -> None:
     tasks = [task(seed) for seed in (1, 2)]
     first = run_tasks(tasks, tmp_path, Workers(1))
     kept, lost = (tmp_path / f"{one.key}.json" for one in tasks)
@@ -59,7 +60,7 @@ def test_a_run_goes_on_with_what_is_missing(tmp_path: Path) -> None:
     assert without_times(again) == without_times(first)
 
 
-def test_what_was_done_before_a_failure_is_kept(tmp_path: Path) -> None:
+def test_results_before_a_failure_are_kept(tmp_path: Path) -> None:
     bad = task(2, replace(QUICK[0].configuration, model="absent_module:Model"))
     with pytest.raises(ParameterError, match="absent_module"):
         run_tasks([task(1), bad], tmp_path, Workers(1))
@@ -68,7 +69,7 @@ def test_what_was_done_before_a_failure_is_kept(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
-def test_a_run_that_ends_before_its_tasks_says_no_more_than_why(tmp_path: Path) -> None:
+def test_a_failed_run_prints_no_warnings(tmp_path: Path) -> None:
     def interrupt(text: str, share: float) -> None:
         raise KeyboardInterrupt
 
@@ -77,20 +78,20 @@ def test_a_run_that_ends_before_its_tasks_says_no_more_than_why(tmp_path: Path) 
     gc.collect()
 
 
-def test_tasks_that_are_the_same_are_done_once(tmp_path: Path) -> None:
+def test_equal_tasks_run_once(tmp_path: Path) -> None:
     shares: list[float] = []
     run_tasks([task(1), task(1)], tmp_path, Workers(1), lambda text, share: shares.append(share))
     assert shares == [1.0]
 
 
-def test_a_key_changes_with_what_a_result_depends_on() -> None:
+def test_a_key_depends_on_identity_and_sources() -> None:
     keys = {task(1).key, task(2).key, task(1, Configuration()).key}
     assert len(keys) == 3
     assert task(1).key in keys
 
 
 @pytest.mark.parametrize("name", ["own_place", "own_package.place"])
-def test_a_key_changes_with_the_code_of_a_model_of_ones_own(
+def test_a_key_depends_on_the_sources_of_a_user_defined_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     file = tmp_path / f"{name.replace('.', '/')}.py"
@@ -101,7 +102,7 @@ def test_a_key_changes_with_the_code_of_a_model_of_ones_own(
     for code in ("A = 1", "A = 2", "A = 2"):
         file.write_text(code)
         (file.parent / "__init__.py").touch()
-        keys.append(Task(localise, (), {"configuration": configuration_identity(own)}).key)
+        keys.append(Task(localize, (), {"configuration": configuration_identity(own)}).key)
     assert keys[0] != keys[1] == keys[2]
     assert configuration_identity(Configuration()) == vars(Configuration())
     assert "source" in configuration_identity(Configuration(model="missing_model:Place")), (
@@ -109,10 +110,15 @@ def test_a_key_changes_with_the_code_of_a_model_of_ones_own(
     )
 
 
-def test_workers_that_cannot_be_had_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jobs, "_PATIENCE_S", 1)
+def test_unavailable_workers_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jobs, "DASK_TIMEOUT_S", 1)
     with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one a core, got 0"):
         Workers(0)
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     with pytest.raises(ParameterError, match=r"dask tcp://127.0.0.1:9: expected a scheduler"):
         run_tasks([task(1)], tmp_path, Workers(dask="tcp://127.0.0.1:9"))
+
+
+@pytest.mark.parametrize("part", jobs.RESULT_SOURCES)
+def test_sources_that_invalidate_results_exist(part: str) -> None:
+    assert (PACKAGE / part).exists()

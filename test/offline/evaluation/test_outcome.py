@@ -1,4 +1,4 @@
-"""How one sweep went: before contact, on the feature, and when it converged."""
+"""Outcome of a sweep: errors and convergence relative to contact."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def track(contact: tuple[int, int] = (20, 39)) -> Track:
     )
 
 
-def test_errors_are_told_apart_by_contact() -> None:
+def test_errors_are_separated_by_contact() -> None:
     outcome = sweep_outcome(SCENE, track(), axis=0)
     assert outcome["error_before_m"] == pytest.approx(0.010)
     assert outcome["error_contact_m"] == pytest.approx(0.001)
@@ -51,7 +51,7 @@ def test_convergence_is_counted_from_contact() -> None:
     assert outcome["error_at_convergence_m"] == pytest.approx(0.001)
 
 
-def test_convergence_before_contact_is_false_and_after_the_feature_too_late() -> None:
+def test_convergence_counts_between_contact_and_feature_end() -> None:
     early = sweep_outcome(SCENE, track((30, 39)), axis=0)
     assert early["converged_before"]
     assert early["travel_to_convergence_m"] == pytest.approx(-0.005)
@@ -60,7 +60,7 @@ def test_convergence_before_contact_is_false_and_after_the_feature_too_late() ->
     assert late["travel_to_convergence_m"] is None
 
 
-def test_what_the_plain_criteria_look_at_is_kept_for_each_part() -> None:
+def test_plain_criteria_are_recorded_for_each_part() -> None:
     outcome = sweep_outcome(SCENE, track(), axis=0)
     assert outcome["highest_marginal_before"] == pytest.approx(29.0)
     assert outcome["highest_marginal_contact"] == pytest.approx(49.0)
@@ -83,7 +83,7 @@ def test_curves_follow_the_sweep_axis_and_the_travel_after_contact() -> None:
     assert after[8] is None  # past the feature's end
 
 
-def test_past_the_feature_the_error_stands_beside_what_motion_alone_makes_of_it() -> None:
+def test_error_past_the_feature_is_beside_that_of_motion_alone() -> None:
     outcome = sweep_outcome(SCENE, track(), axis=0)
     assert outcome["error_past_m"][:5] == pytest.approx([0.001] * 5)
     assert outcome["error_past_m"][5] is None, "the sweep is over"
@@ -94,7 +94,7 @@ def test_past_the_feature_the_error_stands_beside_what_motion_alone_makes_of_it(
     assert never["error_past_m"] == never["motion_past_m"] == [None] * 12
 
 
-def test_a_sweep_without_contact_has_only_a_before() -> None:
+def test_a_sweep_without_contact_lies_before_it() -> None:
     outcome = sweep_outcome(SCENE, track((-1, -1)), axis=0)
     assert outcome["error_contact_m"] is None
     assert outcome["contact_m"] is None
@@ -108,7 +108,7 @@ def test_the_sweep_axis_is_the_one_that_the_sweeps_span() -> None:
     assert sweep_axis(SCENE, [along_y]) == 1
 
 
-def test_a_sweep_of_which_every_strain_was_refused_has_an_outcome_without_numbers() -> None:
+def test_a_sweep_without_usable_strain_has_no_numbers() -> None:
     whole = track()
     of_none = {
         name: value[:0]

@@ -1,4 +1,4 @@
-"""Pictures of a scan: every element on one sheet, in one scale, in millimetres with inches beside."""
+"""Figures of a scan: channels in one colour scale, millimetres and inches."""
 
 import numpy as np
 import pytest
@@ -43,24 +43,24 @@ def test_a_scan_over_two_axes_has_a_sheet_and_neighbours_for_each_phalanx(scan, 
         assert (tmp_path / f"{name}.png").stat().st_size > 5000
 
 
-def test_all_eight_elements_share_one_symmetric_scale_of_colours_on_every_sheet(scan):
+def test_all_channels_share_one_symmetric_colour_scale(scan):
     tactile_map = make_map(scan, SCENE)
     drawn = [m for name in ("index", "middle") for m in meshes(map_sheet(tactile_map, scan, SCENE, name))]
-    elements = [mesh for mesh in drawn if mesh.get_array().size == tactile_map.covered.size]
-    assert len(elements) == 16
-    assert {(mesh.norm.vmin, mesh.norm.vmax, mesh.get_cmap().name) for mesh in elements} == {
-        (elements[0].norm.vmin, -elements[0].norm.vmin, "RdBu_r")
+    meshes = [mesh for mesh in drawn if mesh.get_array().size == tactile_map.covered.size]
+    assert len(meshes) == 16
+    assert {(mesh.norm.vmin, mesh.norm.vmax, mesh.get_cmap().name) for mesh in meshes} == {
+        (meshes[0].norm.vmin, -meshes[0].norm.vmin, "RdBu_r")
     }
 
 
-def test_the_region_is_outlined_where_the_palm_is_when_the_phalanx_is_in_it(scan):
+def test_the_region_is_outlined_in_palm_coordinates(scan):
     scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
     figure = scan_figures(scan, scene)["map_index"]
     (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Polygon))
     np.testing.assert_allclose(box.get_path().get_extents().extents, [20.0, 5.0, 30.0, 25.0])
 
 
-def test_axes_are_in_millimetres_with_inches_beside(scan):
+def test_axes_have_millimetres_and_inches(scan):
     figure = map_sheet(make_map(scan, SCENE), scan, SCENE, "index")
     labels = {plot.get_xlabel() for plot in figure.axes} | {
         child.get_xlabel() for plot in figure.axes for child in plot.child_axes
@@ -69,8 +69,8 @@ def test_axes_are_in_millimetres_with_inches_beside(scan):
     np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
 
 
-def test_neighbours_of_other_sweeps_are_drawn_along_the_trajectory(scan):
-    figure = neighbour_values(scan, SCENE, "index", element=0, sweep=5, k=2)
+def test_neighbours_are_from_other_sweeps(scan):
+    figure = neighbour_values(scan, SCENE, "index", channel=0, sweep=5, k=2)
     labels = figure.axes[0].get_legend_handles_labels()[1]
     assert labels[-1] == "sweep 5 itself"
     assert 2 <= len(labels) - 1 <= 4
@@ -90,7 +90,7 @@ def test_a_single_sweep_can_be_drawn(scan, tmp_path):
         figure.savefig(tmp_path / f"{name}.png", dpi=30)
 
 
-def test_a_phalanx_that_the_scene_lacks_is_refused(scan):
+def test_an_unknown_phalanx_is_refused(scan):
     scene = Scene("bump", SCENE.axes, (Phalanx("thumb", (0.0, 0.0)),))
     with pytest.raises(SceneError, match="phalanx 'index': expected one of thumb"):
         map_sheet(make_map(scan, SCENE), scan, scene, "index")

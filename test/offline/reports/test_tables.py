@@ -1,4 +1,4 @@
-"""The tables tell what the results hold."""
+"""Tables of an evaluation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from support.evaluations import results
 
 from tactile_localizer.offline.reports.tables import (
     convergence_table,
-    criteria_table,
     error_table,
     evaluation_tables,
     quality_table,
@@ -19,43 +18,37 @@ def row(table, method: str) -> dict[str, str]:
     return dict(zip(table.columns, found, strict=True))
 
 
-def test_errors_stand_in_mm_and_inch_with_their_interval_and_distance_to_the_exact_filter() -> None:
+def test_errors_have_intervals_and_are_relative_to_the_exact_filter() -> None:
     table = error_table(results({"gaussian-paper": {"error_contact_m": 0.00254}}))
     found = row(table, "gaussian-paper")
     assert found["bump, mm"].startswith("2.54 (2.4")
     assert found["inch"] == "0.100"
-    assert found["to exact"] == "+27 %"
+    assert found["to exact filter"] == "+27 %"
     for exact in ("default", "gaussian-paper-grid", "sum_of_gaussians-paper-grid", "featureless"):
-        assert row(table, exact)["to exact"] == "", exact
+        assert row(table, exact)["to exact filter"] == "", exact
     few = error_table(
         results({"particles-75": {"error_contact_m": 0.0022}, "default": {"error_contact_m": 0.002}})
     )
-    assert row(few, "particles-75")["to exact"] == "+10 %"
+    assert row(few, "particles-75")["to exact filter"] == "+10 %"
 
 
-def test_convergence_is_told_with_false_alarms() -> None:
+def test_convergence_is_listed_with_false_convergence() -> None:
     found = row(convergence_table(results({"fast": {"travel_to_convergence_m": 0.02}})), "fast")
     assert (found["converged"], found["within 5 mm"], found["median, mm"]) == ("100.0 %", "0.0 %", "20.00")
     assert (found["before contact"], found["blank"]) == ("0.0 %", "0.0 %")
-
-
-def test_the_plain_criteria_stand_below_the_own_one() -> None:
-    table = criteria_table(results())
-    assert [r[1] for r in table.rows[:3]] == ["probability", "low trace", "high likelihood"]
-    assert table.rows[1][2] == "32 mm²"
 
 
 def test_large_numbers_stay_short() -> None:
     assert row(quality_table(results({"fast": {"nees": 123456.0}})), "fast")["NEES"] == "1.2e+05"
 
 
-def test_what_a_recording_cannot_tell_is_left_out() -> None:
+def test_tables_without_data_are_left_out() -> None:
     unknown = {"error_contact_m": None, "coverage_contact": None, "nees_contact": None}
     titles = [t.title for t in evaluation_tables(results(dict.fromkeys(results().methods, unknown)))]
-    assert titles == ["Error", "Error along the travel", "Calibration and time", "Findings of the paper"]
+    assert titles == ["Error", "Error along the travel", "Calibration and time"]
 
 
-def test_where_no_feature_is_felt_errors_stand_along_the_travel() -> None:
+def test_without_contact_errors_are_by_travel() -> None:
     unfelt = {"error_contact_m": None, "error_after_travel_m": {"0.01": 0.02}, "final_error_m": 0.009}
     found = travel_table(
         results({"default": unfelt | {"error_after_travel_m": {"0.01": 0.02, "0.04": 0.006}}})
@@ -66,7 +59,7 @@ def test_where_no_feature_is_felt_errors_stand_along_the_travel() -> None:
     assert snap[4:6] == ("0.0 %", "9.45")
 
 
-def test_features_and_materials_without_one_are_told_apart() -> None:
+def test_conditions_with_and_without_contact_have_separate_tables() -> None:
     mixed = results()
     unfelt = [{**sweep, "error_contact_m": None} for sweep in mixed.sweeps("default", "snap")]
     for of in mixed.tasks.values():

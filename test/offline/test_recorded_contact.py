@@ -1,4 +1,4 @@
-"""Contact is the first sample at which a feature is felt above the noise: one definition for all commands."""
+"""Contact with a feature, recorded or from the map."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tactile_localizer.sim.sweep import RATE_HZ, SPEED_MPS
 SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
 
 
-def test_a_simulated_recording_has_the_simulators_contact_in_every_form(tmp_path: Path) -> None:
+def test_a_simulated_recording_has_the_simulators_contact(tmp_path: Path) -> None:
     test = simulate_scan("bump", 1, "test", sweeps=2)
     assert main(["simulate", "bump", "-o", str(tmp_path), "--test", "2", "--train", "1"]) == 0
     from_file = read_csv(tmp_path / "test.csv", SCENE)
@@ -41,7 +41,7 @@ def test_a_blank_sweep_has_no_contact() -> None:
     assert blank.sweeps[0].contact == NO_CONTACT
 
 
-def test_where_it_is_not_recorded_the_map_says_where_a_feature_is_felt() -> None:
+def test_unrecorded_contact_is_taken_from_the_map() -> None:
     test = recording_of(simulate_scan("bump", 1, "test"))
     unmarked = replace(test, sweeps=tuple(replace(sweep, felt=None) for sweep in test.sweeps))
     scan = simulate_scan("bump", 1).to_scan()

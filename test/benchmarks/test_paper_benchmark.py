@@ -1,28 +1,24 @@
-"""The paper's findings are judged by the numbers, with room for doubt."""
+"""The paper's findings: verdicts from confidence intervals, and its figures."""
 
 from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.evaluations import results
 
-from tactile_localizer.offline.evaluation.confidence_interval import mean_interval
-from tactile_localizer.offline.evaluation.findings import (
-    FEATURELESS,
-    GAUSSIAN,
-    HELD,
-    INDEPENDENT,
-    NOT_HELD,
-    OPEN,
-    SUM,
-    check_findings,
-    own_criterion,
-    plain_criteria,
-)
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+paper = importlib.import_module("paper")
+
+FEATURELESS, GAUSSIAN, INDEPENDENT, SUM = paper.FEATURELESS, paper.GAUSSIAN, paper.INDEPENDENT, paper.SUM
+HELD, NOT_HELD, OPEN = paper.HELD, paper.NOT_HELD, paper.OPEN
 
 
 def verdict(results, words: str) -> str:
-    (found,) = (f for f in check_findings(results) if words in f.statement)
+    (found,) = (f for f in paper.check_findings(results) if words in f.statement)
     return found.verdict
 
 
@@ -46,7 +42,7 @@ def test_each_finding_is_held_where_the_numbers_say_so() -> None:
             SUM: {"error_past_m": [0.002, 0.003, 0.004] + [None] * 9},
         }
     )
-    verdicts = {f.statement: f.verdict for f in check_findings(found)}
+    verdicts = {f.statement: f.verdict for f in paper.check_findings(found)}
     held = [
         "Before contact, both Gaussian models perform about equally well.",
         "After contact there is a small advantage to no covariance between the fingers.",
@@ -90,22 +86,42 @@ def test_plain_criteria_fire_where_the_threshold_is_passed_too_early() -> None:
         {SUM: {"lowest_trace_before_m2": 1e-6, "highest_marginal_before": 10.0}},
         blanks={SUM: {"lowest_trace_blank_m2": 1e-3, "highest_marginal_blank": 60.0}},
     )
-    alarms = plain_criteria(found, SUM)
+    alarms = paper.plain_criteria(found, SUM)
     assert (alarms["low trace"].before, alarms["low trace"].blank) == (1.0, 0.0)
     assert (alarms["high likelihood"].before, alarms["high likelihood"].blank) == (0.0, 1.0)
     assert alarms["low trace"].threshold == pytest.approx(3.2e-5)
-    assert own_criterion(found, SUM).before == 0.0
+    assert paper.own_criterion(found, SUM).before == 0.0
 
 
 def test_findings_of_methods_that_were_not_tried_are_left_out() -> None:
     found = results()
     some = type(found)(found.conditions, {"default": found.methods["default"]}, found.tasks)
-    assert [f.source for f in check_findings(some)] == ["Abstract", "III-D, aim", "III, motivation"]
+    assert [f.source for f in paper.check_findings(some)] == ["Abstract", "III-D, aim", "III, motivation"]
 
 
-def test_an_interval_covers_the_mean_as_often_as_it_says() -> None:
-    rng = np.random.default_rng(0)
-    intervals = [mean_interval(rng.normal(1.0, 2.0, 60)) for _ in range(200)]
-    covered = np.mean([i.low <= 1.0 <= i.high for i in intervals])
-    assert 0.89 <= covered <= 0.99
-    assert mean_interval(np.array([np.nan, np.nan])) is None
+def lines(plot) -> dict[str, np.ndarray]:
+    return {line.get_label(): line.get_ydata() for line in plot.get_lines()}
+
+
+def test_figure_5_has_the_mean_error_of_the_papers_three_models_in_mm() -> None:
+    found = results(
+        {SUM: {"error_curve_m": [0.003] * 50}, GAUSSIAN: {"error_curve_m": [None] * 25 + [0.006] * 25}}
+    )
+    (plot,) = paper.error_along_sweep(found, "bump").axes
+    drawn = lines(plot)
+    assert set(drawn) == {"Gaussian", "Gaussian, fingers apart", "sum of Gaussians"}
+    np.testing.assert_allclose(drawn["sum of Gaussians"], 3.0)
+    assert len(drawn["Gaussian"]) == 25
+
+
+def test_figure_8_has_error_and_trace_with_and_without_featureless_regions() -> None:
+    found = results({SUM: {"trace_curve_m2": [5e-6] * 50}})
+    error, trace = paper.error_and_trace(found, "snap").axes
+    assert set(lines(error)) == set(lines(trace)) == {"featureless apart", "sum of Gaussians"}
+    np.testing.assert_allclose(lines(trace)["sum of Gaussians"], 5.0)
+
+
+def test_the_plain_criteria_are_listed_below_the_default_one() -> None:
+    table = paper.criteria_table(results())
+    assert [r[1] for r in table.rows[:3]] == ["probability", "low trace", "high likelihood"]
+    assert table.rows[1][2] == "32 mm²"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of texts under headings; ``note`` says what is shown."""
+    """Rows of texts under column headings, with a note that explains the columns."""
 
     title: str
     columns: Sequence[str]
