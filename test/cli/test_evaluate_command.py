@@ -105,7 +105,7 @@ def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) ->
         ("--methods defualt", "--methods defualt: expected a YAML file or one of default, "),
         ("test.csv", "recordings: expected --scan with them"),
         ("test.csv --scan scan.db --travel 0.1", "--travel: expected --starts with it"),
-        ("--scan scan.db", "scan.db: expected recordings to localise on it"),
+        ("--scan scan.db", "scan.db: expected recordings to localize on it"),
     ],
 )
 def test_unusable_requests_are_refused_in_one_line(

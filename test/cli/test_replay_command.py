@@ -55,7 +55,7 @@ def test_import_and_replay_localize_and_write_every_update(folder: Path, capsys)
     printed = capsys.readouterr().out
     assert "sweep_mixture, grid filter; odometry simulated" in printed
     assert "learned: material featureless between features, information length" in printed
-    assert "travel counts from contact, which 2 sweeps come to" in printed
+    assert "travel is counted from contact" in printed
     assert "at contact" in printed
     assert "after 20 mm" in printed
     assert "does not fit" not in printed
@@ -97,7 +97,7 @@ def test_a_misfit_and_the_reason_are_printed(folder: Path, capsys: pytest.Captur
     Path("mv.csv").write_text("\n".join([header, *map(",".join, millivolts)]))
     assert run("replay mv.csv --scan scan.db --config fast") == 0
     printed = capsys.readouterr().out
-    assert "sweep 0 did not converge: unknown at its end; the map explains what is felt" in printed
+    assert "sweep 0 did not converge: unknown" in printed
     assert "strains are 1000 times too large" in printed
 
 
@@ -132,7 +132,7 @@ def test_a_recording_without_truth_is_localized(folder: Path, capsys) -> None:
         happened += [("strain", now, strain(now, ("index", "middle"))), ("palm_pose", now, pose(now))]
     write_bag(folder / "without_posterior", happened)
     assert run("replay without_posterior --scan scan.db --config fast") == 0
-    assert "no truth in the recording: errors are not known" in capsys.readouterr().out
+    assert "errors are unknown" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_a_scan_of_another_scene_is_noted(folder: Path, capsys) -> None:
     assert (
         run("replay test.csv --scan scan.db --scene other.yaml --config fast --starts 1 --travel 0.01") == 0
     )
-    assert "note: scan.db was scanned as bump, and is modelled as other" in capsys.readouterr().err
+    assert "note: scan.db was scanned with scene bump" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("material", "travel"), [("Linen", "0.08"), ("Canvas", "0.16")])

@@ -129,7 +129,7 @@ def test_a_damaged_history_is_reported(scan, capsys):
 def test_info_of_an_empty_file(tmp_path, capsys):
     ScanStore.create(tmp_path / "empty.db", SCENE).close()
     assert main(["scan", "info", str(tmp_path / "empty.db")]) == 0
-    assert "there are no pairs" in capsys.readouterr().out
+    assert "no pairs" in capsys.readouterr().out
 
 
 def test_list_shows_length_and_rate_of_each_sweep(scan, capsys):
@@ -297,9 +297,9 @@ def test_textured_material_has_no_region(tmp_path, monkeypatch, capsys):
 
 
 def test_plot_draws_every_figure(scan, capsys):
-    assert main(["scan", "plot", "scan.db", "-o", "pictures", "--dpi", "30"]) == 0
+    assert main(["scan", "plot", "scan.db", "-o", "figures", "--dpi", "30"]) == 0
     drawn = capsys.readouterr().out.split()
-    assert {"pictures/map_index.png", "pictures/region.png"} <= set(drawn)
+    assert {"figures/map_index.png", "figures/region.png"} <= set(drawn)
     for name in drawn:
         assert (scan.parent / name).read_bytes().startswith(b"\x89PNG")
 

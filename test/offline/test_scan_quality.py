@@ -133,7 +133,7 @@ def test_lost_samples_are_reported_by_sweep(sound):
         info(5, 0, 9, dropped=True),
     ]
     assert findings(sound, SCENE, sweeps) == [
-        "sweep 1: its recording was cut off after 100 pairs",
+        "sweep 1: its recording ended early, after 100 pairs",
         "sweep 2: 20 of 120 samples fell into gaps of the palm poses",
         "sweep 3: 20 of 120 samples were missing, saturated or out of bounds",
     ]

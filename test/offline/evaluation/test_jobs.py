@@ -112,7 +112,7 @@ def test_a_key_depends_on_the_sources_of_a_user_defined_model(
 
 def test_unavailable_workers_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jobs, "DASK_TIMEOUT_S", 1)
-    with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one a core, got 0"):
+    with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one per core"):
         Workers(0)
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     with pytest.raises(ParameterError, match=r"dask tcp://127.0.0.1:9: expected a scheduler"):
