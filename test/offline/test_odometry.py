@@ -90,11 +90,7 @@ def test_without_a_length_starts_continue_to_the_sweep_end() -> None:
 
 
 def test_starts_longer_than_every_sweep_are_refused() -> None:
-    with pytest.raises(
-        ScanError, match=r"120.0 mm .* 99.0 mm"
-    ):
+    with pytest.raises(ScanError, match=r"120.0 mm .* 99.0 mm"):
         random_starts(recording(100), SCENE, 5, 0.12, np.random.default_rng(1))
-    with pytest.raises(
-        ScanError, match=r"longest is 0.0 mm"
-    ):
+    with pytest.raises(ScanError, match=r"longest is 0.0 mm"):
         random_starts(recording(100, step=0.0), SCENE, 5, None, np.random.default_rng(1))
