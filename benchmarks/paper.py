@@ -23,13 +23,13 @@ from matplotlib.figure import Figure
 
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.offline.axes import MM, display_units, label_axis, literal
 from tactile_localizer.offline.evaluation.comparison import Results, as_array, evaluate
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
 from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.methods import exact_form, paper_form, standard_methods
 from tactile_localizer.offline.evaluation.outcome import TRAVEL_BINS_M
-from tactile_localizer.offline.figures.axes import MM, display_units, label_axis, literal
 from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.table import Table
 

@@ -48,6 +48,12 @@ MAY_IMPORT_ROOMS: dict[str, dict[str, set[str]]] = {
         "csv": {""},
         "scans": {"", "csv"},
     },
+    "offline": {
+        "": set(),
+        "evaluation": {""},
+        "figures": {"", "evaluation"},
+        "reports": {"", "evaluation", "figures"},
+    },
     "ros": {
         "base": set(),
         "conversions": {"base"},

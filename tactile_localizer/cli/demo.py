@@ -7,7 +7,7 @@ import importlib.util
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE
 from rich.console import Console
@@ -20,11 +20,12 @@ from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES
-from tactile_localizer.offline.figures.live_sweep import error_along_the_sweep, sweep_in_detail
 from tactile_localizer.offline.figures.tactile_map import map_pair
-from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep, summarize
-from tactile_localizer.offline.reports.json_file import write_json
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.resources import resource_path
+
+if TYPE_CHECKING:
+    from tactile_localizer.demo.live_sweep import LiveSweep
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration; its summary has the error after contact and the limit."""
     _check(args)
+    from tactile_localizer.demo.live_sweep import LIMIT_M, summarize
     from tactile_localizer.demo.run import DemoSettings, run_demo
     from tactile_localizer.demo.view import demo_view
 
@@ -83,6 +85,8 @@ def _check(args: argparse.Namespace) -> None:
 
 def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
     """Draw the map (paper, Fig. 3), the error along the sweep (Fig. 5) and one sweep in detail."""
+    from tactile_localizer.demo.figures import error_along_the_sweep, sweep_in_detail
+
     with ScanStore.open(folder / "scan.db") as store:
         scan, scene = store.load(), store.scene
     regions = {"feature": scene.feature} if scene.feature is not None else {}

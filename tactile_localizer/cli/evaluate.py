@@ -21,9 +21,9 @@ from tactile_localizer.offline.evaluation.comparison import Results, evaluate
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.methods import Method, standard_methods
 from tactile_localizer.offline.figures.comparison import evaluation_figures
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.reports.evaluation import evaluation_report
 from tactile_localizer.offline.reports.html import save_figures
-from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.offline.reports.tables import evaluation_tables
 from tactile_localizer.offline.table import Table
 

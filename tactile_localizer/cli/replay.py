@@ -27,11 +27,11 @@ from tactile_localizer.cli.recordings import (
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import INCH, with_contact
 from tactile_localizer.offline.misfit import misfit
 from tactile_localizer.offline.odometry import RECORDED, random_starts, with_odometry
 from tactile_localizer.offline.replay import Track, mixture_of, replay
-from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.offline.reports.learned import learned_values
 from tactile_localizer.offline.reports.replay import replay_document
 

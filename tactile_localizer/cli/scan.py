@@ -22,7 +22,7 @@ from tactile_localizer.io.scans.repair import repair
 from tactile_localizer.io.scans.rows import SweepInfo
 from tactile_localizer.io.scans.store import ScanStore, new_scan
 from tactile_localizer.io.scene_file import load_scene, save_scene, scene_to_dict
-from tactile_localizer.offline.figures.axes import INCH_MM, MM
+from tactile_localizer.offline.axes import INCH_MM, MM
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Phalanx, Scene

@@ -22,7 +22,6 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, Condition, SimulatedCondition
 from tactile_localizer.offline.evaluation.convergence_curve import (
     convergence_curve,
-    curve_figure,
     curve_table,
 )
 from tactile_localizer.offline.evaluation.jobs import Workers
@@ -33,8 +32,9 @@ from tactile_localizer.offline.evaluation.tradeoff import (
     trade,
     within_budget,
 )
+from tactile_localizer.offline.figures.convergence_curve import curve_figure
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.reports.html import save_figures
-from tactile_localizer.offline.reports.json_file import write_json
 from tactile_localizer.offline.reports.tradeoff import (
     describe,
     tradeoff_figure,

@@ -13,8 +13,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool
 
+from tactile_localizer.demo.live_sweep import Contact, LiveSweep
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
-from tactile_localizer.offline.live_sweep import Contact, LiveSweep
 from tactile_localizer.ros.conversions.timestamps import to_ns
 from tactile_localizer.sim.hand import PHALANGES
 

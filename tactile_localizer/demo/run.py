@@ -15,12 +15,12 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Empty, Trigger
 
 from tactile_localizer.demo.domain import Domain, own_domain
+from tactile_localizer.demo.live_sweep import LiveSweep, contact_of
 from tactile_localizer.demo.observations import TOPICS, Observations
 from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.bags.writer import BagWriter
-from tactile_localizer.offline.live_sweep import LiveSweep, contact_of
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.sim.sweep import SPEED_MPS

@@ -16,10 +16,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from tactile_localizer.demo.live_sweep import LIMIT_M, LiveSweep
 from tactile_localizer.demo.material_map import material_map
 from tactile_localizer.demo.observations import Observations
 from tactile_localizer.demo.run import View
-from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep
 from tactile_localizer.offline.metrics import INCH
 from tactile_localizer.scene import Scene
 

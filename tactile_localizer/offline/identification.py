@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.recording import Recording, usable
-from tactile_localizer.offline.figures.axes import MM, legend_below
+from tactile_localizer.offline.axes import MM, legend_below
 from tactile_localizer.offline.metrics import MARKS
 from tactile_localizer.offline.odometry import travelled
 from tactile_localizer.offline.table import Table

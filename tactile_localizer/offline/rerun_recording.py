@@ -20,7 +20,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import axis_scale
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording, usable
-from tactile_localizer.offline.figures.axes import MM, display_units
+from tactile_localizer.offline.axes import MM, display_units
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]

@@ -15,7 +15,7 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import sweep_distance
 from tactile_localizer.io.scans.rows import SweepInfo
-from tactile_localizer.offline.figures.axes import MM, display_units
+from tactile_localizer.offline.axes import MM, display_units
 from tactile_localizer.scene import Scene
 
 _MIN_PAIRS = 50

@@ -9,11 +9,11 @@ import numpy as np
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
+from tactile_localizer.demo.live_sweep import contact_of
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import NO_CONTACT
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition, recording_of
-from tactile_localizer.offline.live_sweep import contact_of
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan

@@ -20,7 +20,7 @@ from rich.table import Table
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError, TactileLocalizerError
-from tactile_localizer.offline.reports.json_file import write_json
+from tactile_localizer.offline.json_file import write_json
 
 if TYPE_CHECKING:
     from harness.soak_result import Injection, SoakResult

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.evaluation.comparison import built, learn_conditions
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition, recording_of
 from tactile_localizer.offline.evaluation.jobs import (
@@ -26,7 +26,6 @@ from tactile_localizer.offline.evaluation.jobs import (
     configuration_identity,
     run_tasks,
 )
-from tactile_localizer.offline.figures.axes import MM
 from tactile_localizer.offline.metrics import travel_from_contact
 from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.offline.table import Table
@@ -178,44 +177,6 @@ def curve_table(points: Sequence[CurvePoint], default: float) -> Table:
         "with a seam that is not on the map; *: the configuration's threshold."
     )
     return Table("Early against false convergence", columns, rows, note)
-
-
-def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
-    """Figure of early against false convergence, a point per threshold."""
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    curve, thresholds = figure.subplots(1, 2)
-    false = [100 * point.seam_strains for point in points]
-    for column, travel in enumerate(WITHIN_M):
-        fractions = [100 * point.within[column] for point in points]
-        (line,) = curve.plot(false, fractions, "o-", ms=4, label=f"within {travel * MM:g} mm of contact")
-        for point, x, y in zip(points, false, fractions, strict=True):
-            place = {"xytext": (4, 4), "textcoords": "offset points", "size": 7}
-            curve.annotate(f"{point.probability:g}", (x, y), **place)
-            if point.probability == default:
-                curve.plot(x, y, "o", ms=11, mfc="none", mec=line.get_color())
-    curve.set_xlabel("falsely converged strains on a seam, %")
-    curve.set_ylabel("converged sweeps over the feature, %")
-    curve.set_ylim(-3.0, 110.0)
-    complement = [1.0 - point.probability for point in points]
-    for label, name in (
-        ("before contact", "before"),
-        ("blank sweeps", "blank"),
-        ("featureless sweeps", "featureless"),
-        ("seam sweeps", "seam_sweeps"),
-        ("seam strains", "seam_strains"),
-    ):
-        thresholds.plot(complement, [100 * getattr(point, name) for point in points], "o-", ms=4, label=label)
-    thresholds.axvline(1.0 - default, color="0.5", ls=":", label="configuration")
-    thresholds.set_xscale("log")
-    thresholds.invert_xaxis()
-    thresholds.set_xticks(complement, [f"{point.probability:g}" for point in points], fontsize=8)
-    thresholds.minorticks_off()
-    thresholds.set_xlabel("convergence_probability")
-    thresholds.set_ylabel("false convergence, %")
-    for plot in (curve, thresholds):
-        plot.grid(color="0.92")
-        plot.legend(fontsize=7)
-    return figure
 
 
 def _travel_to(track: Track, flags: np.ndarray) -> float | None:

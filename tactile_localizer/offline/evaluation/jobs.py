@@ -24,7 +24,7 @@ import joblib
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.offline.reports.json_file import plain, write_json
+from tactile_localizer.offline.json_file import plain, write_json
 from tactile_localizer.resources import PACKAGE
 
 Progress = Callable[[str, float], None]

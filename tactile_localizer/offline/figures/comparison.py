@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from tactile_localizer.offline.axes import MM, TENTH_INCH_MM, literal
 from tactile_localizer.offline.evaluation.comparison import Results
-from tactile_localizer.offline.figures.axes import MM, TENTH_INCH_MM, literal
 
 _SIZE = (4.8, 3.4)
 _COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")

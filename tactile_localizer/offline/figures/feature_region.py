@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.calibration.feature_region import Proposal
 from tactile_localizer.core.scan.tactile_map import TactileMap
-from tactile_localizer.offline.figures.axes import display_units, label_axis, legend_below, literal
+from tactile_localizer.offline.axes import display_units, label_axis, legend_below, literal
 from tactile_localizer.scene import Region, Scene
 
 _GIVEN = {"edgecolor": "black", "linestyle": "-", "linewidth": 1.4}

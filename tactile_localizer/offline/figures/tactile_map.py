@@ -17,7 +17,7 @@ from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
 from tactile_localizer.errors import SceneError
-from tactile_localizer.offline.figures.axes import display_units, label_axis, legend_below, literal
+from tactile_localizer.offline.axes import display_units, label_axis, legend_below, literal
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"

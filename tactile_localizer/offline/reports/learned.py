@@ -11,7 +11,7 @@ from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.offline.figures.axes import MM
+from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.table import Table
 from tactile_localizer.scene import Scene
 

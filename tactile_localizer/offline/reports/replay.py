@@ -10,9 +10,9 @@ import numpy as np
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
+from tactile_localizer.offline.json_file import plain_columns
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
 from tactile_localizer.offline.replay import Track
-from tactile_localizer.offline.reports.json_file import plain_columns
 from tactile_localizer.scene import Scene
 
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from tactile_localizer.core.configuration import MODELS
+from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
 from tactile_localizer.offline.evaluation.tradeoff import Trade, pareto_front
-from tactile_localizer.offline.figures.axes import MM, TENTH_INCH_MM
 from tactile_localizer.offline.reports.html import Report, mapping_table
 from tactile_localizer.offline.reports.machine import machine
 from tactile_localizer.offline.table import Table

@@ -18,13 +18,13 @@ from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
 from tactile_localizer.offline.evaluation.convergence_curve import (
     PROBABILITIES,
     convergence_curve,
-    curve_figure,
     curve_table,
     decide,
     decisions,
     from_contact,
 )
 from tactile_localizer.offline.evaluation.jobs import Workers
+from tactile_localizer.offline.figures.convergence_curve import curve_figure
 from tactile_localizer.offline.replay import replay
 
 CONDITION = SimulatedCondition("bump", 3, sweeps=2, blanks=1)

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactile_localizer.offline.figures.axes import MM, label_axis
-from tactile_localizer.offline.live_sweep import LIMIT_M, LiveSweep
+from tactile_localizer.demo.live_sweep import LIMIT_M, LiveSweep
+from tactile_localizer.offline.axes import MM, label_axis
 
 _BIN_MM = 1.0
 _HIGHEST_MM = 15.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.offline.figures.live_sweep import error_along_the_sweep, sweep_in_detail
-from tactile_localizer.offline.live_sweep import Contact, LiveSweep, contact_of, summarize
+from tactile_localizer.demo.figures import error_along_the_sweep, sweep_in_detail
+from tactile_localizer.demo.live_sweep import Contact, LiveSweep, contact_of, summarize
 from tactile_localizer.sim import simulate_scan
 from tactile_localizer.sim.sweep import RATE_HZ, SPEED_MPS
 
