@@ -10,7 +10,7 @@ from typing import Any
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.bags.recording import BagTopics
+from tactile_localizer.io.bags.topics import BagTopics
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_pairs
 from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.resources import given_or_shipped

@@ -16,7 +16,6 @@ from tactile_localizer.cli.recording_options import (
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, join, select
@@ -128,12 +127,16 @@ def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, 
     if any(bags) and not all(bags):
         raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
     recordings = [
-        read_bag(path, scene, by_status=False, **bag_options(args, scene))
-        if bag
-        else _read_other(path, args, scene)
+        _read_bag(path, args, scene) if bag else _read_other(path, args, scene)
         for path, bag in zip(args.recordings, bags, strict=True)
     ]
     return join(recordings), not any(bags)
+
+
+def _read_bag(path: str, args: argparse.Namespace, scene: Scene) -> Recording:
+    from tactile_localizer.io.bags.recording import read_bag  # loads every bag format, which takes a while
+
+    return read_bag(path, scene, by_status=False, **bag_options(args, scene))
 
 
 def odometry_of(args: argparse.Namespace, true_positions: bool) -> str:

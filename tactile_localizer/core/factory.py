@@ -63,7 +63,8 @@ def build_localizer(
     """
     say = progress or _silent
     say("learning the noise", 0.0)
-    learned = learn_sweep_model(scan, scene)
+    variance = calibration.variance if calibration else None
+    learned = learn_sweep_model(scan, scene, variance=variance)
     if calibration is None:
         say("calibrating on held-out sweeps", 0.2)
         calibration = _calibrated(scene, learned)

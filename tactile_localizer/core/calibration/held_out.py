@@ -20,6 +20,7 @@ from scipy.special import stdtrit
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.tracks import PITCH, Track, lever
@@ -48,10 +49,12 @@ class Calibration(NamedTuple):
     ----------
     information_length : m of travel that make one independent measurement of the position
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
+    variance : of the visits that the sweeps were localized with; ``None``: not kept
     """
 
     information_length: float
     registration_std: np.ndarray
+    variance: VarianceModel | None = None
 
 
 class _Outcome(NamedTuple):
@@ -77,7 +80,7 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
     lengths = INFORMATION_LENGTHS
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
-        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene))
+        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene), model.variance)
     chosen = np.unique(np.linspace(0, sweeps - 1, min(sweeps, _MOST_SWEEPS)).round().astype(int)).tolist()
 
     def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
@@ -93,7 +96,7 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
     ]
     # A sweep against the mean of all of them, from sweeps against the mean of the others.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
-    return Calibration(length, scale * _registration(outcomes, scene))
+    return Calibration(length, scale * _registration(outcomes, scene), model.variance)
 
 
 def _longest(errors: np.ndarray) -> int:

@@ -42,12 +42,15 @@ class SweepModel(NamedTuple):
         return SweepMixture(self.noise.model, table, cell, information_length, presence_length)
 
 
-def learn_sweep_model(scan: Scan, scene: Scene, whitening: np.ndarray | None = None) -> SweepModel:
+def learn_sweep_model(
+    scan: Scan, scene: Scene, whitening: np.ndarray | None = None, variance: VarianceModel | None = None
+) -> SweepModel:
     """Learn the noise of the scan's visits, and how it grows where the map has to interpolate.
 
     Parameters
     ----------
     whitening : (C, C) to take instead of the scan's own (:func:`.common_whitening`)
+    variance : fitted before, to the same scan and under the same whitening; ``None``: fitted now
 
     Raises
     ------
@@ -55,4 +58,4 @@ def learn_sweep_model(scan: Scan, scene: Scene, whitening: np.ndarray | None = N
         The scene names an axis or a phalanx that the scan does not have.
     """
     noise = estimate_noise(scan, scene, whitening)
-    return SweepModel(noise, fit_variance(noise, scene))
+    return SweepModel(noise, variance or fit_variance(noise, scene))

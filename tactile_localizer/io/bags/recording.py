@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,29 +23,10 @@ from tactile_localizer.io.bags.sweeps import (
     moving_spans,
     status_spans,
 )
+from tactile_localizer.io.bags.topics import BagTopics
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.strain_adapter import StrainAdapter
 from tactile_localizer.scene import Scene
-
-
-@dataclass(frozen=True)
-class BagTopics:
-    """Topics of a bag.
-
-    Parameters
-    ----------
-    strain : ``StrainVectors``
-    pose : ``PoseStamped``, measured palm pose
-    truth : ``PoseStamped``, true palm pose; optional
-    status : ``ScanStatus`` of the mapping node, which delimits sweeps; optional
-    posterior : ``Posterior`` of the filter node, which shows global localizations; optional
-    """
-
-    strain: str = "/strain"
-    pose: str = "/palm_pose"
-    truth: str = "/simulator/ground_truth"
-    status: str = "/mapping/status"
-    posterior: str = "/filter/posterior"
 
 
 def read_bag(

@@ -7,6 +7,7 @@ the time to compute it again.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import logging
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import numpy as np
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.factory import learn
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
@@ -97,7 +99,7 @@ class LearnedResults:
             lock.release()
 
 
-KEY = "calibration on held-out sweeps, 1"
+KEY = "calibration on held-out sweeps, 2"
 """Under which a calibration is kept; the number changes with how :func:`~.factory.learn` calibrates."""
 
 
@@ -130,7 +132,9 @@ def find_calibration(
         with contextlib.suppress(KeyError, TypeError, ValueError):
             values = json.loads(kept)
             calibration = Calibration(
-                float(values["information_length"]), np.array(values["registration_std"], dtype=np.float64)
+                float(values["information_length"]),
+                np.array(values["registration_std"], dtype=np.float64),
+                values["variance"] and VarianceModel(**values["variance"]),
             )
             if calibration.registration_std.shape == (scene.dimension,):
                 return calibration, None
@@ -138,5 +142,6 @@ def find_calibration(
     values = {
         "information_length": calibration.information_length,
         "registration_std": calibration.registration_std.tolist(),
+        "variance": calibration.variance and dataclasses.asdict(calibration.variance),
     }
     return calibration, LearnedEntry(KEY, digest, json.dumps(values).encode())

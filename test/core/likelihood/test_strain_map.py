@@ -5,9 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import estimate_noise
-from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
+from tactile_localizer.core.likelihood.strain_map import (
+    MOST_CELLS_IN_SPACE,
+    VarianceModel,
+    build_map,
+    cell_size,
+    fit_variance,
+)
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, expectation, line_spacing, tracks_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -69,6 +76,15 @@ def test_cells_are_shares_of_the_line_spacing_and_a_pitch_on_one_axis() -> None:
     assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
     np.testing.assert_allclose(cell_size(PLANE, SPACING, 0.3), 0.0009)
     np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH)
+
+
+def test_cells_in_space_are_as_large_as_keeps_their_number_small() -> None:
+    axes = (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05), Axis("yaw", -0.17, 0.17))
+    space = Scene("space", axes, (Phalanx("index", (0.0, 0.0, 0.0)),))
+    fine, coarse = cell_size(space, 0.0017, 0.3), cell_size(space, 0.005, 0.3)
+    assert np.prod((space.upper - space.lower) / fine) == pytest.approx(MOST_CELLS_IN_SPACE)
+    np.testing.assert_allclose(fine / fine[0], [1.0, 1.0, 1.0 / YAW_LEVER])
+    np.testing.assert_allclose(coarse, [0.0015, 0.0015, 0.0015 / YAW_LEVER])
 
 
 def test_variance_grows_with_signal_and_doubt() -> None:

@@ -16,7 +16,8 @@ from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bags.decode import StrainDecoder
-from tactile_localizer.io.bags.recording import BagTopics, read_bag
+from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.bags.topics import BagTopics
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.strain_adapter import adapter_from_dict

@@ -10,6 +10,7 @@ import pytest
 from support.sweeps import write_scan
 
 from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans import learned as module
@@ -25,7 +26,7 @@ def calibrated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def learn(_scan: Scan, scene: Scene, _progress: object) -> Calibration:
         names.append(scene.name)
-        return Calibration(0.0015, np.full(scene.dimension, 0.0004))
+        return Calibration(0.0015, np.full(scene.dimension, 0.0004), VarianceModel(0.7, 0.1, 0.4, 0.005))
 
     monkeypatch.setattr(module, "learn", learn)
     return names
@@ -46,6 +47,7 @@ def test_it_is_learned_once(path: Path, calibrated: list[str]) -> None:
     first, second = (learned_calibration(path, *loaded(path)) for _ in range(2))
     assert first.information_length == second.information_length == 0.0015
     np.testing.assert_array_equal(first.registration_std, second.registration_std)
+    assert second.variance == VarianceModel(0.7, 0.1, 0.4, 0.005)
     assert calibrated == ["bump"]
 
 
