@@ -42,13 +42,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from convergence import UNSCANNED, from_contact, unscanned_tracks
 from rows import Row, in_parallel, print_rows, write_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
-from tactile_localizer.offline.evaluation.convergence_curve import UNSCANNED, from_contact, unscanned_tracks
 from tactile_localizer.offline.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import Track, replay

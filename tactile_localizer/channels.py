@@ -63,11 +63,6 @@ class ChannelLayout:
     def _starts(self) -> np.ndarray:
         return np.array([own.start for own in self.slices])
 
-    @cached_property
-    def same_phalanx(self) -> np.ndarray:
-        """Whether two elements belong to the same phalanx, (C, C) bool."""
-        return np.asarray(self.phalanx[:, None] == self.phalanx)
-
     def expand(self, values: np.ndarray) -> np.ndarray:
         """One value per phalanx, (..., F), as one per channel, (..., C)."""
         return np.asarray(values)[..., self.phalanx]

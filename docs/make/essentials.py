@@ -112,6 +112,8 @@ def main() -> None:
         plot.set_title(name)
         if name == "motion_std":
             plot.set_xscale("log")
+        if name == "passes":
+            plot.set_xticks(values)
     figure.legend(lines, [str(line.get_label()) for line in lines], loc="outside lower center", ncols=3)
     figure.savefig(PICTURE, dpi=110)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import yaml
@@ -17,13 +16,8 @@ from tactile_localizer.cli.conditions import (
 )
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, Condition, SimulatedCondition
-from tactile_localizer.offline.evaluation.convergence_curve import (
-    convergence_curve,
-    curve_table,
-)
+from tactile_localizer.offline.evaluation.conditions import Condition
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.tradeoff import (
     Trade,
@@ -32,7 +26,6 @@ from tactile_localizer.offline.evaluation.tradeoff import (
     trade,
     within_budget,
 )
-from tactile_localizer.offline.figures.convergence_curve import curve_figure
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.reports.tradeoff import (
@@ -59,11 +52,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="print the fastest configuration within this mean error, mm",
     )
-    parser.add_argument(
-        "--convergence",
-        action="store_true",
-        help="instead: early against false convergence over convergence_probability, on simulated features",
-    )
     add_condition_arguments(parser, sweeps=9, seeds=1, blanks=False)
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/tradeoff"), metavar="DIR")
@@ -76,8 +64,6 @@ def run(args: argparse.Namespace) -> int:
         if value is not None and not value > 0:
             raise ParameterError(f"--{name.replace('_', '-')}: expected a positive number, got {value}")
     conditions = conditions_from_arguments(args)
-    if args.convergence:
-        return _draw_curve(args, conditions)
     with progress_bars() as progress:
         trades = trade(
             conditions, candidates(), args.output / "tasks", Workers(args.jobs, args.dask), progress
@@ -92,23 +78,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"{args.output}/report.html, tradeoff.json, tradeoff.png")
         return 0
     return _answer(args, trades)
-
-
-def _draw_curve(args: argparse.Namespace, conditions: Sequence[Condition]) -> int:
-    """Print, draw and write early against false convergence."""
-    simulated = [replace(one, blanks=one.sweeps) for one in conditions if isinstance(one, SimulatedCondition)]
-    if len(simulated) < len(conditions):
-        raise ParameterError(f"--convergence: expected only features of {', '.join(SIMULATED_FEATURES)}")
-    configuration = Configuration()
-    workers = Workers(args.jobs, args.dask)
-    with progress_bars() as progress:
-        points = convergence_curve(simulated, configuration, args.output / "tasks", workers, progress)
-    default = configuration.convergence_probability
-    print_tables([curve_table(points, default)])
-    save_figures({"convergence": curve_figure(points, default)}, args.output)
-    write_json(args.output / "convergence.json", {"points": points})
-    print(f"{args.output}/convergence.png, convergence.json")
-    return 0
 
 
 def _answer(args: argparse.Namespace, trades: Sequence[Trade]) -> int:

@@ -79,25 +79,3 @@ def test_an_unmet_request_names_the_nearest_and_gives_status_1(command: list[str
 def test_a_budget_of_zero_is_refused(command: list[str], capsys) -> None:
     assert main([*command, "--budget-us", "0"]) == 2
     assert "--budget-us" in capsys.readouterr().err
-
-
-def test_the_convergence_curve_is_drawn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    arguments = ["--features", "bump", "--sweeps", "1", "--seeds", "1", "-o", "out"]
-    assert main(["tradeoff", "--convergence", *arguments]) == 0
-    printed = capsys.readouterr().out
-    assert "Early against false convergence" in printed
-    assert "0.99 *" in printed
-    points = json.loads(Path("out/convergence.json").read_text())["points"]
-    assert [point["probability"] for point in points] == [0.9, 0.95, 0.99, 0.999, 0.9999]
-    assert Path("out/convergence.png").exists()
-
-
-def test_the_convergence_curve_needs_simulated_features(
-    bump: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(bump)
-    assert main(["tradeoff", "test.csv", "--scan", "scan.db", "--convergence"]) == 2
-    assert "--convergence" in capsys.readouterr().err

@@ -1,24 +1,37 @@
-"""Early against false convergence over the threshold ``convergence_probability``.
+"""Early against false convergence over the threshold ``convergence_probability``, on simulated features.
 
-The belief does not depend on the threshold, so that one replay of each material gives the whole curve.
+    scripts/in_env python benchmarks/convergence.py [--features bump] [--sweeps N] [--seeds N] [--out DIR]
+
+For each feature and seed the default replays N test sweeps (9) over the feature, N blank sweeps that end
+before it, N sweeps over featureless material and N over a seam that is not on the map. The belief does not
+depend on the threshold, so that one replay of each gives the whole curve. The script prints a table and draws
+convergence.png into DIR (out/convergence), where results of tasks are kept; an interrupted run resumes.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.evaluation.comparison import built, learn_conditions
-from tactile_localizer.offline.evaluation.conditions import SimulatedCondition, recording_of
+from tactile_localizer.offline.evaluation.conditions import (
+    SIMULATED_FEATURES,
+    SimulatedCondition,
+    recording_of,
+)
 from tactile_localizer.offline.evaluation.jobs import (
     Progress,
     Task,
@@ -28,6 +41,7 @@ from tactile_localizer.offline.evaluation.jobs import (
 )
 from tactile_localizer.offline.metrics import travel_from_contact
 from tactile_localizer.offline.replay import Track, replay
+from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.table import Table
 from tactile_localizer.sim import simulate_scan
 
@@ -179,6 +193,44 @@ def curve_table(points: Sequence[CurvePoint], default: float) -> Table:
     return Table("Early against false convergence", columns, rows, note)
 
 
+def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
+    """Figure of early against false convergence, a point per threshold."""
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    curve, thresholds = figure.subplots(1, 2)
+    false = [100 * point.seam_strains for point in points]
+    for column, travel in enumerate(WITHIN_M):
+        fractions = [100 * point.within[column] for point in points]
+        (line,) = curve.plot(false, fractions, "o-", ms=4, label=f"within {travel * MM:g} mm of contact")
+        for point, x, y in zip(points, false, fractions, strict=True):
+            place = {"xytext": (4, 4), "textcoords": "offset points", "size": 7}
+            curve.annotate(f"{point.probability:g}", (x, y), **place)
+            if point.probability == default:
+                curve.plot(x, y, "o", ms=11, mfc="none", mec=line.get_color())
+    curve.set_xlabel("falsely converged strains on a seam, %")
+    curve.set_ylabel("converged sweeps over the feature, %")
+    curve.set_ylim(-3.0, 110.0)
+    complement = [1.0 - point.probability for point in points]
+    for label, name in (
+        ("before contact", "before"),
+        ("blank sweeps", "blank"),
+        ("featureless sweeps", "featureless"),
+        ("seam sweeps", "seam_sweeps"),
+        ("seam strains", "seam_strains"),
+    ):
+        thresholds.plot(complement, [100 * getattr(point, name) for point in points], "o-", ms=4, label=label)
+    thresholds.axvline(1.0 - default, color="0.5", ls=":", label="configuration")
+    thresholds.set_xscale("log")
+    thresholds.invert_xaxis()
+    thresholds.set_xticks(complement, [f"{point.probability:g}" for point in points], fontsize=8)
+    thresholds.minorticks_off()
+    thresholds.set_xlabel("convergence_probability")
+    thresholds.set_ylabel("false convergence, %")
+    for plot in (curve, thresholds):
+        plot.grid(color="0.92")
+        plot.legend(fontsize=7)
+    return figure
+
+
 def _travel_to(track: Track, flags: np.ndarray) -> float | None:
     """Travel from contact to the first of the ``flags``, m; ``None``: not by the feature's end."""
     at = np.flatnonzero(flags & (track.row <= track.contact[1]))
@@ -204,3 +256,31 @@ def _point(parts: Sequence[dict[str, Any]]) -> CurvePoint:
         float(np.mean(to_convergence < 0.0)),
         *(fraction(name) for name in ("blank", "featureless", "seam_sweeps", "seam_strains")),
     )
+
+
+def main() -> None:
+    """Measure the curve, print the table and draw the figure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--features", nargs="+", choices=SIMULATED_FEATURES, default=SIMULATED_FEATURES)
+    parser.add_argument("--sweeps", type=int, default=9)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("out/convergence"))
+    args = parser.parse_args()
+    conditions = [
+        SimulatedCondition(name, seed, args.sweeps, args.sweeps)
+        for name in args.features
+        for seed in range(1, args.seeds + 1)
+    ]
+    configuration = Configuration()
+    with progress_bars() as progress:
+        points = convergence_curve(
+            conditions, configuration, args.out / "tasks", Workers(args.jobs), progress
+        )
+    print_tables([curve_table(points, configuration.convergence_probability)])
+    save_figures({"convergence": curve_figure(points, configuration.convergence_probability)}, args.out)
+    print(f"{args.out}/convergence.png")
+
+
+if __name__ == "__main__":
+    main()

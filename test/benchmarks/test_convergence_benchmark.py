@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,17 +17,11 @@ from tactile_localizer.core.decision.convergence import ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.offline.evaluation.comparison import built, learn_condition
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
-from tactile_localizer.offline.evaluation.convergence_curve import (
-    PROBABILITIES,
-    convergence_curve,
-    curve_table,
-    decide,
-    decisions,
-    from_contact,
-)
 from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.figures.convergence_curve import curve_figure
 from tactile_localizer.offline.replay import replay
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+convergence = importlib.import_module("convergence")
 
 CONDITION = SimulatedCondition("bump", 3, sweeps=2, blanks=1)
 CONFIGURATION = Configuration(cell=1.0, update_distance=0.002)
@@ -36,15 +32,15 @@ def test_a_threshold_must_hold_over_the_travel() -> None:
         np.zeros((6, 2)), 0.001, None, probability=np.array([0.1, 0.96, 0.3, 0.96, 0.97, 0.98])
     )
     criteria = ConvergenceCriteria(np.array([0.005, 0.005]), probability=0.95, sustain=0.0015)
-    np.testing.assert_array_equal(decisions(track, criteria), [False] * 4 + [True] * 2)
-    assert not decisions(track, replace(criteria, probability=0.99)).any()
+    np.testing.assert_array_equal(convergence.decisions(track, criteria), [False] * 4 + [True] * 2)
+    assert not convergence.decisions(track, replace(criteria, probability=0.99)).any()
 
 
 def test_flags_count_from_contact() -> None:
     track = made_track(np.zeros((4, 2)), 0.001, None, contact=(2, 3))
     flags = np.array([True, False, False, True])
-    np.testing.assert_array_equal(from_contact(track, flags), [False, True])
-    np.testing.assert_array_equal(from_contact(replace(track, contact=(-1, -1)), flags), flags)
+    np.testing.assert_array_equal(convergence.from_contact(track, flags), [False, True])
+    np.testing.assert_array_equal(convergence.from_contact(replace(track, contact=(-1, -1)), flags), flags)
 
 
 @pytest.fixture(scope="module")
@@ -56,14 +52,14 @@ def test_the_default_threshold_reproduces_the_localizer(calibration: dict) -> No
     material = CONDITION.load()
     localizer = built(CONDITION, material, calibration, {}, CONFIGURATION)
     for track in replay(localizer, material.recording):
-        same = decisions(track, convergence_criteria(material.scene, CONFIGURATION))
+        same = convergence.decisions(track, convergence_criteria(material.scene, CONFIGURATION))
         np.testing.assert_array_equal(same, track.converged)
         assert same.any()
 
 
 def test_a_higher_threshold_converges_later(calibration: dict) -> None:
-    points = decide(CONDITION, calibration, CONFIGURATION)["points"]
-    assert [point["probability"] for point in points] == list(PROBABILITIES)
+    points = convergence.decide(CONDITION, calibration, CONFIGURATION)["points"]
+    assert [point["probability"] for point in points] == list(convergence.PROBABILITIES)
     for lower, higher in pairwise(points):
         for first, second in zip(lower["travel_m"], higher["travel_m"], strict=True):
             assert second is None or first <= second
@@ -71,8 +67,8 @@ def test_a_higher_threshold_converges_later(calibration: dict) -> None:
 
 
 def test_the_curve_has_units(tmp_path: Path) -> None:
-    points = convergence_curve([CONDITION], CONFIGURATION, tmp_path, Workers(1))
-    table = curve_table(points, 0.99)
+    points = convergence.convergence_curve([CONDITION], CONFIGURATION, tmp_path, Workers(1))
+    table = convergence.curve_table(points, 0.99)
     assert [row[0] for row in table.rows] == ["0.9", "0.95", "0.99 *", "0.999", "0.9999"]
     assert table.columns[1:3] == ("within 5 mm, %", "within 10 mm, %")
-    assert len(curve_figure(points, 0.99).axes) == 2
+    assert len(convergence.curve_figure(points, 0.99).axes) == 2
