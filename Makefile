@@ -18,7 +18,7 @@ run := scripts/in_env
 
 .PHONY: help
 help: ## List the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s  %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s  %s\n", $$1, $$2}' Makefile
 
 .PHONY: venv
 venv: ## Make the environment: ROS 2 (ROS_DISTRO=jazzy or kilted, or a sourced one) and the libraries
@@ -42,16 +42,22 @@ lint: venv ## Check style and types
 
 # Only a test that missed a deadline because its processes waited for a CPU is repeated, and reported as such.
 pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --durations=10
-in_real_time := test/demo test/integration test/launch test/ros test/soak
+# Tests of one node mostly wait for messages and run beside each other; the others need the machine to themselves.
+in_real_time := test/demo test/integration test/launch test/soak
 
 .PHONY: test
 test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
 ifdef ARGS
 	$(pytest) $(ARGS)
 else
-	$(pytest) --numprocesses auto --dist loadfile $(in_real_time:%=--ignore=%)
+	$(pytest) --numprocesses auto --dist loadfile --ignore=test/ros $(in_real_time:%=--ignore=%)
+	$(pytest) --numprocesses 3 --dist loadfile test/ros
 	$(pytest) $(in_real_time)
 endif
+
+.PHONY: test-fast
+test-fast: build ## Run the tests of core and io that need neither processes nor more than ten seconds
+	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/io test/test_layers.py
 
 .PHONY: fuzz
 fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scan files (MINUTES=10), failures in out/fuzz

@@ -1,4 +1,4 @@
-"""A robot that localises: the load cells' driver and the filter.
+"""Localization on a robot: driver and filter.
 
 ros2 launch tactile_localizer bringup.launch.py scan_file:=scan.db namespace:=left
 """

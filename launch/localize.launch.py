@@ -1,4 +1,4 @@
-"""The filter alone, where the driver runs already.
+"""Localization beside a running driver: the filter alone.
 
 ros2 launch tactile_localizer localize.launch.py scan_file:=scan.db
 """

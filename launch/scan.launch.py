@@ -1,4 +1,4 @@
-"""A robot that records a training scan: the load cells' driver and the mapping.
+"""Recording of a training scan on a robot: driver and mapping.
 
 ros2 launch tactile_localizer scan.launch.py scan_file:=scan.db scene_file:=scene.yaml
 """

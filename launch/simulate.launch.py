@@ -1,9 +1,9 @@
-"""No hardware: the simulated hand, the driver on its CAN bus, and the mapping or the filter.
+"""Without hardware: simulated hand, driver on its CAN bus, and mapping or filter.
 
     ros2 launch tactile_localizer simulate.launch.py mode:=scan scan_file:=scan.db scene_file:=bump.yaml
     ros2 launch tactile_localizer simulate.launch.py mode:=localize scan_file:=scan.db
 
-Two hands on one machine need two ports: bus_options:="['port=43114']".
+For a second hand on the same machine use another port: bus_options:="['port=43114']".
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ _SIMULATED = {"interface": "udp_multicast", "channel": "239.74.163.2"}
 
 
 def generate_launch_description():
-    """Simulator and driver on a bus over UDP, and what the mode asks for."""
+    """Simulator and driver on a bus over UDP, with mapping or filter as selected by the mode."""
     bus = tuple(replace(argument, default=_SIMULATED.get(argument.name, "")) for argument in BUS)
     return nodes(
         replace(SIMULATOR, arguments=(*bus, *SIMULATOR.arguments[len(BUS) :])),

@@ -77,7 +77,7 @@ def test_every_command_of_ros_names_what_the_package_has(page: Path) -> None:
 
 @by_page
 def test_every_target_of_make_exists(page: Path) -> None:
-    targets = set(re.findall(r"^([a-z]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    targets = set(re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE))
     for command in commands(page, "make"):
         named = [word for word in command[1:] if "=" not in word]
         assert set(named) <= targets, f"expected targets of {sorted(targets)}, found {named}"

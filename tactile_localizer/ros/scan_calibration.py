@@ -7,7 +7,6 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
-from tactile_localizer.io.scans.learned import find_calibration
 from tactile_localizer.io.scans.recorder import SweepRecorder
 from tactile_localizer.io.scans.rows import LearnedEntry
 from tactile_localizer.io.scans.store import ScanStore
@@ -61,6 +60,8 @@ class ScanCalibration:
             )
 
     def _compute(self) -> LearnedEntry | None:
+        from tactile_localizer.io.scans.learned import find_calibration  # its imports would delay the start
+
         path = self._recorder.store.path
         with ScanStore.open(path) as store:
             scan, scene = store.load(), store.scene

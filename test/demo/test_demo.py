@@ -1,4 +1,4 @@
-"""The whole demonstration as its user runs it."""
+"""The demo command."""
 
 import json
 import os

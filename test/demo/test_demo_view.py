@@ -1,4 +1,4 @@
-"""The demonstration on a terminal and without one."""
+"""The view of the demo, with and without a terminal."""
 
 import os
 from pathlib import Path

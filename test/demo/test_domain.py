@@ -1,4 +1,4 @@
-"""Runs on one machine do not hear each other."""
+"""Runs on one machine are separate."""
 
 from tactile_localizer.demo.domain import own_domain
 

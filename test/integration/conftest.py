@@ -1,4 +1,4 @@
-"""A driver node and the simulated bus that it reads."""
+"""Fixtures: a driver node and its simulated bus."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 @pytest.fixture
 def can_bus(simulated_can: dict[str, Any]) -> Iterator[can.BusABC]:
-    """The hand's end of the simulated bus."""
+    """The simulated bus, for sending frames."""
     bus = can.Bus(**simulated_can, hop_limit=0)
     yield bus
     bus.shutdown()
@@ -28,7 +28,7 @@ def driver_process(
         "channel": simulated_can["channel"],
         "bus_options": [f"port={simulated_can['port']}"],
         "tare_file": str(tmp_path / "tare.yaml"),
-        "cycle_timeout_s": 0.2,  # on a busy machine the test may be put aside between two frames
+        "cycle_timeout_s": 0.2,  # on a busy machine the test can pause between two frames
         "reconnect_delay_s": 0.02,
     }
     return lambda **more: node_process("driver_node", parameters={**parameters, **more})

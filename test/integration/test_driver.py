@@ -1,4 +1,4 @@
-"""The installed driver between a simulated bus and DDS: what is sent arrives, through every fault."""
+"""The installed driver between a simulated bus and DDS, with faults."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from support.driver import Listener, Sender
 pytestmark = pytest.mark.ros
 
 
-def test_every_cycle_sent_is_one_message_with_the_time_of_its_receipt(
+def test_each_cycle_is_one_message_with_its_receive_time(
     driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
 ) -> None:
     driver_process()
@@ -30,7 +30,7 @@ def test_every_cycle_sent_is_one_message_with_the_time_of_its_receipt(
     assert list(listener.strains[0].phalanges) == ["index", "middle"]
 
 
-def test_loss_garbage_and_a_silent_phalanx_are_counted_to_the_frame_and_mix_nothing(
+def test_losses_are_counted_exactly_and_mix_no_cycles(
     driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
 ) -> None:
     driver_process()
@@ -50,7 +50,7 @@ def test_loss_garbage_and_a_silent_phalanx_are_counted_to_the_frame_and_mix_noth
     assert all(len(numbers) <= 1 for numbers in listener.numbers())
 
 
-def test_a_reconnect_and_bus_off_are_survived_and_told(
+def test_reconnect_and_bus_off_are_survived(
     driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
 ) -> None:
     from std_srvs.srv import Trigger
@@ -61,17 +61,17 @@ def test_a_reconnect_and_bus_off_are_survived_and_told(
     sent = list(hand.send(10))
     hand.wait(listener)
     assert probe.call(Trigger, "driver/reconnect").success
-    probe.until(listener.reconnects(1), "the bus opened again")
+    probe.until(listener.reconnects(1), "the reopened bus")
     hand.pause(5)
     sent += hand.send(15)
     can_bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
-    probe.until(listener.reconnects(2), "the bus opened again after bus-off")
+    probe.until(listener.reconnects(2), "the reopened bus after bus-off")
     assert listener.counted("CAN bus")["state"] == "bus off"
     hand.pause(10)
     sent += hand.send(15)
     hand.wait(listener)
-    probe.until(lambda: listener.counted("CAN bus")["state"] == "open", "the bus to be well again")
-    assert listener.drops() == 0  # what happens while a bus is closed nobody can know
+    probe.until(lambda: listener.counted("CAN bus")["state"] == "open", "an open bus")
+    assert listener.drops() == 0  # samples sent while the bus is closed are not counted
     assert listener.counted("CAN bus")["frames_error"] == "1"
     assert all(len(numbers) == 1 for numbers in listener.numbers())
     assert {n for numbers in listener.numbers() for n in numbers} >= set(sent)
@@ -79,7 +79,7 @@ def test_a_reconnect_and_bus_off_are_survived_and_told(
     assert "Traceback" not in node.output
 
 
-def test_under_simulated_time_the_stamp_is_the_nodes_clock(
+def test_simulated_time_stamps_with_the_node_clock(
     driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
 ) -> None:
     from builtin_interfaces.msg import Time
@@ -87,7 +87,7 @@ def test_under_simulated_time_the_stamp_is_the_nodes_clock(
 
     driver_process(use_sim_time=True)
     clock = probe.publisher(Clock, "/clock")
-    listener, hand = Listener(probe), Sender(can_bus, probe)  # diagnostics go on while time stands still
+    listener, hand = Listener(probe), Sender(can_bus, probe)  # diagnostics continue while time stands still
     listener.listen(hand)
     assert listener.strains == []
 

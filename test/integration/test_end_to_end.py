@@ -1,4 +1,4 @@
-"""From frames on a bus and palm poses to a believed position: four installed nodes, started as processes."""
+"""From frames on a bus and palm poses to a converged position, with four installed nodes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 SPEED = 14.0
 TEST_SWEEPS = 4
 CONTACT_M = 0.024
-"""Where the fingers have come to the bump, along x."""
+"""Position along x at which the fingers reach the bump, m."""
 
 
 class Hand:
-    """The simulated hand as the test moves it."""
+    """The simulated hand, moved by the test."""
 
     def __init__(self, probe: Any) -> None:
         from geometry_msgs.msg import PoseStamped
@@ -31,8 +31,8 @@ class Hand:
         from std_msgs.msg import Bool
 
         self.probe = probe
-        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.active = probe.listen(Bool, "simulator/sweep_active", kept)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.active = probe.listen(Bool, "simulator/sweep_active", latched)
         self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
 
     def call(self, service: str) -> Any:
@@ -51,7 +51,7 @@ class Hand:
         )
 
     def localize(self) -> None:
-        """The next sweeps are over hanging material, from unknown places."""
+        """Select sweeps over hanging material from unknown positions."""
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
 
@@ -62,7 +62,7 @@ class Hand:
         assert answer.results[0].successful
 
     def truth_at(self, stamps_ns: list[int]) -> np.ndarray:
-        """Where the palm truly was, (n, 2)."""
+        """True palm positions, (n, 2), m."""
         known = [stamp_of(message) for message in self.truth]
         places = np.array([[m.pose.position.x, m.pose.position.y] for m in self.truth])
         return np.stack([np.interp(stamps_ns, known, column) for column in places.T], axis=1)
@@ -87,7 +87,7 @@ def system(node_process: Callable[..., Any], simulated_can: dict[str, Any], tmp_
 
 
 def scan(hand: Hand) -> None:
-    """Record the training sweeps and wait until the mapping tells of them."""
+    """Record the training sweeps and wait until the status has them all."""
     from tactile_localizer.msg import ScanStatus
 
     statuses = hand.probe.listen(ScanStatus, "mapping/status")
@@ -100,8 +100,8 @@ def scan(hand: Hand) -> None:
     assert statuses[-1].coverage > 0.9
 
 
-def localise_once(hand: Hand, posteriors: list[Any]) -> tuple[float, bool]:
-    """Mean error after contact of a sweep that begins anywhere, m, and whether it was believed."""
+def localize_once(hand: Hand, posteriors: list[Any]) -> tuple[float, bool]:
+    """Mean error after contact of a sweep from an unknown start, m, and whether it converged."""
     from std_srvs.srv import Empty
 
     hand.call("simulator/prepare")
@@ -113,15 +113,15 @@ def localise_once(hand: Hand, posteriors: list[Any]) -> tuple[float, bool]:
     hand.sweep()
     last_ns = stamp_of(hand.truth[-1])
     hand.probe.until(lambda: stamp_of(posteriors[-1]) >= last_ns, "the sweep's last posterior")
-    heard = [m for m in posteriors if stamp_of(m) <= last_ns]
-    assert not any(m.stale for m in heard)
-    assert max(m.covariance_trace for m in heard) > 1e-4, "it began without knowing the place"
-    truth = hand.truth_at([stamp_of(m) for m in heard])
-    error = np.linalg.norm([m.mean for m in heard] - truth, axis=1)
-    return float(error[truth[:, 0] > CONTACT_M].mean()), heard[-1].converged
+    received = [m for m in posteriors if stamp_of(m) <= last_ns]
+    assert not any(m.stale for m in received)
+    assert max(m.covariance_trace for m in received) > 1e-4, "the initial belief is uniform"
+    truth = hand.truth_at([stamp_of(m) for m in received])
+    error = np.linalg.norm([m.mean for m in received] - truth, axis=1)
+    return float(error[truth[:, 0] > CONTACT_M].mean()), received[-1].converged
 
 
-def test_what_was_scanned_is_localised_on_from_unknown_places(
+def test_scan_then_localize_from_unknown_positions(
     system: dict[str, Any], node_process: Callable[..., Any], probe: Any, tmp_path: Any
 ) -> None:
     from rclpy.qos import qos_profile_sensor_data
@@ -140,7 +140,7 @@ def test_what_was_scanned_is_localised_on_from_unknown_places(
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
     probe.until(lambda: posteriors, "the filter", timeout_s=60.0)
     hand.localize()
-    errors, believed = zip(*(localise_once(hand, posteriors) for _ in range(TEST_SWEEPS)), strict=True)
+    errors, believed = zip(*(localize_once(hand, posteriors) for _ in range(TEST_SWEEPS)), strict=True)
     assert np.median(errors) < 0.004, f"errors after contact: {errors} m"
     assert sum(believed) >= TEST_SWEEPS / 2
     for name, process in system.items():

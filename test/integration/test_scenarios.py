@@ -1,4 +1,4 @@
-"""What the launch files start, as plain processes: the same nodes, parameters, namespaces and remappings."""
+"""The scenarios of the launch files with plain processes: same nodes, parameters, namespaces, remappings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ pytestmark = pytest.mark.ros
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
-def test_it_is_seen_of_the_processes(scenario: Scenario, place: Place, process: Any, probe: Any) -> None:
+def test_scenario_of_processes(scenario: Scenario, place: Place, process: Any, probe: Any) -> None:
     running = [
         process(command, {"ROS_HOME": str(place.folder)})
         for started in scenario.started(place)
@@ -20,7 +20,7 @@ def test_it_is_seen_of_the_processes(scenario: Scenario, place: Place, process: 
     try:
         scenario.check(probe, place)
     except AssertionError as error:
-        raise AssertionError(f"{error}\n" + "\n".join(one.output for one in running)) from error
+        raise type(error)(f"{error}\n" + "\n".join(one.output for one in running)) from error
     for one in running:
         assert one.stop() == 0, one.output
         assert "Traceback" not in one.output

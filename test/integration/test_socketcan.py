@@ -1,4 +1,4 @@
-"""The kernel's CAN sockets, where a machine has them: TACTILE_LOCALIZER_CAN names one, such as vcan0."""
+"""CAN sockets of the kernel, on the interface TACTILE_LOCALIZER_CAN (for example vcan0)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CHANNEL = os.environ.get("TACTILE_LOCALIZER_CAN", "")
 pytestmark = pytest.mark.skipif(not CHANNEL, reason="TACTILE_LOCALIZER_CAN names no SocketCAN interface")
 
 
-def test_the_kernel_lets_through_the_load_cells_frames_alone() -> None:
+def test_the_kernel_filters_by_identifier() -> None:
     hand = protocol(["index"])
     sent = [can.Message(arbitration_id=0x7FF, is_extended_id=False), *cycle(protocol(), 0)]
     bus = open_bus(BusSettings("socketcan", CHANNEL, receive_buffer=1 << 20), hand)

@@ -23,12 +23,12 @@ def description_of(path: Path) -> Any:
     return module.generate_launch_description()
 
 
-def test_a_mistyped_argument_is_told_from_somebody_elses() -> None:
-    from tactile_localizer.ros.launching.nodes import mistyped
+def test_misspelt_arguments_are_distinguished_from_foreign_ones() -> None:
+    from tactile_localizer.ros.launching.nodes import misspelt
 
     known = [argument.name for argument in description_of(LAUNCH_FILES[0]).get_launch_arguments()]
     given = ["channel", "chanel", "scanfile", "somebody_elses", "robot"]
-    assert mistyped(given, known) == {"chanel": "channel", "scanfile": "scan_file"}
+    assert misspelt(given, known) == {"chanel": "channel", "scanfile": "scan_file"}
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
@@ -37,7 +37,7 @@ def test_every_argument_is_described(path: Path) -> None:
     assert [argument.name for argument in arguments if argument.description == "no description given"] == []
 
 
-def test_the_example_of_a_lifecycle_manager_leads_the_nodes_of_a_bringup() -> None:
+def test_the_lifecycle_manager_example_activates_the_nodes() -> None:
     from tactile_localizer.ros.launching.nodes import DRIVER, FILTER
 
     path = Path(__file__).parents[2] / "examples/lifecycle_manager/bringup.launch.py"

@@ -1,4 +1,4 @@
-"""The launch files start what they should, in any namespace and with any remapping."""
+"""The scenarios with real launch files, namespaces and remappings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FOLDER = Path(__file__).parents[2] / "launch"
 
 @launch_pytest.fixture(params=SCENARIOS, ids=lambda scenario: scenario.name)
 def launched(request: Any, place: Place, process: Any, monkeypatch: Any) -> Any:
-    """A scenario's launch files, and what stands for hardware as processes beside them."""
+    """Start the launch files of a scenario, and substitutes for hardware as processes."""
     monkeypatch.setenv("ROS_HOME", str(place.folder))
     monkeypatch.setenv("PATH", f"{Path(ros2_bag()).parent}{os.pathsep}{os.environ['PATH']}")
     scenario: Scenario = request.param
@@ -46,5 +46,5 @@ def launched(request: Any, place: Place, process: Any, monkeypatch: Any) -> Any:
 
 
 @pytest.mark.launch(fixture=launched)
-def test_it_is_seen_of_what_was_launched(launched: Any, place: Place, probe: Probe) -> None:
+def test_scenario_of_a_launch(launched: Any, place: Place, probe: Probe) -> None:
     launched[1].check(probe, place)

@@ -1,4 +1,4 @@
-"""Other sensors' messages become strain, over DDS: the examples of a wrench fingertip and of two arrays."""
+"""Messages of other sensors are converted to strain: a wrench fingertip and two taxel arrays."""
 
 import itertools
 from pathlib import Path
@@ -15,7 +15,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples/own_sensor"
 
 
 def place_at(stamp_ms):
-    """To and fro within the bounds, for as long as it takes DDS to match all."""
+    """Position at a time: back and forth within the bounds."""
     return 0.01 + 1e-5 * abs(stamp_ms % 4000 - 2000)
 
 
@@ -114,7 +114,7 @@ def test_arrays_of_16_taxels_become_two_phalanges(node_process, probe):
     assert strain[-1].header.stamp.sec > 0
 
 
-def test_a_file_or_a_type_that_cannot_be_used_is_refused_in_one_line(refusal, tmp_path):
+def test_an_invalid_file_or_type_is_rejected_in_one_line(refusal, tmp_path):
     (line,) = refusal("adapter_node", {"adapter_file": tmp_path / "none.yaml"})
     assert "none.yaml: expected a strain adapter in YAML, found none" in line
     (tmp_path / "own.yaml").write_text(

@@ -1,4 +1,4 @@
-"""The installed filter node from outside: strain and poses in, a belief out that is never made up."""
+"""The installed filter node: strain and poses in, estimates out."""
 
 import dataclasses
 import shutil
@@ -45,7 +45,7 @@ def scan_file(tmp_path_factory):
 
 @pytest.fixture
 def start(node_process, probe, scan_file):
-    """Start the node on the scan of the bump."""
+    """Start the filter on the scan of the bump."""
 
     def start(sweep=None, **parameters):
         node = node_process("filter_node", {"scan_file": scan_file, **CELL, **parameters})
@@ -55,7 +55,7 @@ def start(node_process, probe, scan_file):
 
 
 def offline(hand, samples, scan_file, configuration):
-    """What the same localizer says of the same strains and positions without ROS."""
+    """Estimates of the same localizer from the same strains and positions without ROS."""
     with ScanStore.open(scan_file) as store:
         scan, scene = store.load(), store.scene
     calibration = learned_calibration(scan_file, scan, scene)
@@ -69,28 +69,30 @@ def offline(hand, samples, scan_file, configuration):
 
 
 @pytest.mark.parametrize("choices", [CELL, PAPER], ids=["grid", "the paper's particles"])
-def test_live_it_believes_the_same_as_the_localizer_without_ros(start, scan_file, choices):
+def test_live_posteriors_equal_offline_estimates(start, scan_file, choices):
     from tactile_localizer.ros.conversions.posteriors import state_of
 
     node = start(**choices)
     node.slide(150)
-    heard = node.fresh()
-    samples = [node.hand.sample_of(message) for message in heard]
+    received = node.fresh()
+    samples = [node.hand.sample_of(message) for message in received]
     assert samples == list(range(150))
     expected = offline(node.hand, samples, scan_file, Configuration(**(CELL | choices)))
     np.testing.assert_allclose(node.means(), [e.mean for e in expected], atol=1e-9)
     np.testing.assert_allclose(
-        [m.covariance for m in heard], [e.covariance.ravel() for e in expected], atol=1e-12
+        [m.covariance for m in received], [e.covariance.ravel() for e in expected], atol=1e-12
     )
-    np.testing.assert_allclose([m.covariance_trace for m in heard], [e.trace for e in expected])
-    np.testing.assert_allclose([m.probability for m in heard], [e.probability for e in expected], atol=1e-6)
-    np.testing.assert_allclose([m.on_map for m in heard], [e.on_map for e in expected], atol=1e-6)
-    assert [m.state for m in heard] == [state_of(e) for e in expected]
-    assert [m.converged for m in heard] == [e.converged for e in expected]
-    assert [m.reason for m in heard] == [e.reason for e in expected]
-    assert [m.particles for m in heard] == [e.hypotheses for e in expected]
-    assert {tuple(m.axes) for m in heard} == {("x", "y")}
-    assert {m.header.frame_id for m in heard} == {"material"}
+    np.testing.assert_allclose([m.covariance_trace for m in received], [e.trace for e in expected])
+    np.testing.assert_allclose(
+        [m.probability for m in received], [e.probability for e in expected], atol=1e-6
+    )
+    np.testing.assert_allclose([m.on_map for m in received], [e.on_map for e in expected], atol=1e-6)
+    assert [m.state for m in received] == [state_of(e) for e in expected]
+    assert [m.converged for m in received] == [e.converged for e in expected]
+    assert [m.reason for m in received] == [e.reason for e in expected]
+    assert [m.particles for m in received] == [e.hypotheses for e in expected]
+    assert {tuple(m.axes) for m in received} == {("x", "y")}
+    assert {m.header.frame_id for m in received} == {"material"}
     assert node.process.stop() == 0
     assert "Traceback" not in node.process.output
 
@@ -113,31 +115,31 @@ def test_the_states_are_published(start, probe, sweep, states):
     assert changes[: len(states)] == [getattr(Posterior, state) for state in states]
     assert all(message.converged == (message.state == Posterior.CONVERGED) for message in node.fresh())
     reason = node.fresh()[-1].reason
-    probe.until(lambda: node.told("belief")[2].get("reason") == reason, "the diagnostics")
-    assert node.told("belief")[2]["strains_out_of_range"] == "0.00"
-    told = [s for array in node.diagnostics for s in array.status if s.name == "filter: belief"]
-    adverse = [s for s in told if {"LOST", "UNKNOWN"} & {value.value for value in s.values}]
+    probe.until(lambda: node.status("belief")[2].get("reason") == reason, "the diagnostics")
+    assert node.status("belief")[2]["strains_out_of_range"] == "0.00"
+    reports = [s for array in node.diagnostics for s in array.status if s.name == "filter: belief"]
+    adverse = [s for s in reports if {"LOST", "UNKNOWN"} & {value.value for value in s.values}]
     assert all(s.level == b"\x01" for s in adverse)
 
 
-def test_strains_that_do_not_fit_the_scan_are_a_warning_in_the_diagnostics(start, probe):
+def test_strains_outside_the_range_are_a_warning(start, probe):
     sweep = unseen_sweep()
     node = start(dataclasses.replace(sweep, strain=1e3 * sweep.strain), stale_timeout_s=30.0)
     node.slide(120)
-    probe.until(lambda: node.told("belief")[0] == b"\x01", "the warning")
-    assert "of the strains are outside the range of the scan" in node.told("belief")[1]
+    probe.until(lambda: node.status("belief")[0] == b"\x01", "the warning")
+    assert float(node.status("belief")[2]["strains_out_of_range"]) > 0.9
 
 
-def test_late_poses_are_waited_for_and_make_the_same_belief(start, probe):
+def test_late_poses_are_waited_for(start, probe):
     node = start(stale_timeout_s=5.0)
     node.hand.slide(20, poses=False)
     for k in range(21):
-        node.hand.pose(k)
+        node.hand.send_pose(k)
     node.wait_for_sample(19)
     assert len(node.fresh()) == 20
 
 
-def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan_file, tmp_path):
+def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, tmp_path):
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
 
@@ -150,8 +152,8 @@ def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan
     (directory / "foreign.db").write_text("not a scan " * 100)
     (directory / "link.db").symlink_to(scan_file)
     node = start(scan_directory=directory)
-    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    maps = probe.listen(PointCloud2, "filter/map", kept)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    maps = probe.listen(PointCloud2, "filter/map", latched)
     node.slide(50)
     for path, reason, result in (
         (str(scan_file), "expected a path in", LoadScan.Response.NOT_ALLOWED),
@@ -164,14 +166,16 @@ def test_another_scan_is_loaded_only_from_the_named_directory(start, probe, scan
         assert (answer.success, answer.result) == (False, result)
         assert reason in answer.message
     node.slide(5)
-    assert node.fresh()[-1].travel > 0.01, "the belief went on"
+    assert node.fresh()[-1].travel > 0.01, "the belief is kept"
     assert len(maps) == 1
     answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap.db"), timeout_s=60.0)
     assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap.db"))
-    probe.until(lambda: len(maps) == 2, "the new map to look at")
+    probe.until(lambda: len(maps) == 2, "the map to display")
     node.slide(5)
-    assert node.fresh()[-1].travel < 0.005, "the belief began anew"
-    probe.until(lambda: node.told("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map")
+    assert node.fresh()[-1].travel < 0.005, "the belief is reset"
+    probe.until(
+        lambda: node.status("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -182,16 +186,14 @@ def three_scans(tmp_path_factory):
     return [folder / f"{feature}.db" for feature in ("bump", "snap", "grommet")]
 
 
-def test_of_several_scans_it_tells_which_feature_is_felt_as_the_identifier_without_ros(
-    node_process, probe, three_scans
-):
+def test_live_feature_probabilities_equal_offline_ones(node_process, probe, three_scans):
     from tactile_localizer.msg import FeatureProbabilities
 
-    told = probe.listen(FeatureProbabilities, "filter/feature", 1000)
+    reports = probe.listen(FeatureProbabilities, "filter/feature", 1000)
     process = node_process("filter_node", {"candidate_scan_files": three_scans, **CELL})
     node = Filter(process, probe, SlidingHand(probe, unseen_sweep("snap")))
     node.slide(150)
-    probe.until(lambda: told and stamp_of(told[-1]) == stamp_of(node.fresh()[-1]), "its probabilities")
+    probe.until(lambda: reports and stamp_of(reports[-1]) == stamp_of(node.fresh()[-1]), "its probabilities")
     candidates, calibrations = {}, {}
     for path in three_scans:
         with ScanStore.open(path) as store:
@@ -201,7 +203,7 @@ def test_of_several_scans_it_tells_which_feature_is_felt_as_the_identifier_witho
     identifier = build_identifier(candidates, Configuration(**CELL), rng, None, calibrations)
     hand = node.hand
     positions = hand.positions()
-    for message, posterior in zip(told, node.fresh(), strict=True):
+    for message, posterior in zip(reports, node.fresh(), strict=True):
         k = hand.sample_of(message)
         stamp_ns = hand.offset_ns + int(hand.strain_ns[k])
         expected = identifier.update(stamp_ns, positions[k], hand.sweep.strain[k])
@@ -211,25 +213,27 @@ def test_of_several_scans_it_tells_which_feature_is_felt_as_the_identifier_witho
         if expected.most_probable == "none of them":
             assert not posterior.converged
         else:
-            believed = expected.estimates[expected.most_probable]
-            np.testing.assert_allclose(posterior.mean, believed.mean, atol=1e-9)
+            estimate = expected.estimates[expected.most_probable]
+            np.testing.assert_allclose(posterior.mean, estimate.mean, atol=1e-9)
     assert process.stop() == 0
 
 
-def test_scans_of_one_name_cannot_be_told_apart(refusal, scan_file):
+def test_scans_with_the_same_scene_name_are_rejected(refusal, scan_file):
     (line,) = refusal("filter_node", {"candidate_scan_files": [scan_file, scan_file], **CELL})
     assert "candidate_scan_files: expected scenes of different names, got bump, bump" in line
 
 
-def test_the_diagnostics_tell_of_belief_and_work(start, probe):
+def test_diagnostics_describe_belief_and_inputs(start, probe):
     node = start()
     node.slide(100)
-    probe.until(lambda: "update_p99_us" in node.told("belief")[2], "the diagnostics")
-    probe.until(lambda: node.told("belief")[2]["travel_m"] == f"{node.fresh()[-1].travel:.4f}", "the newest")
-    _, message, values = node.told("belief")
+    probe.until(lambda: "update_p99_us" in node.status("belief")[2], "the diagnostics")
+    probe.until(
+        lambda: node.status("belief")[2]["travel_m"] == f"{node.fresh()[-1].travel:.4f}", "the newest"
+    )
+    _, message, values = node.status("belief")
     posterior = node.fresh()[-1]
     assert values["reason"] == posterior.reason
-    # The strain has stopped by now: a belief that is stale is not believed.
+    # The strain has stopped by now, and a stale estimate is not converged.
     assert values["converged"] == str(posterior.converged and not message.startswith("stale"))
     assert values["state"] in ("SEARCHING", "CONVERGED")
     assert values["probability"] == f"{posterior.probability:.4f}"
@@ -238,11 +242,11 @@ def test_the_diagnostics_tell_of_belief_and_work(start, probe):
     assert 1.0 <= float(values["effective_sample_size"]) <= int(values["hypotheses"])
     assert 0 < float(values["update_median_us"]) <= float(values["update_p99_us"])
     assert float(values["update_p99_us"]) <= float(values["update_worst_us"])
-    _, _, inputs = node.told("inputs")
+    _, _, inputs = node.status("inputs")
     assert int(inputs["updated"]) + int(inputs["moved"]) == len(node.fresh())
 
 
-def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe):
+def test_live_parameters_keep_the_belief(start, probe):
     node = start()
     node.slide(40)
     before = node.fresh()[-1]
@@ -270,7 +274,7 @@ def test_what_may_change_while_it_runs_does_so_and_the_belief_stays(start, probe
     assert node.fresh()[-1].converged
 
 
-def test_each_choice_of_the_configuration_is_a_parameter_with_its_default():
+def test_each_configuration_field_is_a_parameter():
     from tactile_localizer.ros.parameters.filter import CONFIGURATION
 
     fields = {field.name: field.default for field in dataclasses.fields(Configuration)}
@@ -347,22 +351,20 @@ BAD = [
 
 
 @pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__)
-def test_a_configuration_that_cannot_work_is_refused_with_one_line(refusal, scan_file, tmp_path, spoil):
+def test_an_invalid_configuration_is_rejected_in_one_line(refusal, scan_file, tmp_path, spoil):
     parameters, message = spoil(tmp_path)
     (line,) = refusal("filter_node", {"scan_file": scan_file, **CELL, **parameters})
     assert message in line
 
 
-def test_the_process_ends_when_its_configuration_is_refused(node_process, tmp_path):
+def test_an_invalid_configuration_ends_the_process(node_process, tmp_path):
     process = node_process("filter_node", {"scan_file": tmp_path / "none.db"})
     assert process.wait() == 2
     assert "none.db: expected a scan file, found none" in process.output
     assert len(process.lines) == 1
 
 
-def test_a_refused_configuration_can_be_tried_again_when_its_cause_is_mended(
-    node_process, probe, scan_file, tmp_path
-):
+def test_a_rejected_configuration_can_be_retried(node_process, probe, scan_file, tmp_path):
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState, GetState
 
@@ -385,7 +387,7 @@ def test_a_refused_configuration_can_be_tried_again_when_its_cause_is_mended(
     assert "Traceback" not in process.output
 
 
-def test_the_shipped_parameter_file_holds_the_recommended_choices():
+def test_the_shipped_parameter_file_has_the_defaults():
     import yaml
 
     from tactile_localizer.resources import resource_path

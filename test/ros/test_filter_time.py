@@ -1,4 +1,4 @@
-"""The filter in simulated time: clocks that stand still, run and jump; bags that loop; late listeners."""
+"""The filter in simulated time: clocks that stop, run and jump, looping bags, late subscribers."""
 
 import pytest
 from support.sweeps import START_NS, SlidingHand, stamp_of, unseen_sweep, write_scan
@@ -14,7 +14,7 @@ def scan_file(tmp_path_factory):
 
 
 class Clock:
-    """/clock, under the test's control."""
+    """``/clock``, controlled by the test."""
 
     def __init__(self, probe):
         from rosgraph_msgs.msg import Clock
@@ -29,7 +29,7 @@ class Clock:
         self._publisher.publish(message)
 
     def show_until_seen(self):
-        """Wait for the filter to see it: clock and strain arrive on topics of their own, in any order."""
+        """Publish and wait until the filter received it: clock and strain arrive in any order."""
         from diagnostic_msgs.msg import DiagnosticArray
 
         seen = self._probe.listen(DiagnosticArray, "/diagnostics")
@@ -37,7 +37,7 @@ class Clock:
         self._probe.until(lambda: seen and stamp_of(seen[-1]) == self.now_ns, "diagnostics at this time")
 
     def run(self, seconds):
-        """Let time go on in steps of 50 ms, faster than it does."""
+        """Advance time in steps of 50 ms, faster than real time."""
         for _ in range(round(seconds / 0.05)):
             self.now_ns += 50_000_000
             self.show()
@@ -64,14 +64,14 @@ def slide(probe, hand, posteriors, samples):
     probe.until(lambda: posteriors and stamp_of(posteriors[-1]) >= last_ns, "the posterior")
 
 
-def test_before_the_first_clock_stamps_alone_tell_the_time(filter_in_simulated_time, probe):
+def test_without_a_clock_stamps_determine_the_time(filter_in_simulated_time, probe):
     _, posteriors, hand = filter_in_simulated_time
     slide(probe, hand, posteriors, 40)
     assert [hand.sample_of(message) for message in posteriors] == list(range(40))
     assert not any(message.stale for message in posteriors)
 
 
-def test_a_position_grows_old_by_the_clock_and_not_while_it_stands_still(filter_in_simulated_time, probe):
+def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe):
     process, posteriors, hand = filter_in_simulated_time
     clock = Clock(probe)
     clock.show()
@@ -80,19 +80,19 @@ def test_a_position_grows_old_by_the_clock_and_not_while_it_stands_still(filter_
     still = len(posteriors)
     wall = []
     probe.node.create_timer(1.5, lambda: wall.append(True))
-    probe.until(lambda: wall, "a while")
-    assert len(posteriors) == still, "a bag that is paused grows no older"
+    probe.until(lambda: wall, "a period longer than the timeout")
+    assert len(posteriors) == still, "estimates of a paused bag do not age"
     clock.run(1.0)
-    probe.until(lambda: posteriors[-1].stale, "a stale position")
+    probe.until(lambda: posteriors[-1].stale, "a stale estimate")
     clock.show()
     hand.offset_ns = clock.now_ns - int(hand.strain_ns[20])
     slide(probe, hand, posteriors, 20)
     clock.run(0.2)
-    probe.until(lambda: "no longer stale" in process.output, "news")
+    probe.until(lambda: "no longer stale" in process.output, "the log line")
     assert not posteriors[-1].stale
 
 
-def test_a_bag_that_loops_begins_anew_with_its_clock(filter_in_simulated_time, probe):
+def test_a_looping_bag_resets_the_belief_with_its_clock(filter_in_simulated_time, probe):
     process, posteriors, hand = filter_in_simulated_time
     clock = Clock(probe)
     clock.show()
@@ -112,7 +112,7 @@ def test_a_bag_that_loops_begins_anew_with_its_clock(filter_in_simulated_time, p
     assert "Traceback" not in process.output
 
 
-def test_after_a_clock_that_was_set_back_silence_is_told_as_before(filter_in_simulated_time, probe):
+def test_silence_is_reported_after_a_backward_jump(filter_in_simulated_time, probe):
     _, posteriors, hand = filter_in_simulated_time
     clock = Clock(probe)
     clock.now_ns = START_NS + 60_000_000_000
@@ -121,11 +121,12 @@ def test_after_a_clock_that_was_set_back_silence_is_told_as_before(filter_in_sim
     clock.run(0.2)
     clock.now_ns = START_NS
     clock.run(1.0)
-    probe.until(lambda: posteriors[-1].stale, "a stale position")
-    assert posteriors[-1].reason.startswith("stale: no strain and no palm_pose")
+    probe.until(lambda: posteriors[-1].stale, "a stale estimate")
+    assert "strain" in posteriors[-1].reason
+    assert "palm_pose" in posteriors[-1].reason
 
 
-def test_who_listens_late_is_told_what_is_old(filter_in_simulated_time, probe):
+def test_late_subscribers_receive_the_stale_estimate(filter_in_simulated_time, probe):
     from tactile_localizer.msg import Posterior
 
     _, posteriors, hand = filter_in_simulated_time
@@ -133,8 +134,8 @@ def test_who_listens_late_is_told_what_is_old(filter_in_simulated_time, probe):
     clock.show()
     slide(probe, hand, posteriors, 20)
     clock.run(1.0)
-    probe.until(lambda: posteriors[-1].stale, "a stale position")
+    probe.until(lambda: posteriors[-1].stale, "a stale estimate")
     late = probe.listen(Posterior, "filter/posterior")
-    probe.until(lambda: late, "the stale position again")
+    probe.until(lambda: late, "the stale estimate again")
     assert late[0].stale
     assert list(late[0].mean) == list(posteriors[-1].mean)

@@ -1,4 +1,4 @@
-"""The layouts for RViz and Foxglove show what the filter really publishes."""
+"""The layouts for RViz and Foxglove match the topics of the filter."""
 
 import importlib
 import json
@@ -26,7 +26,7 @@ SIMULATED = {"/simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
 
 @pytest.fixture(scope="module")
 def probe(tmp_path_factory):
-    """Looks at a running filter."""
+    """A probe beside a running filter."""
     scan_file = tmp_path_factory.mktemp("scans") / "bump.db"
     write_scan(scan_file)
     process = Process(node_command("filter_node", {"scan_file": scan_file, "cell": 2.0}))
@@ -41,7 +41,7 @@ def probe(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def topics(probe):
-    """Its topics, with their kinds."""
+    """The topics of the filter, with their types."""
 
     def known():
         return {name: kinds[0] for name, kinds in probe.node.get_topic_names_and_types()}
@@ -57,7 +57,7 @@ def rviz():
     return yaml.safe_load(resource_path("config/rviz/localize.rviz").read_text())["Visualization Manager"]
 
 
-def test_rviz_shows_topics_that_are_there_and_of_the_right_kind(topics, rviz):
+def test_rviz_topics_exist_with_their_types(topics, rviz):
     shown = {
         display["Topic"]["Value"]: RVIZ_KINDS[display["Class"]]
         for display in rviz["Displays"] + rviz["Tools"]
@@ -68,28 +68,28 @@ def test_rviz_shows_topics_that_are_there_and_of_the_right_kind(topics, rviz):
     assert rviz["Global Options"]["Fixed Frame"] == "material"
 
 
-def test_rviz_hears_what_is_kept_for_late_listeners(topics, rviz, probe):
+def test_rviz_durability_matches_the_publishers(topics, rviz, probe):
     for display in rviz["Displays"]:
         if "Topic" not in display:
             continue
         (info,) = probe.node.get_publishers_info_by_topic(display["Topic"]["Value"])
-        kept = info.qos_profile.durability.name == "TRANSIENT_LOCAL"
-        assert (display["Topic"]["Durability Policy"] == "Transient Local") == kept, display["Name"]
+        latched = info.qos_profile.durability.name == "TRANSIENT_LOCAL"
+        assert (display["Topic"]["Durability Policy"] == "Transient Local") == latched, display["Name"]
 
 
-def test_rviz_colours_by_fields_that_the_clouds_have(topics, rviz, probe):
+def test_rviz_color_fields_exist(topics, rviz, probe):
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
 
-    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    clouds = probe.listen(PointCloud2, "/filter/map", kept)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    clouds = probe.listen(PointCloud2, "/filter/map", latched)
     probe.until(lambda: clouds, "the map")
     (display,) = [one for one in rviz["Displays"] if one["Name"] == "Tactile map"]
     assert display["Channel Name"] in [field.name for field in clouds[0].fields]
 
 
 def foxglove_paths(config):
-    """Every message path that a layout's panels name."""
+    """Message paths in the panels of a layout."""
     if isinstance(config, dict):
         for key, value in config.items():
             if key in ("value", "topicPath", "topicToRender", "poseEstimateTopic") and isinstance(value, str):
@@ -108,7 +108,7 @@ def message_class(kind):
     return getattr(importlib.import_module(f"{package}.msg"), name)
 
 
-def test_foxglove_names_fields_that_are_there(topics):
+def test_foxglove_fields_exist(topics):
     layout = json.loads(resource_path("config/foxglove/localize.json").read_text())
     paths = list(foxglove_paths(layout["configById"]))
     assert len(paths) > 12

@@ -1,9 +1,9 @@
-"""A bag of the topics that the mapping node heard makes the same scan file as the node itself."""
+"""Importing a bag gives the same scan file as recording its topics live."""
 
 import numpy as np
 import pytest
 from support.bags import SCENE, write_bag
-from support.hand import Hand
+from support.hand import DEEP_QUEUE, Hand
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.scans.store import ScanStore
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.ros
 
 
 def there_and_back(stamp_ms):
-    """Strokes of 30 mm that reach out of the scene's bounds, with a wobble."""
+    """Motion of 30 mm back and forth, beyond the bounds of the scene, with a wobble."""
     return 0.035 + 0.02 * np.cos(2 * np.pi * stamp_ms / 1600.0) + 1e-5 * np.sin(stamp_ms)
 
 
@@ -39,20 +39,18 @@ def files(tmp_path):
 
 
 def slide_badly(hand):
-    """Gaps in the poses, samples missing, saturated and out of bounds."""
+    """Slide with gaps in the poses and with missing, saturated and out-of-bounds samples."""
     hand.slide(600)
     hand.slide(200, poses=False)
-    hand.feel(hand.now_ms + 1, status=(1, 0, 0))
-    hand.feel(hand.now_ms + 2, status=(0, 2, 0))
-    hand.feel(hand.now_ms + 3, status=(0, 0, 1))
+    hand.send_strain(hand.now_ms + 1, status=(1, 0, 0))
+    hand.send_strain(hand.now_ms + 2, status=(0, 2, 0))
+    hand.send_strain(hand.now_ms + 3, status=(0, 0, 1))
     hand.slide(500)
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_sweeps_asked_for_by_service_are_the_same_sample_for_sample(
-    node_process, probe, files, tmp_path, storage
-):
-    process = node_process("mapping_node", parameters=files)
+def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_path, storage):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.x = there_and_back
     hand.slide(200)
@@ -65,7 +63,7 @@ def test_sweeps_asked_for_by_service_are_the_same_sample_for_sample(
         hand.slide(100)
         hand.wait_for_stamp(hand.now_ms)
     assert process.stop() == 0
-    bag = write_bag(tmp_path / "bag", hand.happened_with_status(), storage)
+    bag = write_bag(tmp_path / "bag", hand.published_with_status(), storage)
     arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported.db"]
     assert main([str(argument) for argument in arguments]) == 0
     live = contents(files["scan_file"])
@@ -74,8 +72,8 @@ def test_sweeps_asked_for_by_service_are_the_same_sample_for_sample(
     assert_same_scan(live, contents(tmp_path / "imported.db"))
 
 
-def test_sweeps_found_in_the_motion_are_the_same_sample_for_sample(node_process, probe, files, tmp_path):
-    process = node_process("mapping_node", parameters={**files, "sweep_detection": "both_ways"})
+def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files, tmp_path):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "sweep_detection": "both_ways"})
     hand = Hand(probe)
     hand.x = there_and_back
     hand.service("start_sweep")
@@ -85,7 +83,7 @@ def test_sweeps_found_in_the_motion_are_the_same_sample_for_sample(node_process,
     assert process.stop() == 0
     live = contents(files["scan_file"])
     assert len(live[1]) >= 3
-    bag = write_bag(tmp_path / "bag", hand.happened_with_status())
+    bag = write_bag(tmp_path / "bag", hand.published_with_status())
     for number, options in enumerate(([], ["--detect-sweeps", "both_ways"])):
         output = tmp_path / f"imported_{number}.db"
         arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", output, *options]

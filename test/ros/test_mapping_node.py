@@ -1,4 +1,4 @@
-"""The mapping node records what was felt where, by stamps, and says how it goes."""
+"""The mapping node records sweeps of strain and positions, by stamps."""
 
 import resource
 import signal
@@ -9,7 +9,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 from support.bags import MS, SCENE, START
-from support.hand import Hand, stamp_of
+from support.hand import DEEP_QUEUE, Hand, stamp_of
 
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
@@ -29,41 +29,39 @@ def load(files):
         return store.load(), store.sweeps(), store.recording()
 
 
-def test_the_installed_node_records_a_sweep_with_the_palm_interpolated_at_each_strain_stamp(
-    node_process, probe, files
-):
-    process = node_process("mapping_node", parameters=files)
+def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.slide(100)
     hand.wait_for_stamp(100)
-    assert hand.service("start_sweep").message == "sweep 1 started"
+    assert hand.service("start_sweep").success
     hand.slide(500)
     hand.wait_for_stamp(600)
-    assert hand.service("end_sweep").message == "sweep 1 ended"
+    assert hand.service("end_sweep").success
     hand.slide(100)
     hand.wait_for_stamp(700)
     assert process.stop() == 0
     scan, sweeps, recording = load(files)
-    felt_ms = np.arange(105, 601, 5)
-    np.testing.assert_array_equal(recording.sweeps[0].stamp_ns, START + felt_ms * MS)
-    np.testing.assert_allclose(scan.states[:, 0], Hand.x(felt_ms), atol=1e-12)
+    strain_ms = np.arange(105, 601, 5)
+    np.testing.assert_array_equal(recording.sweeps[0].stamp_ns, START + strain_ms * MS)
+    np.testing.assert_allclose(scan.states[:, 0], Hand.x(strain_ms), atol=1e-12)
     np.testing.assert_allclose(scan.states[:, 1], 0.02)
     np.testing.assert_array_equal(
-        scan.strain[:, 0], felt_ms + 8000, err_msg="index is the second phalanx sent"
+        scan.strain[:, 0], strain_ms + 8000, err_msg="index is the second phalanx sent"
     )
-    np.testing.assert_array_equal(scan.strain[:, 8], felt_ms, err_msg="middle is the first phalanx sent")
+    np.testing.assert_array_equal(scan.strain[:, 8], strain_ms, err_msg="middle is the first phalanx sent")
     assert [(s.ended, s.gaps, s.skipped) for s in sweeps] == [(True, 0, 0)]
 
 
-def test_a_scene_that_comes_with_the_package_is_known_by_its_name(node_process, probe, files):
-    node_process("mapping_node", parameters={**files, "scene_file": "bump.yaml"})
+def test_a_shipped_scene_is_found_by_name(node_process, probe, files):
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "scene_file": "bump.yaml"})
     hand = Hand(probe)
     probe.until(lambda: hand.statuses, "the status")
     assert hand.statuses[-1].scene == "bump"
 
 
-def test_the_status_tells_how_the_scan_goes_twice_a_second(node_process, probe, files):
-    node_process("mapping_node", parameters=files)
+def test_the_status_describes_the_scan(node_process, probe, files):
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     probe.until(lambda: len(hand.statuses) > 2, "the status while nothing happens")
     idle = hand.statuses[-1]
@@ -75,8 +73,8 @@ def test_the_status_tells_how_the_scan_goes_twice_a_second(node_process, probe, 
     )
     hand.service("start_sweep")
     hand.slide(1000)
-    hand.feel(1001, status=(0, 2, 0))
-    hand.pose(1010)
+    hand.send_strain(1001, status=(0, 2, 0))
+    hand.send_pose(1010)
     probe.until(lambda: hand.statuses[-1].skipped == 1 and hand.statuses[-1].rate > 0, "the skipped sample")
     status = hand.statuses[-1]
     assert (status.sweep_active, status.sweep, status.sweeps) == (True, 1, 1)
@@ -86,17 +84,15 @@ def test_the_status_tells_how_the_scan_goes_twice_a_second(node_process, probe, 
     assert stamp_of(begun) == 0, "the sweep began before the first sample"
 
 
-def test_what_was_felt_before_the_start_is_left_out_even_if_it_comes_later(
-    node_process, probe, files, monkeypatch
-):
-    # On a busy machine the samples may be later than the node would be patient with.
-    process = node_process("mapping_node", parameters={**files, "patience_s": 20.0})
+def test_strain_stamped_before_the_start_is_ignored(node_process, probe, files, monkeypatch):
+    # On a busy machine samples can be later than the default patience.
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 20.0})
     hand = Hand(probe)
     begun_ns = time.time_ns() - 1000 * MS
     monkeypatch.setattr("support.hand.START", begun_ns)
 
     def slide_until(late_ms):
-        """Publish everything up to ``late_ms`` ago."""
+        """Publish the messages up to ``late_ms`` before now."""
         hand.slide(max(0, (time.time_ns() - begun_ns) // MS - late_ms - hand.now_ms) // 20 * 20)
 
     probe.until(lambda: slide_until(300) or (hand.statuses and stamp_of(hand.statuses[-1])), "a status")
@@ -111,7 +107,7 @@ def test_what_was_felt_before_the_start_is_left_out_even_if_it_comes_later(
 
 
 def test_gaps_in_the_poses_are_skipped_and_counted(node_process, probe, files):
-    process = node_process("mapping_node", parameters=files)
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.service("start_sweep")
     hand.slide(200)
@@ -120,58 +116,57 @@ def test_gaps_in_the_poses_are_skipped_and_counted(node_process, probe, files):
     probe.until(lambda: hand.statuses and hand.statuses[-1].gaps, "gaps in the status")
     assert process.stop() == 0
     scan, sweeps, recording = load(files)
-    felt_ms = (recording.sweeps[0].stamp_ns - START) // MS
-    assert not np.any((felt_ms > 200) & (felt_ms < 520))
+    strain_ms = (recording.sweeps[0].stamp_ns - START) // MS
+    assert not np.any((strain_ms > 200) & (strain_ms < 520))
     assert sweeps[0].gaps >= 63
-    np.testing.assert_allclose(scan.states[:, 0], Hand.x(felt_ms), atol=1e-12)
+    np.testing.assert_allclose(scan.states[:, 0], Hand.x(strain_ms), atol=1e-12)
 
 
-def test_poses_that_come_late_still_find_their_strain(node_process, probe, files):
-    process = node_process("mapping_node", parameters=files)
+def test_late_poses_are_paired(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.service("start_sweep")
     hand.slide(400, poses=False)
     for stamp_ms in range(0, 401, 20):
-        hand.pose(stamp_ms)
+        hand.send_pose(stamp_ms)
     probe.until(lambda: hand.statuses and hand.statuses[-1].samples >= 80, "pairs")
     assert process.stop() == 0
     scan, *_ = load(files)
     np.testing.assert_allclose(scan.states[:, 0], Hand.x(np.arange(5, 401, 5)), atol=1e-12)
 
 
-def test_a_frame_that_cannot_be_used_refuses_the_sweep_by_name(node_process, probe, files):
-    process = node_process("mapping_node", parameters=files)
+def test_an_unknown_frame_prevents_a_sweep(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe, frame="map")
-    refusal = "palm pose frame 'map': expected 'material' or 'base_link'"
+    refusal = "frame 'map'"
     probe.until(lambda: hand.slide(20) or refusal in process.output, refusal)
     answer = hand.service("start_sweep")
     assert not answer.success
-    assert (
-        answer.message == "start sweep: palm_pose: palm pose frame 'map': expected 'material' or 'base_link'"
-    )
+    assert refusal in answer.message
     hand.frame = "base_link"
     probe.until(lambda: hand.slide(20) or hand.service("start_sweep").success, "a sweep in a known frame")
 
 
-def test_strain_without_a_phalanx_of_the_scene_refuses_the_sweep(node_process, probe, files):
-    process = node_process("mapping_node", parameters=files)
+def test_a_missing_phalanx_prevents_a_sweep(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe, phalanges=("middle", "thumb"))
-    refusal = "phalanx 'index' of scene 'sheet': expected one of middle, thumb"
+    refusal = "phalanx 'index'"
     probe.until(lambda: hand.slide(20) or refusal in process.output, refusal)
     assert not hand.service("start_sweep").success
 
 
-def test_services_out_of_turn_are_refused_with_the_reason(node_process, probe, files):
-    node_process("mapping_node", parameters=files)
+def test_sweep_services_out_of_order_are_rejected(node_process, probe, files):
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
-    assert hand.service("end_sweep").message == "end sweep: expected an active sweep, found none"
+    assert not hand.service("end_sweep").success
     assert hand.service("start_sweep").success
     answer = hand.service("start_sweep")
-    assert (answer.success, answer.message) == (False, "start sweep: expected no active sweep, found sweep 1")
+    assert not answer.success
+    assert "sweep 1" in answer.message
 
 
-def test_sweeps_are_found_from_the_motion_when_that_is_asked_for(node_process, probe, files):
-    process = node_process("mapping_node", parameters={**files, "sweep_detection": "both_ways"})
+def test_sweeps_can_be_detected_from_the_motion(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "sweep_detection": "both_ways"})
     hand = Hand(probe)
     hand.x = lambda stamp_ms: 0.01 + 0.00003 * abs(1000 - stamp_ms)
     hand.slide(2000)
@@ -185,11 +180,11 @@ def test_sweeps_are_found_from_the_motion_when_that_is_asked_for(node_process, p
     assert back.stamp_ns[0] > there.stamp_ns[-1]
 
 
-def test_the_map_is_shown_when_a_sweep_has_ended_and_kept_for_late_subscribers(node_process, probe, files):
+def test_the_map_is_latched_after_a_sweep(node_process, probe, files):
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
 
-    node_process("mapping_node", parameters=files)
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.service("start_sweep")
     hand.slide(300)
@@ -203,26 +198,22 @@ def test_the_map_is_shown_when_a_sweep_has_ended_and_kept_for_late_subscribers(n
     assert clouds[-1].width > 0
 
 
-def test_diagnostics_tell_what_is_recorded_and_what_is_lost(node_process, probe, files):
+def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-    node_process("mapping_node", parameters=files)
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
-    told = probe.listen(DiagnosticArray, "/diagnostics", 10)
+    reports = probe.listen(DiagnosticArray, "/diagnostics", 10)
 
     def latest():
-        return told[-1].status[0] if told else None
+        return reports[-1].status[0] if reports else None
 
     def poses():
         return next(int(value.value) for value in latest().values if value.key == "poses")
 
     probe.until(latest, "diagnostics")
     assert poses() == 0
-    assert (latest().name, latest().level, latest().message) == (
-        "mapping: scan",
-        DiagnosticStatus.OK,
-        "no active sweep",
-    )
+    assert (latest().name, latest().level) == ("mapping: scan", DiagnosticStatus.OK)
     hand.service("start_sweep")
     probe.until(lambda: "no samples received" in latest().message, "a warning of silence")
     assert latest().level == DiagnosticStatus.WARN
@@ -230,17 +221,17 @@ def test_diagnostics_tell_what_is_recorded_and_what_is_lost(node_process, probe,
     hand.slide(200, poses=False)
     hand.slide(100)
     probe.until(
-        lambda: any("samples without a pose" in m.status[0].message for m in told), "a warning of gaps"
+        lambda: any("samples without a pose" in m.status[0].message for m in reports), "a warning of gaps"
     )
     hand.frame = "map"
     hand.slide(40)
     probe.until(lambda: latest().level == DiagnosticStatus.ERROR, "an error")
-    assert latest().message.startswith("recording sweep 1: palm_pose: palm pose frame 'map'")
-    assert poses() == 10, "of those that can be used"
+    assert "frame 'map'" in latest().message
+    assert poses() == 10, "only valid poses count"
 
 
-def test_a_full_disk_is_told_and_the_node_lives_to_record_when_there_is_room(node_process, probe, files):
-    process = node_process("mapping_node", parameters=files)
+def test_a_full_disk_is_survived(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.service("start_sweep")
     hand.slide(100)
@@ -261,18 +252,18 @@ def test_a_full_disk_is_told_and_the_node_lives_to_record_when_there_is_room(nod
     assert sweeps[-1].pairs > 0
 
 
-def test_a_second_node_on_the_file_is_refused_and_the_first_goes_on(node_process, probe, files):
-    first = node_process("mapping_node", parameters=files)
+def test_a_second_writer_is_rejected(node_process, probe, files):
+    first = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
-    second = node_process("mapping_node", parameters=files, remaps={"__node": "other"})
+    second = node_process("mapping_node", parameters={**files, **DEEP_QUEUE}, remaps={"__node": "other"})
     assert second.wait() == 2
-    assert f"expected no other writer, process {first.pid} is writing the file" in second.output
+    assert f"process {first.pid}" in second.output
     assert "Traceback" not in second.output
     assert hand.service("start_sweep").success
 
 
-def test_killed_while_recording_it_goes_on_as_a_new_sweep(node_process, probe, files):
-    process = node_process("mapping_node", parameters=files)
+def test_a_killed_recording_continues_with_a_new_sweep(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.service("start_sweep")
     hand.slide(600)
@@ -281,14 +272,16 @@ def test_killed_while_recording_it_goes_on_as_a_new_sweep(node_process, probe, f
     with ScanStore.open(files["scan_file"]) as reader:
         probe.until(lambda: sum(sweep.pairs for sweep in reader.sweeps()) >= 110, "committed pairs", 5.0)
     process.stop(signal.SIGKILL)
-    kept = len(load(files)[0])
-    assert kept >= 110
-    process = node_process("mapping_node", parameters=files, remaps={"__node": "again"})
+    stored = len(load(files)[0])
+    assert stored >= 110
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE}, remaps={"__node": "again"})
     hand = Hand(probe, node="again")
-    probe.until(lambda: hand.statuses and hand.statuses[-1].samples == kept, "the status of the file so far")
-    assert hand.service("start_sweep").message == "sweep 2 started"
+    probe.until(
+        lambda: hand.statuses and hand.statuses[-1].samples == stored, "the status of the stored pairs"
+    )
+    assert "sweep 2" in hand.service("start_sweep").message
     hand.slide(200)
-    probe.until(lambda: hand.statuses[-1].samples > kept, "further pairs")
+    probe.until(lambda: hand.statuses[-1].samples > stored, "further pairs")
     assert process.stop() == 0
     _, sweeps, _ = load(files)
     assert [sweep.ended for sweep in sweeps] == [False, True]
@@ -343,7 +336,7 @@ def short_material_pose(files, tmp_path):
     ],
     ids=lambda spoil: spoil.__name__,
 )
-def test_a_configuration_that_cannot_work_is_refused_with_one_line(refusal, files, tmp_path, spoil):
+def test_an_invalid_configuration_is_rejected_in_one_line(refusal, files, tmp_path, spoil):
     parameters, message = spoil(files, tmp_path)
     (line,) = refusal("mapping_node", parameters)
     assert message in line

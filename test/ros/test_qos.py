@@ -1,4 +1,4 @@
-"""Strain is best effort and 100 deep unless that is overridden; what is believed is reliable."""
+"""Quality of service: strain is best effort with depth 100, estimates are reliable."""
 
 import pytest
 from support.sweeps import scene_of, write_scan
@@ -25,9 +25,7 @@ def parameters(simulated_can, tmp_path):
 @pytest.mark.parametrize(
     "wanted", [{}, {"reliability": "reliable", "depth": 7}], ids=["default", "overridden"]
 )
-def test_strain_is_best_effort_and_100_deep_unless_that_is_overridden(
-    node_process, probe, parameters, wanted
-):
+def test_strain_qos_can_be_overridden(node_process, probe, parameters, wanted):
     from rcl_interfaces.srv import GetParameters
 
     for node, end in ENDS.items():
@@ -49,7 +47,7 @@ def test_strain_is_best_effort_and_100_deep_unless_that_is_overridden(
         assert depth.integer_value == wanted.get("depth", 100)
 
 
-def test_what_is_believed_is_reliable_and_the_map_is_kept(node_process, probe, parameters):
+def test_estimates_are_reliable_and_the_map_is_latched(node_process, probe, parameters):
     node_process("filter_node", parameters["filter"])
 
     def quality(topic):

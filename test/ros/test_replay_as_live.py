@@ -1,4 +1,4 @@
-"""A bag replayed without ROS gives the posterior that the filter node gives when the bag is played to it."""
+"""Replay of a bag without ROS gives the posteriors of the filter node."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _AT_ONCE = 40
 
 
 def record(path: Path) -> Path:
-    """A hand that slides for 5 s: strain every 20 ms, poses every 30 ms; some late, missing or not well."""
+    """Write a bag of 5 s with strain every 20 ms and poses every 30 ms, some late, missing or faulty."""
     sweep = unseen_sweep(rate=50.0)
     happened: list[tuple[str, int, Any]] = []
     for k in range(250):
@@ -45,7 +45,7 @@ def record(path: Path) -> Path:
 
 
 def play(bag: Path, probe: Any) -> list[Any]:
-    """Publish a bag's messages in their order and gather what the filter says to them."""
+    """Publish the messages of a bag in order; returns the posteriors."""
     from geometry_msgs.msg import PoseStamped
     from rclpy.qos import QoSProfile, ReliabilityPolicy
     from rclpy.serialization import deserialize_message
@@ -74,14 +74,14 @@ def play(bag: Path, probe: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("choices", [GRID, PARTICLES], ids=["grid", "particles"])
-def test_replay_equals_the_filter_node_fed_by_playing_the_bag(
+def test_replay_equals_the_live_filter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, node_process: Any, probe: Any, choices: dict[str, Any]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_scan(tmp_path / "scan.db")
     bag = record(tmp_path / "bag")
     node = node_process("filter_node", {"scan_file": tmp_path / "scan.db", "seed": 7, **choices})
-    heard = play(bag, probe)
+    received = play(bag, probe)
     assert node.stop() == 0
 
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(choices))
@@ -89,13 +89,15 @@ def test_replay_equals_the_filter_node_fed_by_playing_the_bag(
     assert main(command.split()) == 0
     updates = json.loads((tmp_path / "out.json").read_text())["updates"]
 
-    assert [stamp_of(message) for message in heard] == [update["stamp_ns"] for update in updates]
+    assert [stamp_of(message) for message in received] == [update["stamp_ns"] for update in updates]
     assert 230 < len(updates) < 250
-    np.testing.assert_allclose([m.mean for m in heard], [u["mean"] for u in updates], rtol=0, atol=1e-9)
+    np.testing.assert_allclose([m.mean for m in received], [u["mean"] for u in updates], rtol=0, atol=1e-9)
     covariance = np.array([u["covariance"] for u in updates]).reshape(len(updates), 4)
-    np.testing.assert_allclose([m.covariance for m in heard], covariance, rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose([m.probability for m in heard], [u["probability"] for u in updates], atol=1e-9)
+    np.testing.assert_allclose([m.covariance for m in received], covariance, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(
-        [m.log_marginal for m in heard], [u["log_marginal"] for u in updates], atol=1e-9
+        [m.probability for m in received], [u["probability"] for u in updates], atol=1e-9
     )
-    assert [(m.converged, m.reason) for m in heard] == [(u["converged"], u["reason"]) for u in updates]
+    np.testing.assert_allclose(
+        [m.log_marginal for m in received], [u["log_marginal"] for u in updates], atol=1e-9
+    )
+    assert [(m.converged, m.reason) for m in received] == [(u["converged"], u["reason"]) for u in updates]

@@ -37,8 +37,10 @@ def test_calibration_blocks_no_service_and_loses_no_pair(node_process, probe, fi
     hand = Hand(probe, phalanges=("index", "middle"))
     process.wait_for_line("calibrating", timeout_s=30.0)
     assert hand.service("start_sweep").success
-    hand.pose(0)
-    hand.slide(1000)
+    hand.send_pose(0)
+    for _ in range(50):  # 4 strain vectors each, at about 200 Hz
+        hand.slide(20)
+        probe.executor.spin_once(timeout_sec=0.02)
     hand.wait_for_stamp(1000)
     assert hand.service("end_sweep").success
     assert "calibration stored" not in process.output, "recorded during the calibration"

@@ -1,4 +1,4 @@
-"""The security policy allows each node what it does, and no more; nothing that is read can run code."""
+"""The security policy matches the nodes, and no input can execute code."""
 
 import ast
 import xml.etree.ElementTree as ElementTree
@@ -17,7 +17,7 @@ NODES = ("driver", "mapping", "filter", "simulator")
 
 
 def allowed(enclave):
-    """What the policy allows a node in the namespace, by kind."""
+    """Names that the policy allows a node in the namespace, by kind."""
     root = ElementTree.parse(resource_path("config/security/policy.xml")).getroot()
     profile = root.find(f".//enclave[@path='/tactile_localizer/{enclave}']//profile")
     node = profile.get("node")
@@ -44,9 +44,7 @@ def full_name(name, node):
 
 @pytest.mark.ros
 @pytest.mark.parametrize("node", NODES)
-def test_the_policy_allows_what_the_running_node_does_and_no_more(
-    node_process, probe, simulated_can, tmp_path, node
-):
+def test_the_policy_matches_the_running_node(node_process, probe, simulated_can, tmp_path, node):
     bus = {
         "interface": simulated_can["interface"],
         "channel": simulated_can["channel"],
@@ -87,7 +85,7 @@ UNSAFE_CALLS = {"yaml.load", "yaml.unsafe_load", "yaml.full_load", "eval", "exec
 
 
 def unsafe(path: Path) -> set[str]:
-    """What a module uses that could run code out of a file."""
+    """Uses of functions that can execute code from a file."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     imports = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     imports |= {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
@@ -99,7 +97,7 @@ def unsafe(path: Path) -> set[str]:
     }
 
 
-def test_no_file_is_read_by_what_could_run_code() -> None:
+def test_no_unsafe_deserializer_is_used() -> None:
     modules = sorted(PACKAGE.rglob("*.py"))
     assert len(modules) > 50
     assert {str(path): found for path in modules if (found := unsafe(path))} == {}

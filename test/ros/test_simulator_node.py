@@ -23,7 +23,7 @@ SPEED, CELL_HZ, POSE_HZ = 10.0, 20.0, 20.0
 
 @pytest.fixture
 def start(node_process, simulated_can):
-    """Start the node, quick and on a bus of its own."""
+    """Start the simulator at high speed on a separate bus."""
 
     def start(**parameters):
         return node_process(
@@ -54,7 +54,7 @@ def frames(simulated_can):
 
 
 class Hand:
-    """What a test sees of the simulator."""
+    """Topics and services of the simulator."""
 
     def __init__(self, probe):
         from geometry_msgs.msg import PoseStamped
@@ -72,12 +72,12 @@ class Hand:
         return self._probe.call(self._trigger, f"simulator/{service}")
 
     def do_sweep(self):
-        """What the service says of a sweep, and its poses and ground truth, (n, 2) each."""
+        """Response of the service, and poses and ground truth of the sweep, (n, 2) each."""
         first = len(self.poses), len(self.truth)
-        told = json.loads(self.call("sweep").message)
+        reports = json.loads(self.call("sweep").message)
         self._probe.until(lambda: self.active and self.active[-1].data, "the sweep's start")
         self._probe.until(lambda: not self.active[-1].data, "the sweep's end")
-        return told, xy(self.poses[first[0] :]), xy(self.truth[first[1] :])
+        return reports, xy(self.poses[first[0] :]), xy(self.truth[first[1] :])
 
 
 @pytest.fixture
@@ -96,31 +96,31 @@ def drain(buffer):
     return messages
 
 
-def test_training_sweeps_follow_the_plan_one_after_another(start, hand):
+def test_training_sweeps_follow_the_plan(start, hand):
     start()
     for number in range(2):
         hand.call("prepare")
-        told, poses, truth = hand.do_sweep()
+        reports, poses, truth = hand.do_sweep()
         (_, y), (end, _) = sweep_plan("train", number, 1)
-        assert (told["mode"], told["sweep"]) == ("scan", number)
-        assert told["duration_s"] == pytest.approx(7.8 / SPEED, rel=0.2)
+        assert (reports["mode"], reports["sweep"]) == ("scan", number)
+        assert reports["duration_s"] == pytest.approx(7.8 / SPEED, rel=0.2)
         np.testing.assert_allclose(poses[[0, -1]], [[0, y], [end, y]], atol=3e-3)
         np.testing.assert_allclose(truth[[0, -1]], poses[[0, -1]], atol=2e-3)
         assert np.all(np.diff(poses[:, 0]) > -1e-3)
 
 
-def test_in_localize_mode_the_poses_are_off_by_an_unknown_constant(start, hand):
+def test_in_localize_mode_poses_have_a_constant_offset(start, hand):
     start(mode="localize")
     hand.call("prepare")
-    told, poses, truth = hand.do_sweep()
-    assert told["mode"] == "localize"
+    reports, poses, truth = hand.do_sweep()
+    assert reports["mode"] == "localize"
     n = min(len(poses), len(truth))
     off = np.median(poses[-n:] - truth[-n:], axis=0)
     assert np.max(np.abs(off)) > 0.01
     np.testing.assert_allclose(np.ptp(poses, axis=0)[0], np.ptp(truth, axis=0)[0], atol=4e-3)
 
 
-def test_ground_truth_is_silent_while_the_fingers_are_open(start, hand, probe):
+def test_open_fingers_publish_no_ground_truth(start, hand, probe):
     start()
     probe.until(lambda: len(hand.poses) > 20, "palm poses")
     assert not hand.truth
@@ -128,7 +128,7 @@ def test_ground_truth_is_silent_while_the_fingers_are_open(start, hand, probe):
     probe.until(lambda: hand.truth, "ground truth once the fingers are closed")
 
 
-def test_frames_carry_the_simulated_strain_of_the_sweep(start, hand, frames):
+def test_frames_carry_the_simulated_strain(start, hand, frames):
     start()
     hand.call("prepare")
     drain(frames)
@@ -145,7 +145,7 @@ def test_frames_carry_the_simulated_strain_of_the_sweep(start, hand, frames):
     assert np.quantile(np.min(apart, axis=0), 1 / 3) < 1e-3
 
 
-def test_asking_for_a_sweep_prepares_it_and_a_second_one_meanwhile_is_refused(start, hand, probe):
+def test_a_sweep_is_prepared_and_excludes_another(start, hand, probe):
     start(speed=2.0)
     assert hand.call("sweep").success
     probe.until(lambda: hand.active and hand.active[-1].data, "the sweep's start")
@@ -155,7 +155,7 @@ def test_asking_for_a_sweep_prepares_it_and_a_second_one_meanwhile_is_refused(st
         assert "sweeping" in answer.message
 
 
-def test_faults_are_switched_on_while_it_runs(start, hand, frames, probe):
+def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
     from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
     from rcl_interfaces.srv import SetParameters
 
@@ -181,7 +181,7 @@ def test_faults_are_switched_on_while_it_runs(start, hand, frames, probe):
 
 
 @pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_cleanly_in_the_middle_of_a_sweep(start, hand, sig):
+def test_an_interrupt_during_a_sweep_ends_cleanly(start, hand, sig):
     node = start(speed=1.0)
     assert hand.call("sweep").success
     assert node.stop(sig) == 0
@@ -197,6 +197,6 @@ def test_it_ends_cleanly_in_the_middle_of_a_sweep(start, hand, sig):
         ({"fault.silent": ["thumb"]}, "fault.silent: expected some of index, middle, got 'thumb'"),
     ],
 )
-def test_a_parameter_that_cannot_work_is_refused_in_one_line(refusal, parameters, message):
+def test_an_invalid_parameter_is_rejected_in_one_line(refusal, parameters, message):
     (line,) = refusal("simulator_node", parameters)
     assert message in line

@@ -1,4 +1,4 @@
-"""Palm poses out of tf with the real buffer, and the material's pose into tf."""
+"""Palm poses from tf with the real buffer, and the pose of the material published to tf."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pose_matrix(translation: Any, rotation: Rotation) -> np.ndarray:
     return matrix
 
 
-def test_the_material_is_where_palm_and_posterior_say() -> None:
+def test_the_transform_agrees_with_palm_and_posterior() -> None:
     from tactile_localizer.ros.publishers.material_transform import material_in_reference
 
     nominal = (0.5, -0.2, 0.9, 0.1, -0.2, 0.7)
@@ -37,7 +37,7 @@ def test_the_material_is_where_palm_and_posterior_say() -> None:
     np.testing.assert_allclose(found @ on_material, reference_nominal @ in_nominal, atol=1e-12)
 
 
-def test_an_axis_that_is_not_modelled_stays_as_the_material_pose_has_it() -> None:
+def test_unmodelled_axes_have_the_nominal_pose() -> None:
     from tactile_localizer.ros.publishers.material_transform import material_in_reference
 
     translation, quaternion = material_in_reference(
@@ -48,7 +48,7 @@ def test_an_axis_that_is_not_modelled_stays_as_the_material_pose_has_it() -> Non
 
 
 @pytest.mark.parametrize("parameters", [{"pose_source": "tf"}, {"publish_tf": True}])
-def test_without_tf_its_parameters_are_refused(refusal: Any, tmp_path: Any, parameters: Any) -> None:
+def test_tf_parameters_require_tf(refusal: Any, tmp_path: Any, parameters: Any) -> None:
     try:
         import tf2_ros
     except ImportError:
@@ -59,7 +59,7 @@ def test_without_tf_its_parameters_are_refused(refusal: Any, tmp_path: Any, para
 
 
 class Poses:
-    """A lookup with the real buffer, what it found and missed."""
+    """A lookup with the real buffer, its poses and its failures."""
 
     def __init__(self, patience_s: float = 0.5) -> None:
         pytest.importorskip("tf2_ros", reason="tf2_ros is not installed: only a ROS 2 distribution has it")
@@ -86,7 +86,7 @@ class Poses:
             self.lookup.look_up(START + ms * MS)
 
     def places(self) -> list[tuple[int, float]]:
-        """Stamps, ms, and x of what was found."""
+        """Stamps, ms, and x of the poses found."""
         return [((stamp_of(m) - START) // MS, round(m.pose.position.x, 9)) for m in self.found]
 
 
@@ -111,7 +111,7 @@ def test_a_late_transform_is_waited_for() -> None:
     assert poses.missed == []
 
 
-def test_a_missing_transform_is_given_up_after_the_patience_and_named() -> None:
+def test_a_missing_transform_fails_after_the_patience() -> None:
     poses = Poses(patience_s=0.1)
     poses.look_up(0, 50, 100)
     assert poses.missed == []
@@ -120,7 +120,7 @@ def test_a_missing_transform_is_given_up_after_the_patience_and_named() -> None:
     assert '"base_link" passed to lookupTransform' in poses.missed[0]
 
 
-def test_nothing_is_extrapolated_before_the_first_transform() -> None:
+def test_lookups_before_the_first_transform_fail() -> None:
     poses = Poses(patience_s=0.1)
     poses.send(100, 0.1)
     poses.send(300, 0.3)
@@ -131,7 +131,7 @@ def test_nothing_is_extrapolated_before_the_first_transform() -> None:
     assert "extrapolation into the past" in poses.missed[0]
 
 
-def test_frames_are_chained_and_may_be_static() -> None:
+def test_static_frames_are_chained() -> None:
     poses = Poses()
     poses.send(0, 1.0, "wrist", "palm", topic=1)
     poses.send(0, 0.0, "base_link", "wrist")
@@ -140,7 +140,7 @@ def test_frames_are_chained_and_may_be_static() -> None:
     assert poses.places() == [(10, 1.01)]
 
 
-def test_frames_in_a_circle_are_given_up_and_named() -> None:
+def test_a_loop_of_frames_fails() -> None:
     poses = Poses(patience_s=0.1)
     for ms in (0, 1000):
         poses.send(ms, 0.0, "wrist", "palm")
@@ -150,7 +150,7 @@ def test_frames_in_a_circle_are_given_up_and_named() -> None:
     assert len(poses.missed) == 1
 
 
-def test_a_looping_bag_is_looked_up_anew() -> None:
+def test_a_looping_bag_clears_the_buffer() -> None:
     poses = Poses()
     for loop in range(2):
         for ms in range(0, 20_000, 20):
@@ -162,7 +162,7 @@ def test_a_looping_bag_is_looked_up_anew() -> None:
     assert [x for _, x in begun_anew] == pytest.approx([1 + ms / 1000 for ms, _ in begun_anew])
 
 
-def test_a_filter_on_tf_publishes_where_the_material_is(node_process: Any, probe: Any, tmp_path: Any) -> None:
+def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, tmp_path: Any) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed: only a ROS 2 distribution has it")
     from geometry_msgs.msg import TransformStamped
     from tf2_msgs.msg import TFMessage

@@ -22,7 +22,7 @@ def command_line(pid):
 
 
 @pytest.mark.slow
-def test_a_short_soak_finds_every_fault_told_and_all_well_again(process, tmp_path):
+def test_a_short_soak_reports_all_faults_and_recovers(process, tmp_path):
     soak = process([*SOAK, "--minutes", "0.4", "-o", tmp_path, "--only", *QUICK])
     status = soak.wait(timeout_s=300.0)
     report = json.loads((tmp_path / "report.json").read_text())
@@ -38,7 +38,7 @@ def test_a_short_soak_finds_every_fault_told_and_all_well_again(process, tmp_pat
     assert "Traceback" not in soak.output
 
 
-def test_a_process_that_ends_fails_the_soak_and_is_named(process, tmp_path):
+def test_an_ended_process_fails_the_soak(process, tmp_path):
     soak = process([*SOAK, "-o", tmp_path, "--only", "belief spread"])
     soak.wait_for_line("injecting faults", timeout_s=120.0)
     (mapping,) = [pid for pid in children(soak.pid) if b"mapping_node" in command_line(pid)]
@@ -55,14 +55,14 @@ def test_a_process_that_ends_fails_the_soak_and_is_named(process, tmp_path):
         (["--minutes", "0"], "--minutes: expected more than 0"),
     ],
 )
-def test_a_mistake_on_the_command_line_is_one_line(process, arguments, reason):
+def test_a_command_line_error_is_one_line(process, arguments, reason):
     soak = process([*SOAK, *arguments])
     assert soak.wait() == 2
     assert reason in soak.output
     assert len(soak.lines) == 1
 
 
-def test_the_page_of_faults_names_each_fault_that_is_injected_and_tests_that_are_there():
+def test_the_faults_page_lists_all_faults_and_existing_tests():
     from harness.faults import FAULTS
 
     tests = Path(__file__).parents[1]
@@ -73,7 +73,7 @@ def test_the_page_of_faults_names_each_fault_that_is_injected_and_tests_that_are
     assert [name for name in named if not (tests / name).exists()] == []
 
 
-def test_memory_that_grows_after_the_warm_up_is_found_and_what_came_before_is_not():
+def test_memory_growth_after_the_warm_up_is_reported():
     noise = [0, 1, -1, 2, 0, -2, 1, 0, -1, 0] * 10
     growing = Memory(warm_up=50, samples=[50_000_000 + 100_000 * k for k in range(150)])
     steady = Memory(warm_up=50, samples=[k * 1_000_000 for k in range(50)] + [50_000_000 + n for n in noise])
@@ -81,7 +81,7 @@ def test_memory_that_grows_after_the_warm_up_is_found_and_what_came_before_is_no
     assert abs(steady.growth_bytes) < 10
 
 
-def test_the_memory_of_a_process_is_what_it_holds():
+def test_process_memory_is_measured():
     before = resident_bytes(os.getpid())
     block = bytearray(b"x" * 30_000_000)
     assert 25_000_000 < resident_bytes(os.getpid()) - before < 60_000_000

@@ -1,6 +1,6 @@
-"""Arguments of the launch files: each is described, checked, and becomes a node's parameter.
+"""Arguments of the launch files: description, validation and conversion to parameters.
 
-Only the launch files import this; it needs ``launch``, which a ROS 2 distribution has.
+Only the launch files import this module; it needs ``launch`` from a ROS 2 distribution.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Argument:
 
     Parameters
     ----------
-    name : of the argument, and of the parameter that it becomes
-    description : for ``--show-args``
-    default : as text; empty: as the parameter file has it; ``None``: it must be given
-    kind : makes the value from the text; raises an error where it cannot
-    choices : the texts that are allowed; empty: any
+    name : name of the argument and of the parameter that it sets
+    description : text for ``--show-args``
+    default : default as text; empty for that of the parameter file, ``None`` if the argument is required
+    kind : converts the text to the value, or raises an error
+    choices : allowed texts; empty for any
     """
 
     name: str
@@ -45,23 +45,23 @@ class Argument:
     choices: Sequence[str] = ()
 
     def declaration(self) -> DeclareLaunchArgument:
-        """What launch shows with ``--show-args`` and checks first."""
+        """The declaration, shown by ``--show-args``."""
         choices = list(self.choices) or None
         return DeclareLaunchArgument(
             self.name, default_value=self.default, description=self.description, choices=choices
         )
 
     def text(self, context: LaunchContext) -> str:
-        """The argument as it was given."""
+        """The text of the argument."""
         return str(LaunchConfiguration(self.name).perform(context))
 
     def value(self, context: LaunchContext) -> Any:
-        """The argument's value.
+        """The value of the argument.
 
         Raises
         ------
         ParameterError
-            The text is not one of the argument's kind; names the argument.
+            The text is invalid; the message names the argument.
         """
         text = self.text(context)
         try:
@@ -73,13 +73,13 @@ class Argument:
 
 
 def switch(name: str, description: str, default: str = "") -> Argument:
-    """An argument that is true or false."""
+    """A boolean argument."""
     choices = tuple(_BOOLEANS) if default else ("", *_BOOLEANS)
     return Argument(name, description, default, _BOOLEANS.__getitem__, choices)
 
 
 def strings(text: str) -> list[str]:
-    """A list of strings, in YAML."""
+    """Parse a list of strings in YAML."""
     try:
         found = parse_yaml(text)
     except yaml.YAMLError:
@@ -90,7 +90,7 @@ def strings(text: str) -> list[str]:
 
 
 def positive(text: str) -> float:
-    """A finite number above zero."""
+    """Parse a finite number above zero."""
     found = number(text, "number", finite=False) if is_number(text) else math.nan
     if not 0.0 < found < math.inf:
         raise ParameterError("a number above 0")
@@ -98,18 +98,18 @@ def positive(text: str) -> float:
 
 
 def file(text: str) -> str:
-    """The path of a file that exists."""
+    """The path of an existing file."""
     if not Path(text).is_file():
         raise ParameterError("an existing file")
     return text
 
 
 def scene(text: str) -> str:
-    """The path of a scene that exists, or that comes with the package."""
+    """The path of a scene file, or of a shipped one."""
     return str(given_or_shipped(text, "config/scenes"))
 
 
-def mistyped(given: Iterable[str], known: Sequence[str]) -> dict[str, str]:
-    """By unknown argument, the known one that it nearly is; a file that includes ours may have others."""
+def misspelt(given: Iterable[str], known: Sequence[str]) -> dict[str, str]:
+    """Near match of each unknown argument; a launch file that includes ours can have arguments of its own."""
     near = {name: get_close_matches(name, known, n=1, cutoff=0.8) for name in given if name not in known}
     return {name: found[0] for name, found in near.items() if found}

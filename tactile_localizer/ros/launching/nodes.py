@@ -1,7 +1,7 @@
-"""What the launch files have in common: nodes with described arguments, in any namespace.
+"""Launch descriptions of the nodes, with described arguments, in any namespace.
 
-A node that ends while the launch goes on ends the launch with exit status 1. Only the launch files import
-this; it needs ``launch`` and ``launch_ros``, which a ROS 2 distribution has.
+If a node ends, the launch ends with exit status 1. Only the launch files import this module; it needs
+``launch`` and ``launch_ros`` from a ROS 2 distribution.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tactile_localizer.ros.base.executable import REFUSED
 from tactile_localizer.ros.launching.arguments import (
     Argument,
     file,
-    mistyped,
+    misspelt,
     positive,
     scene,
     strings,
@@ -34,29 +34,25 @@ from tactile_localizer.sim.material import FEATURES
 _PACKAGE = "tactile_localizer"
 _RESPAWN_DELAY_S = 2.0
 
-NAMESPACE = Argument("namespace", "Namespace of the nodes, such as left; two hands have two")
-_RESPAWN = switch(
-    "respawn", "Start a node again that has crashed; not one that refuses its parameters", "false"
-)
+NAMESPACE = Argument("namespace", "Namespace of the nodes, for example left; one per hand")
+_RESPAWN = switch("respawn", "Restart a crashed node, but not one that rejects its configuration", "false")
 _LOG_LEVEL = Argument(
-    "log_level", "Of the nodes", "info", choices=("debug", "info", "warn", "error", "fatal")
+    "log_level", "Log level of the nodes", "info", choices=("debug", "info", "warn", "error", "fatal")
 )
 _SWITCHES = (
     switch("use_sim_time", "Take time from /clock", "false"),
-    switch("autostart", "Configure and activate the nodes; false leaves that to a lifecycle manager", "true"),
+    switch("autostart", "Configure and activate the nodes; false leaves both to a lifecycle manager", "true"),
 )
 COMMON = (NAMESPACE, *_SWITCHES, _RESPAWN, _LOG_LEVEL)
 """Arguments of every launch file."""
 
 POSE_TOPIC = Argument("pose_topic", "Topic of the palm poses (geometry_msgs/PoseStamped)", "palm_pose")
 BUS = (
-    Argument("interface", "python-can interface of the load cells' bus, such as socketcan"),
-    Argument("channel", "Channel of the interface, such as can0"),
-    Argument("bus_options", "Further options, as a list: \"['bitrate=1000000']\"", kind=strings),
+    Argument("interface", "python-can interface of the CAN bus, for example socketcan"),
+    Argument("channel", "Channel of the interface, for example can0"),
+    Argument("bus_options", "Options of the interface, as a list: \"['bitrate=1000000']\"", kind=strings),
 )
-_SCENE_FILE = Argument(
-    "scene_file", "Scene (YAML): a path, or the name of one that comes with the package", kind=scene
-)
+_SCENE_FILE = Argument("scene_file", "Scene (YAML): path or shipped file name", kind=scene)
 
 
 @dataclass(frozen=True)
@@ -65,12 +61,12 @@ class Launched:
 
     Parameters
     ----------
-    name : of the node; the executable is ``{name}_node``, the parameter file ``config/{name}.yaml``
-    arguments : those that become parameters of the node, unless they are empty
-    remapped : by topic, the launch argument that says what it is called
-    fixed : parameters that the launch file decides
-    queues : by argument that names a topic, or by topic, how many messages may wait for the node
-    when : name and value of a launch argument without which the node is not started
+    name : name of the node; the executable is ``{name}_node``, the parameter file ``config/{name}.yaml``
+    arguments : launch arguments that become parameters of the node unless they are empty
+    remapped : launch argument with the name of each remapped topic
+    fixed : parameters set by the launch file
+    queues : depth of the subscription by topic, or by launch argument that names the topic
+    when : name and value of the launch argument that selects the node; ``None``: always started
     """
 
     name: str
@@ -82,21 +78,21 @@ class Launched:
 
     @property
     def parameter_file(self) -> Argument:
-        """The argument that names the node's parameter file."""
+        """The argument that names the parameter file of the node."""
         shipped = str(resource_path(f"config/{self.name}.yaml"))
         return Argument(f"{self.name}_params", f"Parameter file of the {self.name}", shipped, file)
 
     def is_wanted(self, context: LaunchContext) -> bool:
-        """Whether the launch arguments ask for the node."""
+        """Whether the launch arguments select the node."""
         return self.when is None or context.launch_configurations[self.when[0]] == self.when[1]
 
     def action(self, context: LaunchContext) -> LifecycleNode:
-        """Starts the node, with the arguments as they were given.
+        """The action that starts the node.
 
         Raises
         ------
         ParameterError
-            An argument's text cannot be used; names the argument.
+            An argument is invalid.
         """
         given = [*(a for a in self.arguments if a.text(context)), *_SWITCHES]
         parameters = {a.name: a.value(context) for a in given} | dict(self.fixed)
@@ -121,17 +117,17 @@ class Launched:
 _FRAMES = (
     Argument(
         "pose_source",
-        "Palm poses arrive on pose_topic (topic), or are looked up in tf",
+        "Source of palm poses: pose_topic (topic), or lookup in tf",
         choices=("", "topic", "tf"),
     ),
-    Argument("palm_frame", "Frame that is looked up in tf"),
-    Argument("reference_frame", "Frame that palm poses are in, such as base_link"),
-    Argument("material_frame", "Frame of the material; two hands have two"),
+    Argument("palm_frame", "Frame of the palm in tf"),
+    Argument("reference_frame", "Frame of the palm poses, for example base_link"),
+    Argument("material_frame", "Frame of the material; one per hand"),
 )
 
 
 def resolved(topic: Argument | str, context: LaunchContext) -> str:
-    """The full name of a topic in the launch's namespace, or of the one that an argument names."""
+    """The full name of a topic, or of the topic that an argument names, in the namespace of the launch."""
     name = topic.text(context) if isinstance(topic, Argument) else topic
     return posixpath.join(f"/{NAMESPACE.text(context).strip('/')}", name)
 
@@ -140,28 +136,28 @@ DRIVER = Launched(
     "driver",
     (
         *BUS,
-        Argument("dbc", "CAN database: a path, or the name of one that comes with the package"),
+        Argument("dbc", "CAN database: path or shipped file name"),
         Argument("phalanges", "Names of the load cells, as a list: [index, middle]", kind=strings),
     ),
 )
 MAPPING = Launched(
     "mapping",
-    (Argument("scan_file", "Scan file; recording goes on in one that exists"), _SCENE_FILE, *_FRAMES),
+    (Argument("scan_file", "Scan file to record to; an existing file is continued"), _SCENE_FILE, *_FRAMES),
     {"palm_pose": POSE_TOPIC},
 )
 FILTER = Launched(
     "filter",
     (
-        Argument("scan_file", "Scan file: the map"),
+        Argument("scan_file", "Scan file, used as the map"),
         Argument(
             "candidate_scan_files",
-            "Scan files of several features, as a list, in place of scan_file: which is it?",
+            "Scan files of several features, as a list, instead of scan_file, to identify the feature",
             kind=strings,
         ),
         _SCENE_FILE,
-        Argument("scan_directory", "Directory that ~/load_scan may read scan files from"),
+        Argument("scan_directory", "Directory of the scan files that ~/load_scan may read"),
         *_FRAMES,
-        switch("publish_tf", "Publish where the material is, while converged"),
+        switch("publish_tf", "Publish the transform to material_frame while converged"),
     ),
     {"palm_pose": POSE_TOPIC},
 )
@@ -169,12 +165,12 @@ SIMULATOR = Launched(
     "simulator",
     (
         *BUS,
-        Argument("feature", "What lies in the simulated material", choices=("", *FEATURES)),
-        Argument("speed", "Simulated seconds per second", kind=positive),
+        Argument("feature", "Feature in the simulated material", choices=("", *FEATURES)),
+        Argument("speed", "Simulated seconds per second of real time", kind=positive),
         Argument(
             "mode",
-            "scan: sweeps to train on, with the mapping; localize: from unknown places, with the filter; "
-            "none: to train on, with neither",
+            "scan: training sweeps and the mapping; localize: sweeps from unknown positions and the filter; "
+            "none: training sweeps only",
             "none",
             lambda mode: "localize" if mode == "localize" else "scan",
             ("scan", "localize", "none"),
@@ -184,18 +180,18 @@ SIMULATOR = Launched(
 
 
 Beside = Callable[[LaunchContext, Sequence[LifecycleNode]], list[Any]]
-"""Makes what a launch file does beside its nodes, which it is given."""
+"""Function that makes further actions, given the actions of the nodes."""
 
 
 def nodes(
     *launched: Launched, arguments: Sequence[Argument] = (), beside: Beside | None = None
 ) -> LaunchDescription:
-    """A launch description that declares what the nodes need, once, and starts them.
+    """A launch description that declares the arguments of nodes and starts them.
 
     Parameters
     ----------
-    launched : the nodes
-    arguments : of the launch file itself
+    launched : nodes to start
+    arguments : further arguments of the launch file
     beside : makes further actions
     """
     declared = {argument.name: argument for argument in (*COMMON, *arguments)}
@@ -203,31 +199,31 @@ def nodes(
         for argument in (node.parameter_file, *node.remapped.values(), *node.arguments):
             declared.setdefault(argument.name, argument)
     description = LaunchDescription([argument.declaration() for argument in declared.values()])
-    description.add_action(OpaqueFunction(function=_warn_of_mistyped, args=[description]))
+    description.add_action(OpaqueFunction(function=_warn_of_misspelt, args=[description]))
     description.add_action(OpaqueFunction(function=_start, args=[launched, beside]))
     return description
 
 
-def _warn_of_mistyped(context: LaunchContext, description: LaunchDescription) -> None:
+def _warn_of_misspelt(context: LaunchContext, description: LaunchDescription) -> None:
     known = [argument.name for argument in description.get_launch_arguments()]
-    for name, meant in mistyped(context.launch_configurations, known).items():
-        get_logger("launch").warning(f"launch argument {name}: not known, did you mean {meant}?")
+    for name, meant in misspelt(context.launch_configurations, known).items():
+        get_logger("launch").warning(f"launch argument {name}: unknown, did you mean {meant}?")
 
 
 def _start(context: LaunchContext, launched: Sequence[Launched], beside: Beside | None) -> list[Any]:
-    """All nodes, or none where an argument cannot be used."""
+    """Start all nodes, or none if an argument is invalid."""
     started = [node.action(context) for node in launched if node.is_wanted(context)]
     return [*started, *(beside(context, started) if beside else ())]
 
 
 def _ending(name: str, respawn: bool) -> Callable[[ProcessExited, LaunchContext], None]:
-    """Ends the launch with the node: launch's exit status is 1 where a handler raises, and 0 otherwise."""
+    """Handler that ends the launch with the node: the exit status is 1 only if a handler raises an error."""
 
     def end(event: ProcessExited, context: LaunchContext) -> None:
         if context.is_shutdown or (respawn and event.returncode != REFUSED):
             return
         raise TactileLocalizerError(
-            f"{name}: expected the node to go on, it ended with status {event.returncode}"
+            f"{name}: expected a running node, it ended with status {event.returncode}"
         )
 
     return end

@@ -1,6 +1,6 @@
-"""A bag through a launched filter: played once the filter is active, and only what the filter subscribes to.
+"""Replay of a bag: plays the topics of the filter once it is active.
 
-Only ``replay.launch.py`` imports this; it needs ``launch_ros``, which a ROS 2 distribution has.
+Only ``replay.launch.py`` imports this module; it needs ``launch_ros`` from a ROS 2 distribution.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from tactile_localizer.ros.launching.arguments import Argument, positive, switch
 from tactile_localizer.ros.launching.nodes import FILTER, POSE_TOPIC, resolved
 
 _CLOCK_HZ = 200
-"""Rate of ``/clock``; the default of 40 Hz is coarse for strain at 100 Hz and more."""
+"""Rate of ``/clock``, Hz; the default of 40 Hz is too coarse for strain at 100 Hz and more."""
 
 _DISCOVERY_S = 3.0
-"""Time for the filter to discover the player's publishers, for ``ros2 bag play`` waits for no subscriber: 2 s
-were too short on two cores at a load of 8."""
+"""Time for discovery, s, because ``ros2 bag play`` does not wait for subscribers; 2 s were too short on two
+cores at a load of 8."""
 
 _QUIET_S = 1.0
-"""Time without a posterior after which the filter has worked off what was played."""
+"""Time without a posterior after which the filter has processed all messages, s."""
 
 
 def _bag(text: str) -> str:
@@ -50,8 +50,8 @@ def _bag(text: str) -> str:
 
 
 BAG = Argument("bag", "Bag to play", None, _bag)
-RATE = Argument("rate", "How many times as fast as it was recorded", "1.0", positive)
-LOOP = switch("loop", "Begin again at the bag's end", "false")
+RATE = Argument("rate", "Speed relative to the recording", "1.0", positive)
+LOOP = switch("loop", "Restart at the end of the bag", "false")
 ARGUMENTS = (BAG, RATE, LOOP)
 
 FILTER_ON_BAG_TIME = replace(
@@ -59,16 +59,16 @@ FILTER_ON_BAG_TIME = replace(
     fixed={"use_sim_time": True, "autostart": False},
     queues={"strain": 10_000, POSE_TOPIC: 10_000},
 )
-"""The filter on the bag's time; the replay configures and activates it. Played fast, it may be behind."""
+"""The filter in the time of the bag, activated by the replay, with queues for fast playback."""
 
 
 class Replay:
-    """Configures and activates the filter, plays the bag, and ends the launch when the filter has caught up.
+    """Activates the filter, plays the bag, and ends the launch when the filter has processed it.
 
     Parameters
     ----------
-    context : of the launch
-    filter_node : the filter's action
+    context : context of the launch
+    filter_node : action that starts the filter
     """
 
     def __init__(self, context: LaunchContext, filter_node: LifecycleNode) -> None:
@@ -81,7 +81,7 @@ class Replay:
         get_ros_node(context).create_subscription(Posterior, topic, self._count, 1000)
 
     def actions(self) -> list[Any]:
-        """What the launch does, in order."""
+        """The actions of the launch, in order."""
         return [
             self._on("configuring", "inactive", self._change(Transition.TRANSITION_ACTIVATE)),
             self._on("configuring", "unconfigured", OpaqueFunction(function=_fail_refused)),
@@ -129,11 +129,11 @@ class Replay:
             return TimerAction(period=_QUIET_S, actions=[later])
         if not self._posteriors:
             raise TactileLocalizerError(
-                f"{self._bag}: expected {' and '.join(self._topics[:2])} that the filter can use, "
-                "it published no posterior"
+                f"{self._bag}: expected valid messages on {' and '.join(self._topics[:2])}, "
+                "the filter published no posterior"
             )
         return Shutdown(reason=f"the bag has ended: {self._posteriors} posteriors")
 
 
 def _fail_refused(context: LaunchContext) -> None:
-    raise TactileLocalizerError("filter: its configuration was refused")
+    raise TactileLocalizerError("filter: expected a valid configuration, it was rejected")

@@ -41,7 +41,7 @@ def play(args: argparse.Namespace) -> None:
     with AnyReader([args.path], default_typestore=typestore()) as reader:
         chosen = [c for c in reader.connections if c.topic in args.topics or not args.topics]
         kinds = {connection.topic: connection.msgtype for connection in chosen}
-        heard = [
+        received = [
             (connection.topic, stamp_ns, bytes(raw))
             for connection, stamp_ns, raw in (reader.messages(chosen) if chosen else ())
         ]
@@ -50,7 +50,7 @@ def play(args: argparse.Namespace) -> None:
         player = _Player(kinds, args.clock, args.rate)
         while True:
             time.sleep(args.delay)
-            player.play(heard)
+            player.play(received)
             if not args.loop:
                 break
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -77,12 +77,12 @@ class _Player:
             for topic, kind in kinds.items()
         }
 
-    def play(self, heard: list[tuple[str, int, bytes]]) -> None:
-        if not heard:
+    def play(self, received: list[tuple[str, int, bytes]]) -> None:
+        if not received:
             return
-        start_ns, begun_s = heard[0][1], time.monotonic()
+        start_ns, begun_s = received[0][1], time.monotonic()
         shown_ns = 0.0
-        for topic, stamp_ns, raw in heard:
+        for topic, stamp_ns, raw in received:
             while (now_ns := start_ns + 1e9 * self._rate * (time.monotonic() - begun_s)) < stamp_ns:
                 time.sleep(0.001)
             if abs(now_ns - shown_ns) >= self._period_ns:

@@ -1,4 +1,4 @@
-"""Both ends of a driver node under test: load cells that keep count of what they send, and a listener."""
+"""Load cells that count the frames that they send, and a subscriber to the driver."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HAND = protocol()
 
 
 class Listener:
-    """What a driver node publishes; waits until it is up."""
+    """Subscriber to a driver node; waits until the node is active."""
 
     def __init__(self, probe: Any) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
@@ -24,7 +24,7 @@ class Listener:
         probe.until(lambda: self.diagnostics, "the driver")
 
     def listen(self, hand: Sender) -> None:
-        """Receive strain vectors from now on: ``hand`` sends until the first whole one arrives."""
+        """Receive strain vectors from now on: ``hand`` sends until the first complete one arrives."""
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
         from tactile_localizer.msg import StrainVectors
@@ -32,12 +32,12 @@ class Listener:
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.strains = self.probe.listen(StrainVectors, "strain", best_effort)
 
-        def whole() -> bool:
+        def is_complete() -> bool:
             hand.send(1)
             return bool(self.strains) and not any(self.strains[-1].status)
 
-        self.probe.until(whole, "the driver's strain, aligned")
-        self.probe.until(lambda: self.numbers()[-1] == {hand.number - 1}, "the last of what was sent")
+        self.probe.until(is_complete, "the driver's strain, aligned")
+        self.probe.until(lambda: self.numbers()[-1] == {hand.number - 1}, "the last cycle sent")
         self.strains.clear()
 
     def counted(self, what: str) -> dict[str, str]:
@@ -46,15 +46,15 @@ class Listener:
         return {pair.key: pair.value for pair in status.values}
 
     def drops(self) -> int:
-        """Frames that the driver says were lost."""
+        """Number of lost frames reported by the driver."""
         return sum(int(self.counted(phalanx)["drops"]) for phalanx in ("index", "middle"))
 
     def reconnects(self, count: int) -> Callable[[], bool]:
-        """Condition: the bus was opened again so often."""
+        """Condition that the bus was reopened ``count`` times."""
         return lambda: self.counted("CAN bus")["reconnects"] == str(count)
 
     def numbers(self) -> list[set[int]]:
-        """Which samples each strain vector is of; fails on voltages that were not sent."""
+        """Numbers of the samples in each strain vector; fails on voltages that were not sent."""
         return [
             {
                 number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
@@ -66,7 +66,7 @@ class Listener:
 
 
 class Sender:
-    """Sends cycles, numbered on, and keeps count of what it sent, left out and added."""
+    """Sends numbered cycles, and counts frames sent, omitted and added."""
 
     def __init__(self, bus: can.BusABC, probe: Any) -> None:
         self._bus, self._probe = bus, probe
@@ -75,10 +75,10 @@ class Sender:
         self.sent = self.lost = self.garbage = 0
 
     def send(self, count: int, loss: float = 0.0, silent: bool = False) -> range:
-        """Send cycles, of which all frames of the first and last arrive; returns their numbers.
+        """Send cycles, the first and last of them completely; returns their numbers.
 
-        ``loss`` is the share of frames left out, and with it garbage follows a tenth of the others;
-        ``silent`` leaves out the second phalanx.
+        ``loss`` is the fraction of omitted frames, and adds garbage after a tenth of the others; ``silent``
+        omits the second phalanx.
         """
         numbers = range(self.number, self.number + count)
         for n in numbers:
@@ -98,15 +98,15 @@ class Sender:
         return numbers
 
     def pause(self, cycles: int) -> None:
-        """Cycles that go by unsent, while the bus is closed."""
+        """Skip cycles, as while the bus is closed."""
         self.number += cycles
 
     def wait(self, listener: Listener) -> None:
-        """Wait until the driver has told of every frame sent."""
+        """Wait until the driver has counted every frame sent."""
         expected = (str(self.sent), str(self.garbage))
 
         def counted() -> bool:
-            told = listener.counted("CAN bus")
-            return (told["frames_data"], told["frames_unknown_id"]) == expected
+            reports = listener.counted("CAN bus")
+            return (reports["frames_data"], reports["frames_unknown_id"]) == expected
 
         self._probe.until(counted, "all frames counted")

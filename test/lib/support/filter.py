@@ -1,4 +1,4 @@
-"""A running filter node as a test sees it."""
+"""A running filter node, seen from outside."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 from support.sweeps import stamp_of
 
 CELL = {"cell": 1.0}
-"""Coarse enough to be quick."""
+"""Coarse grid resolution, for speed."""
 
 _QUEUE = 100
 _PAUSE_NS = 1_000_000_000_000
 
 
 class Filter:
-    """A running filter node, what it publishes, and the hand that it listens to."""
+    """A running filter node, the messages that it publishes, and the hand that sends its inputs."""
 
     def __init__(self, process, probe, hand):
         from diagnostic_msgs.msg import DiagnosticArray
@@ -24,15 +24,15 @@ class Filter:
         self.posteriors = []
         probe.node.create_subscription(Posterior, "filter/posterior", self._on_posterior, 1000)
         self.diagnostics = probe.listen(DiagnosticArray, "/diagnostics", 10)
-        probe.until(lambda: probe.node.count_publishers("filter/posterior"), "the filter's posterior")
-        probe.until(lambda: self.diagnostics, "diagnostics: a publisher that is matched")
+        probe.until(lambda: probe.node.count_publishers("filter/posterior"), "the publisher of the filter")
+        probe.known_to("filter")
 
     def _on_posterior(self, message):
-        if stamp_of(message) >= self.hand.offset_ns:  # else of what the hand did before it began anew
+        if stamp_of(message) >= self.hand.offset_ns:  # otherwise published before the restart
             self.posteriors.append(message)
 
-    def begin_anew(self):
-        """The belief knows nothing, and the hand is at the start of its sweep again, later."""
+    def restart(self):
+        """Reset the belief and move the hand to the start of its sweep, at a later time."""
         from std_srvs.srv import Empty
 
         self.hand.next = 0
@@ -54,7 +54,7 @@ class Filter:
         )
 
     def slide(self, samples, **how):
-        """Slide on and wait for the last of the posteriors; no queue is ever full."""
+        """Send the next samples and wait for the last posterior, without filling a queue."""
         while samples > 0:
             self.hand.slide(min(samples, _QUEUE // 2), **how)
             self.wait_for_sample(self.hand.next - 1)
@@ -63,11 +63,11 @@ class Filter:
     def means(self):
         return np.array([message.mean for message in self.fresh()])
 
-    def told(self, what):
-        """Level, message and values of the newest diagnostics called ``what``."""
+    def status(self, name):
+        """Level, message and values of the newest diagnostic status ``name``."""
         for array in reversed(self.diagnostics):
             for status in array.status:
-                if status.name == f"filter: {what}":
+                if status.name == f"filter: {name}":
                     return status.level, status.message, {v.key: v.value for v in status.values}
         return b"", "", {}
 

@@ -1,14 +1,17 @@
-"""A hand under a test's control: publishes poses and strain, and keeps what a bag would hold."""
+"""A hand controlled by a test: publishes poses and strain, and records them like a bag."""
 
 from __future__ import annotations
 
 from support.bags import MS, START
 
+DEEP_QUEUE = {"qos_overrides./strain.subscription.depth": 1000}
+"""Parameter with which a starved node loses no strain."""
+
 
 class Hand:
     """Publishes poses every 20 ms and strain every 5 ms of a path along x, by stamps alone.
 
-    ``happened`` is what it published, as :func:`support.bags.write_bag` takes it.
+    ``published`` has the messages in the form of :func:`support.bags.write_bag`.
     """
 
     def __init__(self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="mapping"):
@@ -25,7 +28,7 @@ class Hand:
         self.strain = probe.publisher(StrainVectors, "strain", best_effort)
         probe.known_to(node)
         self.now_ms = 0
-        self.happened = []
+        self.published = []
 
     @staticmethod
     def x(stamp_ms):
@@ -39,17 +42,17 @@ class Hand:
         from rclpy.serialization import serialize_message
 
         publisher.publish(message)
-        self.happened.append((topic, len(self.happened), serialize_message(message)))
+        self.published.append((topic, len(self.published), serialize_message(message)))
 
-    def happened_with_status(self):
-        """What it published and heard."""
+    def published_with_status(self):
+        """The messages that it published, and the statuses that it received."""
         from rclpy.serialization import serialize_message
 
-        first = len(self.happened)
-        heard = [serialize_message(message) for message in self.statuses]
-        return self.happened + [("mapping/status", first + index, raw) for index, raw in enumerate(heard)]
+        first = len(self.published)
+        received = [serialize_message(message) for message in self.statuses]
+        return self.published + [("mapping/status", first + index, raw) for index, raw in enumerate(received)]
 
-    def pose(self, stamp_ms):
+    def send_pose(self, stamp_ms):
         message = self.Pose()
         self.stamp(message, stamp_ms)
         message.header.frame_id = self.frame
@@ -57,7 +60,7 @@ class Hand:
         message.pose.orientation.w = 1.0
         self.publish(self.poses, "palm_pose", message)
 
-    def feel(self, stamp_ms, status=(0, 0, 0)):
+    def send_strain(self, stamp_ms, status=(0, 0, 0)):
         message = self.Strain()
         self.stamp(message, stamp_ms)
         message.phalanges = list(self.phalanges)
@@ -67,12 +70,12 @@ class Hand:
         self.publish(self.strain, "strain", message)
 
     def slide(self, duration_ms, poses=True):
-        """Publish what happens in the next ``duration_ms``, paced so that best effort loses nothing."""
+        """Publish poses and strain of the next ``duration_ms``, paced so that no message is lost."""
         for stamp_ms in range(self.now_ms + 1, self.now_ms + duration_ms + 1):
             if poses and stamp_ms % 20 == 0:
-                self.pose(stamp_ms)
+                self.send_pose(stamp_ms)
             if stamp_ms % 5 == 0:
-                self.feel(stamp_ms)
+                self.send_strain(stamp_ms)
                 self.probe.executor.spin_once(timeout_sec=0.002)
         self.now_ms += duration_ms
 
@@ -82,7 +85,7 @@ class Hand:
         return self.probe.call(Trigger, f"{self.node}/{name}")
 
     def wait_for_stamp(self, stamp_ms):
-        """Wait until the node's status shows that it has felt what was published up to ``stamp_ms``."""
+        """Wait until the status of the node shows that it received the messages up to ``stamp_ms``."""
         wanted = START + stamp_ms * MS
         self.probe.until(
             lambda: self.statuses and stamp_of(self.statuses[-1]) >= wanted, f"status at {stamp_ms} ms"

@@ -34,7 +34,7 @@ class Probe:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def until(self, condition: Callable[[], T], what: str, timeout_s: float = 15.0) -> T:
+    def until(self, condition: Callable[[], T], what: str, timeout_s: float = 30.0) -> T:
         """Spin until ``condition`` is true and return its value; fails the test if that takes too long."""
         deadline = Deadline(what, timeout_s)
         while not (value := condition()):
@@ -48,13 +48,13 @@ class Probe:
         self.node.create_subscription(kind, topic, messages.append, qos)
         return messages
 
-    def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10, timeout_s: float = 15.0) -> Any:
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10, timeout_s: float = 30.0) -> Any:
         """A publisher that a subscriber has been matched with."""
         publisher = self.node.create_publisher(kind, topic, qos)
         self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}", timeout_s)
         return publisher
 
-    def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 15.0) -> Any:
+    def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 30.0) -> Any:
         """A service's answer, once the service is there."""
         client = self.node.create_client(kind, service)
         try:

@@ -57,7 +57,7 @@ class Process:
     def running(self) -> bool:
         return self._popen.poll() is None
 
-    def wait_for_line(self, pattern: str, timeout_s: float = 15.0) -> str:
+    def wait_for_line(self, pattern: str, timeout_s: float = 30.0) -> str:
         """The first line, printed or yet to be, that the regular expression ``pattern`` is found in."""
 
         def found() -> str | None:

@@ -1,4 +1,4 @@
-"""Nodes that run together, and what is seen of them: described once, launched or started as processes."""
+"""Scenarios of several nodes, started by launch files or as plain processes, with checks of their outputs."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ _ACCEPTED = {
 
 @dataclass(frozen=True)
 class Started:
-    """Some nodes in one namespace.
+    """Nodes in one namespace.
 
     Parameters
     ----------
-    launch_file : that starts them; empty: they stand for hardware, and no launch file does
-    nodes : their names
+    launch_file : launch file of the nodes; empty for nodes that substitute hardware
+    nodes : names of the nodes
     arguments : launch arguments; ``namespace``, ``pose_topic`` and parameters of the nodes
-    beside : commands that the launch file runs beside the nodes
+    beside : further commands of the launch file
     """
 
     launch_file: str
@@ -55,11 +55,11 @@ class Started:
     beside: Sequence[Sequence[str]] = ()
 
     def launch_arguments(self) -> list[tuple[str, str]]:
-        """As a launch file takes them."""
+        """The arguments as pairs of name and text."""
         return [(name, str(value)) for name, value in self.arguments.items()]
 
     def commands(self) -> list[list[str]]:
-        """The command lines that the launch file amounts to."""
+        """The command lines that are equivalent to the launch file."""
         nodes = [
             node_command(
                 f"{node}_node",
@@ -78,7 +78,7 @@ class Started:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a scenario happens: a folder for its files, a scan of the bump in it, two simulated buses."""
+    """Files and buses of a scenario: a folder, a scan of the bump in it, two simulated buses."""
 
     folder: Path
     scan_file: Path
@@ -87,13 +87,13 @@ class Place:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What runs, and what must be seen.
+    """Nodes to start and a check of their outputs.
 
     Parameters
     ----------
-    name : for people
-    started : what runs
-    check : looks at it through a probe; fails when it does not see what it should
+    name : test id
+    started : returns the nodes to start
+    check : receives their outputs through a probe and fails if they are wrong
     """
 
     name: str
@@ -106,11 +106,11 @@ def _simulated(place: Place) -> Sequence[Started]:
 
 
 def _hardware(place: Place, **arguments: Any) -> Started:
-    """Load cells and an arm."""
+    """Simulated load cells and arm."""
     return Started("", ("simulator",), place.buses[0] | arguments)
 
 
-def _see_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
+def _check_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
     from geometry_msgs.msg import PoseStamped
     from rclpy.qos import qos_profile_sensor_data
 
@@ -132,11 +132,11 @@ def _scanning(place: Place) -> Sequence[Started]:
     ]
 
 
-def _see_a_sweep_recorded(probe: Probe, place: Place) -> None:
+def _check_a_recorded_sweep(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import ScanStatus
 
     statuses = probe.listen(ScanStatus, "mapping/status")
-    _see_strain_and_poses(probe, place)
+    _check_strain_and_poses(probe, place)
     _call(probe, "simulator/prepare")
     _call(probe, "mapping/start_sweep")
     _call(probe, "simulator/sweep")
@@ -150,14 +150,14 @@ def _localizing(place: Place) -> Sequence[Started]:
     return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments)]
 
 
-def _see_a_belief(probe: Probe, place: Place, namespace: str = "") -> None:
+def _check_posteriors(probe: Probe, place: Place, namespace: str = "") -> None:
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, f"{namespace}filter/posterior", 1000)
-    probe.until(lambda: posteriors, "the belief at rest", 60.0)
+    probe.until(lambda: posteriors, "the first posterior", 60.0)
     _call(probe, f"{namespace}simulator/prepare")
     _call(probe, f"{namespace}simulator/sweep")
-    probe.until(lambda: posteriors[-1].travel > 0.02, "a belief that moves with the hand")
+    probe.until(lambda: posteriors[-1].travel > 0.02, "posteriors that move with the hand")
     assert not posteriors[-1].stale
 
 
@@ -172,40 +172,40 @@ def _two_hands(place: Place) -> Sequence[Started]:
     ]
 
 
-def _see_two_beliefs(probe: Probe, place: Place) -> None:
-    _see_a_belief(probe, place, "left/")
-    strains = {hand: _see_strain_and_poses(probe, place, f"{hand}/") for hand in ("left", "right")}
+def _check_two_hands(probe: Probe, place: Place) -> None:
+    _check_posteriors(probe, place, "left/")
+    strains = {hand: _check_strain_and_poses(probe, place, f"{hand}/") for hand in ("left", "right")}
     left, right = (np.array([m.strain for m in strains[hand][-50:]]) for hand in ("left", "right"))
-    assert np.abs(left.mean(axis=0) - right.mean(axis=0)).max() > 0.01, "one holds the material, one does not"
-    _see_a_belief(probe, place, "right/")
+    assert np.abs(left.mean(axis=0) - right.mean(axis=0)).max() > 0.01, "only one hand holds the material"
+    _check_posteriors(probe, place, "right/")
 
 
-def _on_an_arm(place: Place) -> Sequence[Started]:
+def _remapped(place: Place) -> Sequence[Started]:
     arguments = {"scan_file": place.scan_file, "pose_topic": "arm/tool_pose", "namespace": "hand"}
     return [Started("localize.launch.py", ("filter",), arguments)]
 
 
-def _see_a_belief_from_the_arms_topic(probe: Probe, place: Place) -> None:
+def _check_a_remapped_pose_topic(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, "hand/filter/posterior", 1000)
     hand = SlidingHand(probe, unseen_sweep(), topics=("hand/strain", "hand/arm/tool_pose"))
     probe.until(lambda: probe.node.count_publishers("hand/filter/posterior"), "the filter")
-    probe.until(lambda: hand.slide(1) or posteriors, "the first belief")
+    probe.until(lambda: hand.slide(1) or posteriors, "the first posterior")
     hand.slide(40)
-    probe.until(lambda: posteriors[-1].travel > 0.008, "a belief that moves with the arm")
+    probe.until(lambda: posteriors[-1].travel > 0.008, "posteriors that move with the arm")
 
 
-def _led_by_a_manager(place: Place) -> Sequence[Started]:
+def _managed(place: Place) -> Sequence[Started]:
     other = place.folder / "snap.db"
     write_scan(other, "snap")
     arguments = {"candidate_scan_files": [str(place.scan_file), str(other)], "autostart": False}
-    # Slow enough for two maps on a busy machine; not along the edge, where all features feel alike.
+    # Slow enough for two maps on a busy machine; not along the edge, where the features resemble each other.
     hand = _hardware(place, speed=2.0, mode="localize")
     return [hand, Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
 
 
-def _see_the_feature_once_the_manager_wants_it(probe: Probe, place: Place) -> None:
+def _check_identification_after_activation(probe: Probe, place: Place) -> None:
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
     from std_msgs.msg import Bool
@@ -226,43 +226,43 @@ def _see_the_feature_once_the_manager_wants_it(probe: Probe, place: Place) -> No
         sweeping.clear()
         _call(probe, "simulator/sweep")
         probe.until(lambda: any(m.data for m in sweeping) and not sweeping[-1].data, "the sweep's end", 30.0)
-    probe.until(lambda: features and features[-1].most_probable == "bump", "the feature that is felt")
+    probe.until(lambda: features and features[-1].most_probable == "bump", "the correct feature")
     assert list(features[-1].names) == ["bump", "snap", "none of them"]
 
 
-def _hurt(place: Place) -> Sequence[Started]:
+def _faulty(place: Place) -> Sequence[Started]:
     arguments = {"mode": "localize", "scan_file": place.scan_file, "speed": 2.0, **place.buses[0]}
     return [Started("simulate.launch.py", ("simulator", "driver", "filter"), arguments)]
 
 
-def _see_the_silent_load_cell_told_and_done_without(probe: Probe, place: Place) -> None:
+def _check_a_silent_load_cell(probe: Probe, place: Place) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter
 
     from tactile_localizer.msg import Posterior
 
-    told: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
+    reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
 
     def says(name: str, text: str) -> bool:
-        return any(one.name == name and text in one.message for array in told for one in array.status)
+        return any(one.name == name and text in one.message for array in reports for one in array.status)
 
     def silence(phalanges: list[str]) -> None:
         value = Parameter("fault.silent", Parameter.Type.STRING_ARRAY, phalanges)
         request = SetParameters.Request(parameters=[value.to_parameter_msg()])
         assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
-        told.clear()
+        reports.clear()
 
-    probe.until(lambda: posteriors and says("driver: middle", "OK"), "a hand that is well", 60.0)
+    probe.until(lambda: posteriors and says("driver: middle", "OK"), "status OK", 60.0)
     silence(["middle"])
-    probe.until(lambda: says("driver: middle", "stale"), "the driver to tell of it")
-    probe.until(lambda: says("filter: inputs", "strain vectors without middle"), "the filter to tell of it")
+    probe.until(lambda: says("driver: middle", "stale"), "the report of the driver")
+    probe.until(lambda: says("filter: inputs", "strain vectors without middle"), "the report of the filter")
     posteriors.clear()
     probe.until(lambda: len(posteriors) > 20, "posteriors of the other phalanx")
     assert not any(posterior.stale for posterior in posteriors)
     silence([])
-    probe.until(lambda: says("driver: middle", "OK") and says("filter: inputs", "OK"), "both well")
+    probe.until(lambda: says("driver: middle", "OK") and says("filter: inputs", "OK"), "status OK of both")
 
 
 def _replaying(place: Place) -> Sequence[Started]:
@@ -273,13 +273,13 @@ def _replaying(place: Place) -> Sequence[Started]:
 
 
 def ros2_bag() -> str:
-    """The ``ros2`` that has ``bag play``: the distribution's, or what stands in for it."""
+    """The ``ros2`` command with ``bag play``: that of the distribution, or a substitute."""
     verbs = {entry.name for entry in entry_points(group="ros2cli.command")}
     return (shutil.which("ros2") if "bag" in verbs else None) or str(BIN / "ros2")
 
 
 def write_sweep_bag(path: Path) -> Path:
-    """A sweep that no scan has, recorded without a simulator's ground truth."""
+    """Write a bag of a sweep that is not in the scan, without ground truth."""
     from geometry_msgs.msg import PoseStamped
     from rclpy.serialization import serialize_message
 
@@ -300,29 +300,27 @@ def write_sweep_bag(path: Path) -> Path:
     return path
 
 
-def _see_the_bag_believed_again_and_again(probe: Probe, place: Place) -> None:
+def _check_a_looping_bag(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
     probe.until(lambda: posteriors and posteriors[-1].travel > 0.03, "the bag's sweep", 60.0)
     assert posteriors[-1].converged, posteriors[-1].reason
-    assert START_NS <= stamp_of(posteriors[-1]) < START_NS + 60 * 10**9, "stamps are the bag's"
+    assert START_NS <= stamp_of(posteriors[-1]) < START_NS + 60 * 10**9, "stamps of the bag"
     posteriors.clear()
-    probe.until(lambda: posteriors and 0.0 < posteriors[-1].travel < 0.01, "the bag to begin again")
-    probe.until(lambda: posteriors[-1].travel > 0.03, "the sweep once more")
+    probe.until(lambda: posteriors and 0.0 < posteriors[-1].travel < 0.01, "the restart of the bag")
+    probe.until(lambda: posteriors[-1].travel > 0.03, "the repeated sweep")
 
 
 SCENARIOS = (
-    Scenario("simulated hand and its driver", _simulated, _see_strain_and_poses),
-    Scenario("a robot that scans", _scanning, _see_a_sweep_recorded),
-    Scenario("a robot that localises", _localizing, _see_a_belief),
-    Scenario("two hands", _two_hands, _see_two_beliefs),
-    Scenario("an arm that calls its pose otherwise", _on_an_arm, _see_a_belief_from_the_arms_topic),
-    Scenario(
-        "two candidates, led by a manager", _led_by_a_manager, _see_the_feature_once_the_manager_wants_it
-    ),
-    Scenario("a load cell falls silent", _hurt, _see_the_silent_load_cell_told_and_done_without),
-    Scenario("a bag, in the bag's time", _replaying, _see_the_bag_believed_again_and_again),
+    Scenario("simulated hand and driver", _simulated, _check_strain_and_poses),
+    Scenario("scan", _scanning, _check_a_recorded_sweep),
+    Scenario("localize", _localizing, _check_posteriors),
+    Scenario("two hands", _two_hands, _check_two_hands),
+    Scenario("remapped pose topic", _remapped, _check_a_remapped_pose_topic),
+    Scenario("two candidates, lifecycle manager", _managed, _check_identification_after_activation),
+    Scenario("silent load cell", _faulty, _check_a_silent_load_cell),
+    Scenario("looping bag", _replaying, _check_a_looping_bag),
 )
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -34,9 +36,33 @@ def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
 def write_scan(
     path: Path, feature: str = "bump", scene: Scene | None = None, *, calibrated: bool = True
 ) -> SimulatedScan:
-    """Write a training scan of the simulated hand as a scan file, with a calibration or not."""
-    scan = simulate_scan(feature, seed=1)
-    with ScanStore.create(path, scene or scene_of(feature)) as store:
+    """Write a training scan of the simulated hand as a scan file, with a calibration or not.
+
+    The file of the shipped scene is made once per process and then copied.
+    """
+    scan = _simulated(feature)
+    if scene is None:
+        path.write_bytes(_shipped_scan(feature, calibrated))
+    else:
+        _write_scan(path, scan, scene, calibrated)
+    return scan
+
+
+@lru_cache
+def _simulated(feature: str) -> SimulatedScan:
+    return simulate_scan(feature, seed=1)
+
+
+@lru_cache
+def _shipped_scan(feature: str, calibrated: bool) -> bytes:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "scan.db")
+        _write_scan(path, _simulated(feature), scene_of(feature), calibrated)
+        return path.read_bytes()
+
+
+def _write_scan(path: Path, scan: SimulatedScan, scene: Scene, calibrated: bool) -> None:
+    with ScanStore.create(path, scene) as store:
         for part in scan.slices():
             store.begin_sweep()
             store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
@@ -44,7 +70,6 @@ def write_scan(
         digest, dimension = digest_of(store.load(), store.scene), store.scene.dimension
     if calibrated and dimension == len(CALIBRATION["registration_std"]):
         LearnedResults(path).store_learned(KEY, digest, json.dumps(CALIBRATION).encode())
-    return scan
 
 
 def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> SimulatedSweep:
@@ -110,15 +135,15 @@ class SlidingHand:
         """
         for k in range(self.next, self.next + samples):
             if poses:
-                self.pose(k)
+                self.send_pose(k)
             if strain:
-                self.feel(k, **changes)
+                self.send_strain(k, **changes)
             self._probe.executor.spin_once(timeout_sec=0.002)
         self.next += samples
         if poses:
-            self.pose(self.next)
+            self.send_pose(self.next)
 
-    def pose(self, k: int) -> None:
+    def send_pose(self, k: int) -> None:
         message = self._Pose()
         set_stamp(message, self.offset_ns + int(self.pose_ns[k]))
         message.header.frame_id = "base_link"
@@ -126,7 +151,7 @@ class SlidingHand:
         message.pose.orientation.w = 1.0
         self._poses.publish(message)
 
-    def feel(self, k: int, **changes: Any) -> None:
+    def send_strain(self, k: int, **changes: Any) -> None:
         message = self._Strain()
         set_stamp(message, self.offset_ns + int(self.strain_ns[k]))
         message.phalanges = list(self._phalanges)

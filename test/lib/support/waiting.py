@@ -60,7 +60,7 @@ def cpu_waits_s() -> dict[int, float]:
     return {pid: max(map(_run_delay_s, _threads(pid)), default=0.0) for pid in _family()}
 
 
-def wait_until(condition: Callable[[], T], what: str, timeout_s: float = 15.0) -> T:
+def wait_until(condition: Callable[[], T], what: str, timeout_s: float = 30.0) -> T:
     """The first true value of ``condition``; fails the test if there is none in time."""
     deadline = Deadline(what, timeout_s)
     while not (value := condition()):

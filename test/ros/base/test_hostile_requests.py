@@ -1,4 +1,4 @@
-"""Whatever a request or a message holds, the node that receives it goes on as before."""
+"""Hostile requests, messages and files are rejected, and the node continues."""
 
 import os
 import random
@@ -41,7 +41,7 @@ STATEMENTS = (
 
 
 def hostile_files(folder, scan):
-    """Names of files in ``folder``, none of which is a scan that can be used."""
+    """Write invalid scan files into ``folder``; returns their names."""
     whole = scan.read_bytes()
     rng = random.Random(0)
     contents = {
@@ -90,7 +90,7 @@ PATHS = (
 )  # fmt: skip
 
 
-def test_no_request_for_a_scan_ends_the_filter_and_the_old_map_stays(node_process, probe, tmp_path):
+def test_hostile_scans_leave_the_filter_and_its_map(node_process, probe, tmp_path):
     from tactile_localizer.srv import LoadScan
 
     scan, folder = tmp_path / "bump.db", tmp_path / "maps"
@@ -111,7 +111,7 @@ def test_no_request_for_a_scan_ends_the_filter_and_the_old_map_stays(node_proces
     assert process.stop() == 0
 
 
-def test_no_value_of_a_parameter_ends_the_filter(node_process, probe, tmp_path):
+def test_invalid_parameter_values_are_rejected(node_process, probe, tmp_path):
     scan = tmp_path / "bump.db"
     write_scan(scan)
     process = node_process("filter_node", {"scan_file": scan, **CELL})
@@ -154,11 +154,10 @@ STARTS = {
 }
 
 
-@pytest.mark.parametrize("name", STARTS)
-def test_what_a_node_reads_at_start_is_refused_in_one_line(refusal, tmp_path, name):
-    node, parameter, file, reason = STARTS[name]
-    scan, folder = tmp_path / "bump.db", tmp_path / "maps"
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory):
+    """A valid scan, and a folder of files that are not."""
+    scan, folder = tmp_path_factory.mktemp("scan") / "bump.db", tmp_path_factory.mktemp("maps")
     write_scan(scan)
     hostile_files(folder, scan)
     save_scene(scene_of(), folder / "scene.yaml")
@@ -167,6 +166,13 @@ def test_what_a_node_reads_at_start_is_refused_in_one_line(refusal, tmp_path, na
     (folder / "deep.yaml").write_text("[" * 20_000)
     lines = [f"l{n}: &l{n} [{f'*l{n - 1}, ' * 9}]" for n in range(1, 20)]
     (folder / "bomb.yaml").write_text("\n".join(["l0: &l0 [x]", *lines]))
+    return scan, folder
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_a_hostile_file_is_rejected_in_one_line_at_start(refusal, hostile, name):
+    node, parameter, file, reason = STARTS[name]
+    scan, folder = hostile
     given = {"scene_file": folder / "scene.yaml", "scan_file": scan} if node == "mapping_node" else {}
     (line,) = refusal(node, {**given, parameter: folder / file})
     assert reason in line
@@ -177,7 +183,7 @@ def fail(*arguments):
     raise KeyError("a key\nthat is not there")
 
 
-def test_a_failure_that_nobody_expected_is_a_refusal_in_one_line():
+def test_an_unexpected_exception_is_a_rejection_in_one_line():
     import rclpy
     from rclpy.lifecycle import TransitionCallbackReturn
     from std_msgs.msg import Empty

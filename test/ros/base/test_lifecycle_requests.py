@@ -1,4 +1,4 @@
-"""The nodes as a lifecycle manager sees them: requests are answered, whatever the node is doing."""
+"""Requests of a lifecycle manager are answered in every state."""
 
 import pytest
 from support.filter import CELL
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def change(probe):
-    """``change(node, transition)``: whether a node made a transition."""
+    """``change(node, transition)``: request a transition; returns whether it succeeded."""
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
@@ -27,16 +27,16 @@ def state_of(probe, node):
     return probe.call(GetState, f"{node}/get_state").current_state.label
 
 
-def led(node_process, tmp_path, *, calibrated=True):
-    """A filter that waits for a manager; unless its scan is ``calibrated``, that is still to be done."""
+def managed_filter(node_process, tmp_path, *, calibrated=True):
+    """A filter without autostart, on a scan that is ``calibrated`` or not."""
     scan = tmp_path / "bump.db"
     if not scan.exists():
         write_scan(scan, calibrated=calibrated)
     return node_process("filter_node", {"scan_file": scan, "autostart": False, **CELL})
 
 
-def test_a_transition_that_the_state_does_not_have_is_refused(node_process, probe, change, tmp_path):
-    process = led(node_process, tmp_path)
+def test_an_invalid_transition_is_rejected(node_process, probe, change, tmp_path):
+    process = managed_filter(node_process, tmp_path)
     assert not change("filter", "activate")
     process.wait_for_line("transition 3")
     assert state_of(probe, "filter") == "unconfigured"
@@ -46,39 +46,37 @@ def test_a_transition_that_the_state_does_not_have_is_refused(node_process, prob
     assert state_of(probe, "filter") == "active"
 
 
-def test_services_answer_and_progress_is_published_while_a_scan_is_calibrated(
-    node_process, probe, change, tmp_path
-):
+def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, change, tmp_path):
     from diagnostic_msgs.msg import DiagnosticArray
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
-    told = probe.listen(DiagnosticArray, "/diagnostics")
-    process = led(node_process, tmp_path, calibrated=False)
+    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    process = managed_filter(node_process, tmp_path, calibrated=False)
     client = probe.node.create_client(ChangeState, "filter/change_state")
     probe.until(client.service_is_ready, "the filter", 60.0)
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     answer = client.call_async(configure)
     assert state_of(probe, "filter") == "configuring"
     assert not change("filter", "configure"), "one transition at a time"
-    probe.until(lambda: told, "progress")
+    probe.until(lambda: reports, "progress")
     assert not answer.done()
-    assert told[0].status[0].name == "filter: map"
+    assert reports[0].status[0].name == "filter: map"
     probe.until(answer.done, "the end of the calibration", 180.0)
     assert answer.result().success
-    assert any("map built: 100%" in array.status[0].message for array in told)
+    assert any("map built: 100%" in array.status[0].message for array in reports)
     assert process.stop() == 0
 
 
 def test_a_scan_is_calibrated_once(node_process, probe, change, tmp_path):
     for is_calibrated in (True, False):
-        process = led(node_process, tmp_path, calibrated=False)
+        process = managed_filter(node_process, tmp_path, calibrated=False)
         assert change("filter", "configure")
         assert ("calibrating on held-out sweeps" in process.output) is is_calibrated
         assert process.stop() == 0
 
 
-def test_an_interrupt_while_a_scan_is_calibrated_ends_the_node(node_process, probe, tmp_path):
+def test_an_interrupt_ends_a_calibrating_node(node_process, probe, tmp_path):
     scan = tmp_path / "bump.db"
     write_scan(scan, calibrated=False)
     process = node_process("filter_node", {"scan_file": scan, **CELL})
@@ -87,13 +85,13 @@ def test_an_interrupt_while_a_scan_is_calibrated_ends_the_node(node_process, pro
     assert "Traceback" not in process.output
 
 
-def test_nothing_is_published_unless_active(node_process, probe, change, tmp_path):
+def test_inactive_nodes_publish_nothing(node_process, probe, change, tmp_path):
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
     from tactile_localizer.msg import ScanStatus
 
-    kept = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    statuses = probe.listen(ScanStatus, "mapping/status", kept)
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    statuses = probe.listen(ScanStatus, "mapping/status", latched)
     parameters = {"scan_file": tmp_path / "scan.db", "scene_file": "bump.yaml", "autostart": False}
     node_process("mapping_node", parameters)
     assert change("mapping", "configure")

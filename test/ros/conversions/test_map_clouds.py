@@ -1,4 +1,4 @@
-"""The map and the region lie on the material, where the phalanges were."""
+"""Map and region messages are in the frame of the material."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def fields_of(cloud) -> dict[str, np.ndarray]:
     return {field.name: points[:, field.offset // 4] for field in cloud.fields}
 
 
-def test_every_phalanx_shows_the_feature_at_its_place_on_the_material():
+def test_each_phalanx_shows_the_feature_at_its_position():
     from tactile_localizer.ros.conversions.maps import map_cloud
 
     cloud = map_cloud(make_map(scan_of(), SCENE), SCENE, "material")
@@ -60,7 +60,7 @@ def test_parts_without_data_have_no_points():
     assert np.isfinite(fields_of(cloud)["felt"]).all()
 
 
-def test_the_region_is_outlined_and_ends_where_no_phalanx_comes():
+def test_the_region_outline_is_limited_to_reachable_positions():
     from tactile_localizer.ros.conversions.maps import region_marker
 
     marker = region_marker(SCENE, "material")

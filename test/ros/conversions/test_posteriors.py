@@ -1,4 +1,4 @@
-"""Estimates as messages."""
+"""Conversion of estimates to messages."""
 
 from types import SimpleNamespace
 
@@ -11,7 +11,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.mark.parametrize("state", State)
 @pytest.mark.parametrize("stale", ["", "no strain"])
-def test_the_state_is_the_estimates_unless_it_is_stale(state: State, stale: str) -> None:
+def test_a_stale_estimate_has_the_state_stale(state: State, stale: str) -> None:
     from tactile_localizer.msg import Posterior
     from tactile_localizer.ros.conversions.posteriors import state_of
 

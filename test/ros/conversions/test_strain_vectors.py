@@ -1,4 +1,4 @@
-"""A scene's phalanges out of strain vectors, whatever channels they have."""
+"""Selection of the phalanges of a scene from strain vectors."""
 
 import numpy as np
 import pytest
@@ -29,19 +29,19 @@ def reader(scene=SCENE):
     return StrainReader(scene)
 
 
-def test_phalanges_are_picked_with_their_channels_and_status():
+def test_phalanges_of_the_scene_are_selected():
     strain, status = reader().read(message())
     np.testing.assert_array_equal(strain, [27, 28, 29, *range(19)])
     assert status.tolist() == [2, 0]
 
 
-def test_messages_without_counts_have_eight_channels_each():
+def test_messages_without_channel_counts_have_eight_each():
     eight = Scene("eight", AXES, (Phalanx("middle", (0.0,)),))
     strain, _ = reader(eight).read(message(24, channels=()))
     np.testing.assert_array_equal(strain, np.arange(8.0, 16.0))
 
 
-def test_a_driver_that_changes_its_channels_is_followed():
+def test_a_change_of_channels_is_followed():
     own = reader()
     own.read(message())
     with pytest.raises(SceneError, match="expected 3 channels, got 8"):
@@ -52,6 +52,6 @@ def test_a_driver_that_changes_its_channels_is_followed():
 @pytest.mark.parametrize(
     "wrong", [{"size": 29}, {"status": (0, 0)}, {"channels": (19, 8)}, {"channels": (19, 8, 3, 1)}]
 )
-def test_lengths_that_contradict_each_other_are_refused(wrong):
+def test_inconsistent_lengths_are_rejected(wrong):
     with pytest.raises(MeasurementError, match="strain vector of 3 phalanges"):
         reader().read(message(**wrong))

@@ -1,4 +1,4 @@
-"""Strains and poses in any order become estimates in the order of the stamps, or are counted."""
+"""Strains and poses in any order give estimates in the order of the stamps."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ from tactile_localizer.ros.localization.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import simulate_scan
 
 MS = 1_000_000
-WELL = np.zeros(2, dtype=np.uint8)
+OK = np.zeros(2, dtype=np.uint8)
 
 
 @pytest.fixture(scope="module")
@@ -42,22 +42,22 @@ def sweep():
     return unseen_sweep()
 
 
-def feel(online, sweep, k, status=WELL):
+def add_strain(online, sweep, k, status=OK):
     return online.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, sweep.strain[k], status)
 
 
-def move(online, sweep, k):
+def add_pose(online, sweep, k):
     return online.add_pose(int(sweep.stamp_ns[k]), sweep.odometry[k])
 
 
 def slide(online, sweep, first, last):
     estimates = []
     for k in range(first, last):
-        estimates += move(online, sweep, k) + feel(online, sweep, k)
-    return estimates + move(online, sweep, last)
+        estimates += add_pose(online, sweep, k) + add_strain(online, sweep, k)
+    return estimates + add_pose(online, sweep, last)
 
 
-def test_each_strain_between_two_poses_makes_an_estimate(online, sweep):
+def test_each_strain_between_poses_gives_an_estimate(online, sweep):
     estimates = slide(online, sweep, 0, 20)
     assert [e.stamp_ns for e in estimates] == [int(t) + 20 * MS for t in sweep.stamp_ns[:20]]
     assert online.latest is estimates[-1]
@@ -66,62 +66,62 @@ def test_each_strain_between_two_poses_makes_an_estimate(online, sweep):
     assert online.last_error == ""
 
 
-def test_strain_waits_for_a_late_pose_and_makes_the_same_estimates(online, sweep):
+def test_late_poses_give_the_same_estimates(online, sweep):
     in_time = slide(online, sweep, 0, 20)
     online.interrupt()
     online.reset()
-    assert [e for k in range(20) for e in feel(online, sweep, k)] == []
-    late = [e for k in range(21) for e in move(online, sweep, k)]
+    assert [e for k in range(20) for e in add_strain(online, sweep, k)] == []
+    late = [e for k in range(21) for e in add_pose(online, sweep, k)]
     assert [e.stamp_ns for e in late] == [e.stamp_ns for e in in_time]
     np.testing.assert_array_equal([e.mean for e in late], [e.mean for e in in_time])
 
 
-def test_strain_in_a_gap_of_the_poses_makes_no_estimate(online, sweep):
+def test_strain_in_a_pose_gap_gives_no_estimate(online, sweep):
     slide(online, sweep, 0, 10)
     for k in range(10, 20):
-        feel(online, sweep, k)
-    assert [e.stamp_ns for e in move(online, sweep, 20)] == []
+        add_strain(online, sweep, k)
+    assert [e.stamp_ns for e in add_pose(online, sweep, 20)] == []
     assert online.counts.gaps == 10
     assert "no palm pose" in online.last_error
     assert slide(online, sweep, 20, 22)
     assert online.last_error == ""
 
 
-def test_a_phalanx_that_is_not_well_is_left_out_and_the_other_goes_on(online, sweep):
+def test_a_faulty_phalanx_is_ignored(online, sweep):
     for k, status in enumerate(([0, 0], [1, 0], [0, 2], [0, 4], [0, 0])):
         strain = np.where(np.repeat(status, 8), np.nan, sweep.strain[k])
-        move(online, sweep, k)
+        add_pose(online, sweep, k)
         online.add_strain(int(sweep.stamp_ns[k]) + 20 * MS, strain, np.array(status, dtype=np.uint8))
-    assert move(online, sweep, 5)
+    assert add_pose(online, sweep, 5)
     assert online.counts.absent == {"index": 1, "middle": 2}
     assert online.counts.updated + online.counts.moved == 5
 
 
-def test_without_any_phalanx_nothing_is_estimated(online, sweep):
+def test_without_usable_phalanges_there_is_no_estimate(online, sweep):
     slide(online, sweep, 0, 5)
     before = online.latest
-    feel(online, sweep, 5, status=np.array([1, 4], dtype=np.uint8))
-    assert move(online, sweep, 6) == []
+    add_strain(online, sweep, 5, status=np.array([1, 4], dtype=np.uint8))
+    assert add_pose(online, sweep, 6) == []
     assert online.latest is before
     assert online.counts.unusable == 1
     assert "no phalanx" in online.last_error
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_strain_that_is_not_finite_is_refused_and_the_belief_is_untouched(online, sweep, bad):
+def test_nonfinite_strain_keeps_the_belief(online, sweep, bad):
     slide(online, sweep, 0, 5)
     states, weights = (array.copy() for array in online.localizer.hypotheses())
     sweep = dataclasses.replace(sweep, strain=sweep.strain.copy())
     sweep.strain[5, 3] = bad
-    feel(online, sweep, 5)
-    assert move(online, sweep, 6) == []
+    add_strain(online, sweep, 5)
+    assert add_pose(online, sweep, 6) == []
     assert online.counts.refused == 1
     assert "finite" in online.last_error
     np.testing.assert_array_equal(online.localizer.hypotheses()[0], states)
     np.testing.assert_array_equal(online.localizer.hypotheses()[1], weights)
 
 
-def test_time_that_jumps_back_begins_anew(online, sweep):
+def test_a_backward_jump_resets_the_belief(online, sweep):
     first = slide(online, sweep, 0, 100)
     again = slide(online, sweep, 0, 20)
     assert online.pairing.resets == 1
@@ -129,7 +129,7 @@ def test_time_that_jumps_back_begins_anew(online, sweep):
     assert online.age_s == pytest.approx(0.02, abs=0.03)
 
 
-def test_stamps_that_leap_ahead_are_counted_and_the_belief_goes_on(online, sweep):
+def test_a_forward_jump_keeps_the_belief(online, sweep):
     slide(online, sweep, 0, 50)
     assert online.forward_jumps == 0
     later = dataclasses.replace(sweep, stamp_ns=sweep.stamp_ns + 10_000_000_000)
@@ -139,20 +139,20 @@ def test_stamps_that_leap_ahead_are_counted_and_the_belief_goes_on(online, sweep
     assert online.latest.travel > travel
 
 
-def test_its_age_is_how_far_the_inputs_have_gone_on_without_it(online, sweep):
+def test_the_age_of_an_estimate_is_measured_in_stamps(online, sweep):
     assert online.age_s == 0.0
     slide(online, sweep, 0, 10)
     assert online.age_s < 0.04
     for k in range(10, 25):
-        feel(online, sweep, k)
+        add_strain(online, sweep, k)
     assert online.age_s == pytest.approx(15 * 0.04, abs=0.001)
     assert online.lagging_input == "palm_pose"
     for k in range(11, 40):
-        move(online, sweep, k)
+        add_pose(online, sweep, k)
     assert online.lagging_input == "strain"
 
 
-def test_after_a_reset_there_is_no_estimate_until_something_is_felt(online, sweep):
+def test_a_reset_discards_the_estimate(online, sweep):
     slide(online, sweep, 0, 10)
     online.reset()
     assert online.latest is None
@@ -161,42 +161,42 @@ def test_after_a_reset_there_is_no_estimate_until_something_is_felt(online, swee
 
 
 @pytest.mark.parametrize("begin", ["reset", "seed"])
-def test_what_was_felt_before_the_belief_began_anew_is_left_out_though_it_comes_later(online, sweep, begin):
+def test_strain_stamped_before_a_reset_is_ignored(online, sweep, begin):
     slide(online, sweep, 0, 60)
     for k in range(61, 101):
-        move(online, sweep, k)
+        add_pose(online, sweep, k)
     since_ns = int(sweep.stamp_ns[100])
     if begin == "reset":
         online.reset(since_ns)
     else:
         online.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]), since_ns)
-    assert [e for k in range(60, 100) for e in feel(online, sweep, k)] == []
+    assert [e for k in range(60, 100) for e in add_strain(online, sweep, k)] == []
     assert online.counts.earlier == 40
     (first, *_) = slide(online, sweep, 100, 103)
     assert first.travel == 0.0
-    assert slide(online, sweep, 0, 5), "time was set back: what comes then is no longer earlier"
+    assert slide(online, sweep, 0, 5), "after a backward jump nothing is earlier"
 
 
-def test_a_seed_is_believed_in(online, sweep):
+def test_a_seed_sets_the_estimate(online, sweep):
     online.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]))
     (first, *_) = slide(online, sweep, 0, 2)
     np.testing.assert_allclose(first.mean, [0.01, 0.03], atol=1e-3)
 
 
 def states(estimates):
-    """The states in their order, without repetitions."""
+    """The states in order, without repetitions."""
     found = [estimate.state for estimate in estimates]
     return [state for k, state in enumerate(found) if k == 0 or state is not found[k - 1]]
 
 
-def test_on_other_material_the_state_becomes_unknown(online):
+def test_other_material_is_unknown(online):
     other = unseen_sweep("seam")
     found = states(slide(online, other, 0, len(other.strain) - 1))
     assert found[:2] == [State.SEARCHING, State.UNKNOWN]
     assert State.CONVERGED not in found
 
 
-def test_a_hand_that_is_lifted_and_put_elsewhere_is_lost_until_it_converges_again(online):
+def test_a_kidnapped_hand_is_lost_until_it_converges(online):
     sweep = kidnapped_sweep()
     estimates = slide(online, sweep, 0, len(sweep.strain) - 1)
     found = states(estimates)
@@ -205,21 +205,22 @@ def test_a_hand_that_is_lifted_and_put_elsewhere_is_lost_until_it_converges_agai
     assert np.linalg.norm(estimates[-1].mean - sweep.truth[-2]) < 0.003
 
 
-def test_strains_and_positions_in_other_units_are_reported(online, sweep):
+def test_inputs_in_other_units_are_reported(online, sweep):
     slide(online, sweep, 0, 100)
     assert online.range_check.problem == ""
     online.reset()
     volts = dataclasses.replace(sweep, strain=1e3 * sweep.strain, stamp_ns=sweep.stamp_ns + 10**12)
     slide(online, volts, 0, 100)
     assert online.range_check.fractions[0] > 0.9
-    assert "of the strains are outside the range of the scan" in online.range_check.problem
+    assert online.range_check.problem
     online.reset()
     metres = dataclasses.replace(sweep, odometry=1e3 * sweep.odometry, stamp_ns=sweep.stamp_ns + 2 * 10**12)
     slide(online, metres, 0, 100)
     assert online.range_check.fractions[0] == 0.0
-    assert "farther from the start than the scene is long" in online.range_check.problem
+    assert online.range_check.fractions[1] > 0.9
+    assert online.range_check.problem
 
 
-def test_a_few_strains_are_no_reason_to_report_a_misfit(online, sweep):
+def test_few_strains_report_no_misfit(online, sweep):
     slide(online, dataclasses.replace(sweep, strain=1e3 * sweep.strain), 0, 15)
     assert online.range_check.problem == ""
