@@ -91,6 +91,14 @@ def test_every_file_of_this_repository_that_is_named_exists(page: Path) -> None:
 
 
 @by_page
+def test_prose_wraps_at_100_columns(page: Path) -> None:
+    """Tables, code and figures may be wider."""
+    outside_fences = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    lines = [line for line in outside_fences.splitlines() if not line.startswith(("|", "    ", "!["))]
+    assert [line for line in lines if len(line) > 100] == []
+
+
+@by_page
 def test_nothing_was_left_to_be_filled_in(page: Path) -> None:
     assert re.findall(r"^[A-Z]{3,}$|\bTODO\b|\bTBD\b|\bADV$", page.read_text(), re.MULTILINE) == []
 

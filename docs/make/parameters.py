@@ -15,17 +15,18 @@ from tactile_localizer.ros.simulator_node import SimulatorNode
 HEAD = """\
 # Parameters
 
-`make docs` writes this page from the nodes' own descriptors; `ros2 param describe NODE NAME` shows the same
-of a running node. Parameters marked *live* may be set at any time. The others are read when a node
-configures and refused, with the reason, while it is configured. A value of the wrong type or out of its
-range is refused too, and a name that the node does not have is ignored with a warning. A list of strings
-without entries is `"['']"` on the command line, which cannot give `[]` a type.
+`make docs` writes this page from the nodes' own descriptors; `ros2 param describe NODE NAME` shows
+the same of a running node. Parameters marked *live* may be set at any time. The others are read
+when a node configures and refused, with the reason, while it is configured. A value of the wrong
+type or out of its range is refused too, and a name that the node does not have is ignored with a
+warning. A list of strings without entries is `"['']"` on the command line, which cannot give `[]` a
+type.
 
-[essentials.md](essentials.md) has the five values that matter. Of the parameters below, those marked
-**essential** have to fit your robot; all others are advanced, and their defaults serve.
+[essentials.md](essentials.md) has the five values that matter. Of the parameters below, those
+marked **essential** have to fit your robot; all others are advanced, and their defaults serve.
 
-The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them. What a
-scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
+The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them.
+What a scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
 [concepts](concepts.md#scene)."""
 
 ESSENTIAL = {
