@@ -41,7 +41,7 @@ def identifying(sweeps: int) -> list[dict[str, Any]]:
             )
             command = ROOT / "scripts" / "filter_node"
             filters[name] = nodes.start(command, "--ros-args", "-r", f"__node:={name}", "-p", scan)
-        nodes.until(lambda: len(heard) == len(filters), "the first posteriors", 120)
+        nodes.until(lambda: len(heard) == len(filters), "the first posteriors", 600)
         nodes.watch_sweeps()
         heard.clear()
         taken = {name: -cpu_s(process) for name, process in filters.items()}

@@ -50,7 +50,10 @@ class GridFilter:
             )
         self._shape = tuple(int(count) for count in counts)
         self._cell = extent / counts
-        self._lower = scene.lower
+        self._unmoved = [
+            low + size * (np.arange(count) + 0.5)
+            for low, size, count in zip(scene.lower, self._cell, self._shape, strict=True)
+        ]
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
         self._size = int(np.prod(self._shape))
@@ -166,8 +169,7 @@ class GridFilter:
 
     def _centres(self, axis: int) -> np.ndarray:
         """Centres of the cells along an axis."""
-        origin = self._lower[axis] + self._offset[axis]
-        return origin + self._cell[axis] * (np.arange(self._shape[axis]) + 0.5)
+        return self._unmoved[axis] + self._offset[axis]
 
     def _deviation(self, axis: int, place: float) -> np.ndarray:
         """Distances of the cells' centres from a place along an axis."""
@@ -176,7 +178,8 @@ class GridFilter:
 
     def _marginal(self, *axes: int) -> np.ndarray:
         """Probabilities along one or two axes."""
-        return self._belief.sum(axis=tuple(axis for axis in range(len(self._shape)) if axis not in axes))
+        others = tuple(axis for axis in range(len(self._shape)) if axis not in axes)
+        return self._belief.sum(axis=others) if others else self._belief
 
     def _shift(self, axis: int, cells: int) -> float:
         """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""

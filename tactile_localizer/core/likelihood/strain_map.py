@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -82,10 +81,14 @@ class StrainMap(NamedTuple):
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
         """Index of the node nearest to each of ``states`` (P, d), (P,) int; those beyond are moved inside."""
-        along = np.rint((states - self.origin) / self.step)
-        along = np.minimum(np.maximum(along, 0.0), np.array(self.shape) - 1.0)
-        strides = np.array([math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape))])
-        return (along @ strides).astype(np.intp)
+        index = np.zeros(len(states))
+        for axis, count in enumerate(self.shape):
+            along = np.rint((states[:, axis] - self.origin[axis]) / self.step[axis])
+            np.minimum(along, count - 1.0, out=along)
+            np.maximum(along, 0.0, out=along)
+            index *= count
+            index += along
+        return index.astype(np.intp)
 
 
 def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:

@@ -61,8 +61,7 @@ class SweepMixture:
             strain_map.variance,
             strain_map.log_prior,
         )
-        places = np.linspace(0, count - 1, min(count, _ELSEWHERE_PLACES)).astype(np.intp)
-        self._places = self._tables.take(places)
+        self._places = np.linspace(0, count - 1, min(count, _ELSEWHERE_PLACES)).astype(np.intp)
 
     def tempered(self, information_length: float) -> SweepMixture:
         """The same tables with another length of information."""
@@ -83,12 +82,13 @@ class SweepMixture:
     ) -> Evaluation:
         """See :meth:`.StrainModel.evaluate`."""
         nodes = self.map.nearest(states)
-        plain, inflated = self._densities(self._tables.take(nodes), strain, used, offset_variance)
-        _, anywhere = self._densities(self._places, strain, used, offset_variance)
+        rows = self._tables.take(np.concatenate([nodes, self._places]))
+        plain, inflated = self._densities(rows, strain, used, offset_variance)
         volume = float(self.noise.log_volume[used].sum())
-        position = _mixed(plain) + volume
-        other = _mixed(inflated) + volume
-        elsewhere = log_mean(_mixed(anywhere)) + volume
+        count = len(nodes)
+        position = _mixed(plain[:count]) + volume
+        wide = _mixed(inflated) + volume
+        other, elsewhere = wide[:count], log_mean(wide[count:])
         featureless = self._featureless(strain, used, offset_variance) + volume
         return Evaluation(position, position, other, elsewhere, featureless, nodes)
 
