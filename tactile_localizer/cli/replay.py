@@ -25,6 +25,7 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
+from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.json_file import write_json
@@ -70,12 +71,14 @@ def run(args: argparse.Namespace) -> int:
     document = replay_document(
         scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
     )
-    _print(document)
+    mismatch = misfit(scan, scene, recorded, tracks, true_positions)
+    if mismatch.line is not None:
+        print(mismatch.line)
+    if configuration.uses_kernel_widths and (unfit := describe_unfit_widths(scan, scene)):
+        print(unfit)
+    _print(document, positions_fit=mismatch.positions_fit)
     for line in _unconverged(tracks):
         print(line)
-    mismatch = misfit(scan, scene, recorded, tracks, true_positions).line
-    if mismatch is not None:
-        print(mismatch)
     if args.json is not None:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {len(document['updates'])} updates")
@@ -92,7 +95,7 @@ def _unconverged(tracks: Sequence[Track]) -> Iterator[str]:
             yield f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}"
 
 
-def _print(document: dict[str, Any]) -> None:
+def _print(document: dict[str, Any], positions_fit: bool) -> None:
     console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
     summary, timing, configuration = document["summary"], document["timing"], document["configuration"]
     for note in document["recording"]["notes"]:
@@ -122,7 +125,13 @@ def _print(document: dict[str, Any]) -> None:
     arrived = summary["travel_to_convergence_m"]
     since = "from contact" if summary["contacts"] else "of travel"
     after = f", after {arrived['median'] * 1e3:.1f} mm {since} (median)" if arrived["count"] else ""
-    console.print(f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps converged{after}")
+    converged = f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps"
+    if positions_fit:
+        console.print(f"{converged} converged{after}")
+    else:
+        console.print(
+            f"positions out of the scene's bounds cannot be right; reported as converged: {converged}"
+        )
     if timing["update_median_us"] is not None:
         console.print(
             f"measurement update {timing['update_median_us']:.0f} µs (median), "

@@ -42,9 +42,14 @@ class Misfit(NamedTuple):
     hints: tuple[str, ...]
 
     @property
+    def positions_fit(self) -> bool:
+        """Whether nearly all positions are within the scene's bounds."""
+        return self.outside <= MATERIAL_SHARE
+
+    @property
     def line(self) -> str | None:
         """One line for the user; ``None`` where the recording fits."""
-        fits = self.outside <= MATERIAL_SHARE and self.beyond <= MATERIAL_SHARE
+        fits = self.positions_fit and self.beyond <= MATERIAL_SHARE
         if fits and not self.left_out and not self.hints:
             return None
         parts = [

@@ -118,6 +118,8 @@ class FilterNode(ManagedNode):
         for path, scan, scene in zip(paths, loaded.scans, loaded.scenes, strict=True):
             sweeps = len(scan.sweep_numbers)
             self.get_logger().info(f"{path}: {len(scan)} pairs of {sweeps} sweeps, scene {scene.name}")
+        for line in loaded.warnings:
+            self.get_logger().warning(line)
         self._report_progress("map built", 1.0)
         return loaded
 

@@ -72,6 +72,39 @@ def test_import_and_replay_localize_and_write_every_update(folder: Path, capsys)
     assert {"sweep", "converged", "reason", "state", "probability", "on_map", "stamp_ns"} <= set(last)
 
 
+def test_positions_in_millimetres_do_not_count_as_converged(folder: Path, tmp_path: Path, capsys) -> None:
+    header, *rows = (folder / "test.csv").read_text().splitlines()
+    names = header.split(",")
+    scaled = [
+        ",".join(
+            f"{1e3 * float(cell):.6f}" if name in ("x", "y") else cell
+            for name, cell in zip(names, row.split(","), strict=True)
+        )
+        for row in rows
+    ]
+    (tmp_path / "mm.csv").write_text("\n".join([header, *scaled]) + "\n")
+    assert main(f"replay {tmp_path / 'mm.csv'} --scan scan.db --seed 1".split()) == 0
+    verdict, *rest = capsys.readouterr().out.splitlines()
+    assert verdict.startswith("the recording does not fit the map: 100% of the positions are outside")
+    (line,) = (line for line in rest if "converged:" in line)
+    assert line.startswith("positions out of the scene's bounds cannot be right")
+    assert not any("sweeps converged" in line for line in rest)
+
+
+def test_kernel_widths_that_do_not_fit_the_scan_are_reported_first(
+    folder: Path, tmp_path: Path, capsys
+) -> None:
+    scene = replace(load_scene(folder / "scene.yaml"), measurement={**TUNED, "strain_std": 3.0})
+    save_scene(scene, tmp_path / "wide.yaml")
+    Path(tmp_path / "kernel.yaml").write_text("model: sum_of_gaussians\n")
+    command = f"replay test.csv --scan scan.db --scene {tmp_path / 'wide.yaml'} --seed 1"
+    assert main(f"{command} --config {tmp_path / 'kernel.yaml'}".split()) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("measurement of scene bump: expected kernel widths that fit")
+    assert main(command.split()) == 0
+    assert "kernel widths" not in capsys.readouterr().out  # the default model has none
+
+
 def test_updates_are_reproducible_by_seed(folder: Path) -> None:
     short = COMMAND.replace("grid", "particle").replace("test.csv", "short.csv").split()
     lines = Path("test.csv").read_text().splitlines()

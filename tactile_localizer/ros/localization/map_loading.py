@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
 from tactile_localizer.core.factory import Progress, build_identifier, build_localizer
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.identification import FeatureLocalizer
@@ -35,6 +36,7 @@ class LoadedMap:
     scans, scenes : scan and scene of each file
     frame : transformation of palm poses to the axes of the scenes
     localizer : localizer on the scan, or on several candidate scans
+    warnings : what does not fit, a line each
     """
 
     name: str
@@ -42,6 +44,7 @@ class LoadedMap:
     scenes: Sequence[Scene]
     frame: PalmFrame
     localizer: Localizer | FeatureLocalizer
+    warnings: Sequence[str] = ()
 
     @property
     def ranges(self) -> list[ScanRange]:
@@ -79,7 +82,9 @@ def load_map(paths: Sequence[Path], parameters: Parameters, progress: Progress) 
             raise ParameterError(f"candidate_scan_files: expected scenes of different names, got {names}")
         learned = dict(zip(named, calibrations, strict=True))
         localizer = FeatureLocalizer(build_identifier(named, choices, rng, progress, learned))
-    return LoadedMap(", ".join(map(str, paths)), scans, scenes, frame, localizer)
+    unfit = map(describe_unfit_widths, scans, scenes) if choices.uses_kernel_widths else ()
+    warnings = [line for line in unfit if line is not None]
+    return LoadedMap(", ".join(map(str, paths)), scans, scenes, frame, localizer, warnings)
 
 
 def _read(path: Path, scene_file: str) -> tuple[Scan, Scene]:
