@@ -7,9 +7,9 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
+from tactile_localizer.io.scans.calibration_process import CalibrationProcess
 from tactile_localizer.io.scans.recorder import SweepRecorder
 from tactile_localizer.io.scans.rows import LearnedEntry
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.ros.base.background import BackgroundJob
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
 
@@ -21,8 +21,8 @@ class ScanCalibration:
     """Calibrates a scan whenever no sweep has been active for :data:`QUIET_S`.
 
     The filter then starts without calibrating. If recording continues, the calibration is repeated in the
-    next pause. The computation reads the scan file through its own connection; only the result is written by
-    the connection of the recorder, which holds the lock of the file.
+    next pause. A process of its own calibrates, so that recording is not delayed; the recorder, which holds
+    the lock of the scan file, stores the result.
 
     Parameters
     ----------
@@ -39,11 +39,14 @@ class ScanCalibration:
         self._quiet_since_s = time.monotonic()
         self._attempted_pairs = 0
         self._is_closed = False
+        self._process: CalibrationProcess | None = None
         self._level, self._message = DiagnosticStatus.OK, "not calibrated: scan in progress"
 
     def close(self) -> None:
-        """Discard the result of a calibration in progress."""
+        """Stop a calibration in progress."""
         self._is_closed = True
+        if self._process is not None:
+            self._process.stop()
 
     def poll(self) -> None:
         """Start a calibration if one is due, and publish the status."""
@@ -60,12 +63,10 @@ class ScanCalibration:
             )
 
     def _compute(self) -> LearnedEntry | None:
-        from tactile_localizer.io.scans.learned import find_calibration  # its imports would delay the start
-
-        path = self._recorder.store.path
-        with ScanStore.open(path) as store:
-            scan, scene = store.load(), store.scene
-        return find_calibration(path, scan, scene, self._progress)[1]
+        self._process = CalibrationProcess(self._recorder.store.path)
+        if self._is_closed:  # in the meantime
+            self._process.stop()
+        return self._process.result(self._progress)
 
     def _store(self, entry: LearnedEntry | None) -> None:
         if self._is_closed:
@@ -76,4 +77,6 @@ class ScanCalibration:
         self._level, self._message = DiagnosticStatus.OK, "calibrated"
 
     def _on_error(self, reason: str) -> None:
+        if self._is_closed:
+            return
         self._level, self._message = DiagnosticStatus.WARN, f"not calibrated: {reason}"

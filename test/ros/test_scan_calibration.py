@@ -1,5 +1,7 @@
 """The mapping node calibrates a scan in the background when recording pauses."""
 
+from pathlib import Path
+
 import pytest
 from support.hand import Hand
 from support.sweeps import scene_of, write_scan
@@ -67,3 +69,16 @@ def test_a_scan_that_cannot_be_calibrated_is_a_warning(node_process, probe, file
     warning = DiagnosticStatus.WARN
     probe.until(lambda: warning in levels(arrays, "mapping: calibration"), "the warning", 30.0)
     assert process.stop() == 0
+
+
+def test_an_interrupt_ends_a_calibrating_node(node_process, files):
+    from support.waiting import children, wait_until
+
+    write_scan(files["scan_file"], calibrated=False)
+    process = node_process("mapping_node", files)
+    process.wait_for_line("calibrating", timeout_s=60.0)
+    (calibrating,) = children(process.pid)
+    assert process.stop() == 0
+    assert "Traceback" not in process.output
+    assert "not calibrated" not in process.output
+    wait_until(lambda: not Path(f"/proc/{calibrating}").exists(), "the end of the calibration")
