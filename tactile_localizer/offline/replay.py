@@ -116,16 +116,14 @@ def replay(
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
-        estimates, rows, seconds = [], [], []
+        estimates = _Estimates(localizer.scene, len(sweep))
         for row, estimate, elapsed in _localize(localizer, sweep, clock):
             if estimate is not None:
-                estimates.append(estimate)
-                rows.append(row)
-                seconds.append(elapsed)
+                estimates.append(row, estimate, elapsed)
             if progress is not None and row % _REPORT_EVERY == 0:
                 progress("replaying", (done + row) / total)
         done += len(sweep)
-        tracks.append(_track(localizer.scene, sweep, estimates, rows, seconds))
+        tracks.append(estimates.track(sweep))
     if progress is not None:
         progress("replaying", 1.0)
     return tracks
@@ -153,31 +151,62 @@ def _localize(
         yield row, estimate, clock() - began
 
 
-def _track(
-    scene: Scene, sweep: RecordedSweep, estimates: list[Estimate], rows: list[int], seconds: list[float]
-) -> Track:
-    n, d = len(estimates), scene.dimension
-    row = np.array(rows, dtype=np.intp)
-    reference = sweep.position
-    if sweep.truth is not None and np.isfinite(sweep.truth).all():
-        reference = sweep.truth
-    return Track(
-        number=sweep.number,
-        row=row,
-        stamp_ns=sweep.stamp_ns[row],
-        mean=np.array([e.mean for e in estimates]).reshape(n, d),
-        covariance=np.array([e.covariance for e in estimates]).reshape(n, d, d),
-        state=tuple(e.state for e in estimates),
-        probability=np.array([e.probability for e in estimates]),
-        on_map=np.array([e.on_map for e in estimates]),
-        log_marginal=np.array([e.log_marginal for e in estimates]),
-        updated=np.array([e.updated for e in estimates], dtype=bool),
-        moved=np.array([e.travel for e in estimates]),
-        consistent=np.array([e.consistent for e in estimates]).reshape(n, len(scene.phalanges)),
-        reason=tuple(e.reason for e in estimates),
-        truth=None if sweep.truth is None else sweep.truth[row],
-        travel=travelled(scene, reference)[row],
-        seconds=np.array(seconds),
-        refused=len(sweep) - n,
-        contact=sweep.contact,
-    )
+class _Estimates:
+    """Estimates along a sweep of at most ``count`` samples, as arrays: an hour has a million of them."""
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        d = scene.dimension
+        self._scene, self._count = scene, 0
+        self._row = np.empty(count, dtype=np.intp)
+        self._mean, self._covariance = np.empty((count, d)), np.empty((count, d, d))
+        self._numbers = np.empty((count, 5))
+        self._updated = np.empty(count, dtype=bool)
+        self._consistent = np.empty((count, len(scene.phalanges)), dtype=bool)
+        self._state: list[State] = []
+        self._reason: list[str] = []
+
+    def append(self, row: int, estimate: Estimate, seconds: float) -> None:
+        """Add the estimate of a sample, and how long it took."""
+        n = self._count
+        self._row[n] = row
+        self._mean[n], self._covariance[n] = estimate.mean, estimate.covariance
+        self._numbers[n] = (
+            estimate.probability,
+            estimate.on_map,
+            estimate.log_marginal,
+            estimate.travel,
+            seconds,
+        )
+        self._updated[n], self._consistent[n] = estimate.updated, estimate.consistent
+        self._state.append(estimate.state)
+        self._reason.append(estimate.reason)
+        self._count += 1
+
+    def track(self, sweep: RecordedSweep) -> Track:
+        """The estimates of ``sweep``."""
+        n = self._count
+        row = self._row[:n]
+        probability, on_map, log_marginal, moved, seconds = self._numbers[:n].T.copy()
+        reference = sweep.position
+        if sweep.truth is not None and np.isfinite(sweep.truth).all():
+            reference = sweep.truth
+        return Track(
+            number=sweep.number,
+            row=row,
+            stamp_ns=sweep.stamp_ns[row],
+            mean=self._mean[:n],
+            covariance=self._covariance[:n],
+            state=tuple(self._state),
+            probability=probability,
+            on_map=on_map,
+            log_marginal=log_marginal,
+            updated=self._updated[:n],
+            moved=moved,
+            consistent=self._consistent[:n],
+            reason=tuple(self._reason),
+            truth=None if sweep.truth is None else sweep.truth[row],
+            travel=travelled(self._scene, reference)[row],
+            seconds=seconds,
+            refused=len(sweep) - n,
+            contact=sweep.contact,
+        )
