@@ -71,7 +71,7 @@ def test_an_interrupted_run_resumes(folder: Path) -> None:
 
     running = subprocess.Popen([*command, *arguments, "--jobs", "2"], stderr=subprocess.PIPE, text=True)
     try:
-        wait_until(lambda: len(results()) > 6, "some results", 60)
+        wait_until(lambda: len(results()) > 3, "some results", 120)
         running.terminate()
         _, printed = running.communicate(timeout=60)  # also waits for workers, who have the same stderr
     finally:
@@ -79,9 +79,9 @@ def test_an_interrupted_run_resumes(folder: Path) -> None:
     assert running.returncode == 130
     assert "Warning" not in printed
     before = {file: file.stat().st_mtime_ns for file in results()}
-    assert 6 < len(before) < 15
+    assert 3 < len(before) < 11
     assert main(arguments) == 0
-    assert len(results()) == 15
+    assert len(results()) == 11  # one calibration, five seeds of two methods
     assert all(file.stat().st_mtime_ns == written for file, written in before.items())
 
 

@@ -150,7 +150,7 @@ def learn_conditions(
     conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
     """The calibration of every condition, as plain values."""
-    tasks = [Task(learn_condition, (condition,), condition.identity) for condition in conditions]
+    tasks = [Task(learn_condition, (condition,), condition.map_identity) for condition in conditions]
     return run_tasks(tasks, folder, workers, progress, "learning from the scans")
 
 
@@ -165,7 +165,7 @@ def kernel_widths(
     conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
     """Parameters of the kernel models for every condition: given by its scene or chosen from the scan."""
-    tasks = [Task(choose_widths, (condition,), condition.identity) for condition in conditions]
+    tasks = [Task(choose_widths, (condition,), condition.map_identity) for condition in conditions]
     return run_tasks(tasks, folder, workers, progress, "choosing kernel widths")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
@@ -55,6 +56,10 @@ class Condition(Protocol):
     def identity(self) -> dict[str, Any]:
         """Values that identify this condition, as JSON can hold them."""
 
+    @property
+    def map_identity(self) -> dict[str, Any]:
+        """Values that identify its scan and scene: calibrations of equal maps are equal."""
+
     def load(self) -> Material:
         """The map and the sweeps."""
 
@@ -80,6 +85,11 @@ class SimulatedCondition:
     def identity(self) -> dict[str, Any]:
         """Values that identify this condition."""
         return dict(vars(self))
+
+    @property
+    def map_identity(self) -> dict[str, Any]:
+        """Name and seed, which determine the scan."""
+        return {"name": self.name, "seed": self.seed}
 
     def load(self) -> Material:
         """Simulate the scan and the sweeps."""
@@ -142,21 +152,27 @@ class RecordedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Name, seed and a digest of all numbers."""
-        digest = hashlib.sha256()
-        for array in (self.scan.states, self.scan.strain, self.scan.sweep):
-            digest.update(np.ascontiguousarray(array).data)
-        for sweep in self.recording.sweeps:
-            for known in (sweep.stamp_ns, sweep.position, sweep.strain, sweep.status, sweep.truth):
-                digest.update(b"" if known is None else np.ascontiguousarray(known).data)
+        """Name, seed and digests of all numbers."""
+        sweeps = [
+            known
+            for sweep in self.recording.sweeps
+            for known in (sweep.stamp_ns, sweep.position, sweep.strain, sweep.status, sweep.truth)
+            if known is not None
+        ]
         return {
+            **self.map_identity,
             "name": self.name,
             "seed": self.seed,
-            "scene": scene_to_dict(self.scene),
             "starts": self.starts,
             "travel": self.travel,
-            "data": digest.hexdigest(),
+            "data": _digest(sweeps),
         }
+
+    @property
+    def map_identity(self) -> dict[str, Any]:
+        """The scene and a digest of the scan."""
+        scan = _digest([self.scan.states, self.scan.strain, self.scan.sweep])
+        return {"scene": scene_to_dict(self.scene), "scan": scan}
 
     def load(self) -> Material:
         """With odometry."""
@@ -166,3 +182,10 @@ class RecordedCondition:
         if any(sweep.truth is None for sweep in recording.sweeps):
             recording = with_odometry(recording, self.scene, rng, SIMULATED)
         return Material(self.scan, self.scene, recording)
+
+
+def _digest(arrays: Sequence[np.ndarray]) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()

@@ -60,6 +60,14 @@ def test_a_recording_keeps_its_contact_and_differs_by_seed() -> None:
     assert condition(1).identity["data"] == condition(2).identity["data"]
 
 
+def test_conditions_on_one_scan_share_its_calibration() -> None:
+    assert condition(1).map_identity == condition(2).map_identity
+    other = replace(condition(1), scan=condition(1).scan.select(np.arange(100)))
+    assert other.map_identity != condition(1).map_identity
+    seeds = [SimulatedCondition("bump", seed) for seed in (1, 2)]
+    assert seeds[0].map_identity != seeds[1].map_identity
+
+
 def test_standard_methods_contain_default_presets_and_paper_models() -> None:
     methods = standard_methods()
     assert {"default", "fast", "balanced", "accurate"} <= methods.keys()
