@@ -53,7 +53,8 @@ class Configuration:
         ``module:Class`` (:mod:`.own_model`)
     filter : ``particle``, or ``grid``, the exact recursion on cells
     particles : how many particles
-    cell : size of the grid's cells in spacings of the scan's lines; on one axis they are 0.5 mm
+    cell : size of the grid's cells in spacings of the scan's lines; on one axis they are 0.5 mm, on three so
+        large that there are at most 25,000
     evaluation : how kernel sums are evaluated (:mod:`.kernel_sum`)
     precision : of the strains in memory, ``float64`` or ``float32``
     conditional : sum-of-Gaussians in conditional form; ``False``: the paper's joint form

@@ -46,7 +46,7 @@ CONFIGURATION = (
     _number(
         "cell",
         "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis use "
-        "0.5 mm instead",
+        "0.5 mm instead, with three at most 25,000 cells",
     ),
     _choice(
         "evaluation",
