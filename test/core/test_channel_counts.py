@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.scans import SIDE, axes
 
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.likelihood.gaussian import Gaussian
@@ -17,6 +18,8 @@ from tactile_localizer.errors import MeasurementError, SceneError
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
+CALIBRATION = Calibration(0.001, np.array([0.0004, 0.0004]))
+"""Given, so that no test waits for it to be learned."""
 GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
 
 
@@ -47,9 +50,8 @@ def scan(of, pairs=1200):
 @pytest.mark.parametrize("model", ["sum_of_gaussians", "gaussian", "gaussian_independent", "featureless"])
 def test_every_model_localizes_with_any_channels(counts, model):
     of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "featureless" else None)
-    localizer = build_localizer(
-        scan(of), of, Configuration(model=model, filter="grid"), np.random.default_rng(1)
-    )
+    configuration, rng = Configuration(model=model, filter="grid"), np.random.default_rng(1)
+    localizer = build_localizer(scan(of), of, configuration, rng, None, CALIBRATION)
     present = np.ones(len(counts), bool)
     for n in range(40):
         truth = np.array([0.01, 0.02]) + n * np.array([0.0006, 0.0002])
@@ -96,7 +98,7 @@ def test_an_independent_gaussian_is_the_product_over_phalanges():
 
 def test_a_strain_of_another_length_is_refused():
     of = scene()
-    localizer = build_localizer(scan(of), of, Configuration(), np.random.default_rng(1))
+    localizer = build_localizer(scan(of), of, Configuration(), np.random.default_rng(1), None, CALIBRATION)
     with pytest.raises(MeasurementError, match=r"expected shape \(26,\), got \(24,\)"):
         localizer.update(0, np.zeros(2), np.zeros(24))
 

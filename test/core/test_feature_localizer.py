@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.sweeps import calibration
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria
@@ -26,7 +27,9 @@ def candidates() -> FeatureLocalizer:
         )
         for feature in ("grommet", "bump")
     }
-    return FeatureLocalizer(build_identifier(scans, CONFIGURATION, np.random.default_rng(0)))
+    calibrations = dict.fromkeys(scans, calibration())  # given, so that no test waits for it
+    rng = np.random.default_rng(0)
+    return FeatureLocalizer(build_identifier(scans, CONFIGURATION, rng, None, calibrations))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from support.sweeps import calibration
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_identifier
@@ -21,7 +22,8 @@ def identifier() -> FeatureIdentifier:
     for feature in ("bump", "grommet"):
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
         candidates[feature] = (simulate_scan(feature, seed=SEED).to_scan(), scene)
-    return build_identifier(candidates, Configuration(), np.random.default_rng(0))
+    calibrations = dict.fromkeys(candidates, calibration())  # given, so that no test waits for it
+    return build_identifier(candidates, Configuration(), np.random.default_rng(0), None, calibrations)
 
 
 def verdicts(

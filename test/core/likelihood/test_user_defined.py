@@ -10,6 +10,7 @@ import pytest
 from support.scans import scan, scene
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, build_model
 from tactile_localizer.core.likelihood.base import MeasurementModel
@@ -32,6 +33,7 @@ def nothing(scan, scene, parameters):
 """
 SCENE = scene()
 SCAN = scan(np.random.default_rng(1), SCENE)
+CALIBRATION = Calibration(0.003, np.array([0.0004, 0.0004]))
 PARAMETERS = ModelParameters(0.002, 0.03, 0.002)
 
 
@@ -54,7 +56,7 @@ def test_it_is_made_of_scan_scene_and_parameters() -> None:
 def test_both_filters_follow_it(kind: str) -> None:
     configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)
     scene = dataclasses.replace(SCENE, measurement=PARAMETERS.to_mapping())
-    localizer = build_localizer(SCAN, scene, configuration, np.random.default_rng(1))
+    localizer = build_localizer(SCAN, scene, configuration, np.random.default_rng(1), None, CALIBRATION)
     for step in range(4):
         estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * DEFAULT_CHANNELS))
     assert estimate.mean == pytest.approx([0.01, 0.03], abs=0.003)

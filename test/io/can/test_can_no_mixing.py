@@ -20,6 +20,8 @@ from tactile_localizer.io.can.frames import FrameBatch
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.status import MISSING, OK
 
+pytestmark = pytest.mark.slow
+
 CASES = int(os.environ.get("TACTILE_LOCALIZER_CASES", "400"))
 BLOCK = 100
 MS = 1_000_000

@@ -14,6 +14,8 @@ from tactile_localizer.io.can.cycle import Cycle
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.status import MISSING, OK
 
+pytestmark = pytest.mark.slow
+
 HAND = protocol()
 
 

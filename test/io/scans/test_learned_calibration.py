@@ -14,7 +14,7 @@ from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans import learned as module
-from tactile_localizer.io.scans.learned import KEY, LearnedResults, learned_calibration
+from tactile_localizer.io.scans.learned import KEY, LearnedResults, find_calibration, learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
@@ -73,3 +73,9 @@ def test_a_payload_of_another_form_is_learned_anew(path: Path, calibrated: list[
     LearnedResults(path).store_learned(KEY, digest_of(scan, scene), payload)
     assert learned_calibration(path, scan, scene).information_length == 0.0015
     assert len(calibrated) == 1
+
+
+def test_calibrated_scans_of_tests_are_not_calibrated_again(tmp_path: Path, calibrated: list[str]) -> None:
+    write_scan(tmp_path / "calibrated.db")
+    assert find_calibration(tmp_path / "calibrated.db", *loaded(tmp_path / "calibrated.db"))[1] is None
+    assert calibrated == []

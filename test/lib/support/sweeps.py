@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.scans.learned import KEY, LearnedResults
 from tactile_localizer.io.scans.store import ScanStore
@@ -23,8 +25,19 @@ from tactile_localizer.sim import SimulatedScan, SimulatedSweep, simulate_scan, 
 START_NS = 1_700_000_000_000_000_000
 MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
 """Kernel widths, so that no test of a kernel model waits for them to be chosen from the scan."""
-CALIBRATION: dict[str, Any] = {"information_length": 0.0033, "registration_std": [0.0004, 0.0004]}
-"""Kept in the scan files of the shipped scenes, so that no test waits for it to be learned."""
+CALIBRATION: dict[str, Any] = {
+    "information_length": 0.0033,
+    "registration_std": [0.0004, 0.0004],
+    "variance": {"visit": 0.21, "signal": 0.036, "doubt": 0.18, "summed_correlation": 0.005},
+}
+"""Stored in the scan files of the shipped scenes, so that no test waits for it to be learned."""
+
+
+def calibration() -> Calibration:
+    """:data:`CALIBRATION` as the core takes it."""
+    registration_std = np.array(CALIBRATION["registration_std"])
+    variance = VarianceModel(**CALIBRATION["variance"])
+    return Calibration(CALIBRATION["information_length"], registration_std, variance)
 
 
 def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
