@@ -85,7 +85,7 @@ site: venv ## Build the pages as a web site in out/site
 	$(run) mkdocs build --strict
 
 .PHONY: demo
-demo: build ## Scan a simulated feature, then localise on it (FEATURE=bump, snap or grommet)
+demo: build ## Scan a simulated feature, then localize on it (FEATURE=bump, snap or grommet)
 	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
 
 .PHONY: soak
