@@ -13,6 +13,8 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
+pytestmark = pytest.mark.slow
+
 SEED = 31
 
 

@@ -15,6 +15,8 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.spacing import base_widths
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
+pytestmark = pytest.mark.slow
+
 SCENE = Scene("line", (Axis("x", 0.0, 0.06, 0.002),), (Phalanx("index", (0.0,)),))
 
 

@@ -210,6 +210,7 @@ def test_a_clock_step_within_a_cycle_costs_that_cycle() -> None:
         assert_of_one_sample(one)
 
 
+@pytest.mark.slow
 def test_drifting_clocks_cost_few_samples() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     events = [(START_NS + n * PERIOD_NS, 0, n) for n in range(4000)]
