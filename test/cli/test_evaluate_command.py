@@ -75,7 +75,8 @@ def test_an_interrupted_run_resumes(folder: Path) -> None:
         running.terminate()
         _, printed = running.communicate(timeout=60)  # also waits for workers, who have the same stderr
     finally:
-        running.kill()
+        running.terminate()  # ends the workers too, which SIGKILL would leave
+        running.wait(60)
     assert running.returncode == 130
     assert "Warning" not in printed
     before = {file: file.stat().st_mtime_ns for file in results()}
