@@ -141,14 +141,16 @@ class LoadCellCounter:
 
         A restarted counter may match its old offset by chance, one cycle off. The order within the cycle
         then changes: a load cell that used to be first no longer is, or vice versa. So a sample after a
-        break in the counter must be in the usual place and not ``late`` in its cycle, or else its offset
-        becomes uncertain: the load cell that used to be first may be silent. A sample without a break that is
-        not first, although it usually is, is itself skipped.
+        break in the counter must be in the usual place, or else its offset becomes uncertain. A sample that
+        is ``late`` in its cycle after a break is itself skipped, because another load cell may be silent, and
+        so is one without a break that is not first although it usually is.
         """
         usual = self._place if first else -self._place
         if self._break:
+            if late:
+                return False
             self._break -= 1
-            if late or usual < _USUAL_PLACE:
+            if usual < _USUAL_PLACE:
                 self.doubt()
             return self.certain
         if not first and usual <= -_USUAL_PLACE and self.span <= _CHANCE_SPAN:

@@ -103,8 +103,6 @@ class CycleAssembler:
             _LoadCell(phalanx_of.count(p), self._alignment.counters[p], counts)
             for p, counts in enumerate(self.counts.phalanges)
         ]
-        # A counter that is half a span further on may also be of an earlier cycle.
-        self._shortest_span = min(1 if own is None else own.span for own in self._alignment.counters)
         self._cell_of = [self._cells[p] for p in phalanx_of]
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
         self._channel = layout.channel
@@ -196,6 +194,8 @@ class CycleAssembler:
         """Assign a frame to its sample and cycle; returns ``DATA``, or the reason why it is not used."""
         if cell.counter == counter and cell.have and not cell.have & bit and self._follows(cell, 1):
             if cell.cycle == _UNALIGNED or (self._open and cell.cycle == self._cycle):
+                if cell.alignment is not None:
+                    cell.doubled |= self._may_wrap(cell.alignment, stamp_ns - cell.began_ns)
                 return FrameKind.DATA
             if cell.alignment is not None:
                 return FrameKind.OUT_OF_ORDER
@@ -238,8 +238,13 @@ class CycleAssembler:
             cell.have = bit
             return FrameKind.OUT_OF_ORDER
         alone = self._alignment.alone(own)
-        late = joins and self._is_late(stamp_ns)
-        if cycle is None or not (alone or own.admits(first=not joins, late=late)):
+        after_ns = stamp_ns - self._first_ns if joins else 0
+        late = 0 < self._period_ns < 2 * after_ns
+        if (
+            cycle is None
+            or not (alone or own.admits(first=not joins, late=late))
+            or self._may_wrap(own, after_ns)
+        ):
             self._put(cell, counter, _UNALIGNED)
             cell.counts.unaligned += 1
             return FrameKind.DATA
@@ -255,9 +260,9 @@ class CycleAssembler:
         self._open_cycle(cell, counter, cycle, stamp_ns)
         return FrameKind.DATA
 
-    def _is_late(self, stamp_ns: int) -> bool:
-        """Whether a sample that begins belongs, by time, rather to the cycle after the open one."""
-        return 0 < self._period_ns < 2 * (stamp_ns - self._first_ns)
+    def _may_wrap(self, own: LoadCellCounter, elapsed_ns: int) -> bool:
+        """Whether a counter that has the same value after this time may be a whole span further on."""
+        return 0 < own.span * self._period_ns < 2 * elapsed_ns
 
     def _count(
         self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
@@ -398,7 +403,8 @@ class CycleAssembler:
             else:
                 self._period_ns = elapsed
             self._periods += 1
-            self._window_ns = min(self._wait_ns, self._shortest_span * self._period_ns // 2)
+            if cell.alignment is None:
+                self._window_ns = min(self._wait_ns, self._period_ns // 2)
 
     def _keep(self) -> None:
         # Copy the open cycle's voltages out of the batch when the cycle closes or the batch ends.
