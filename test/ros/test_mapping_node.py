@@ -86,7 +86,7 @@ def test_the_status_describes_the_scan(node_process, probe, files):
 
 def test_strain_stamped_before_the_start_is_ignored(node_process, probe, files, monkeypatch):
     # On a busy machine samples can be later than the default patience.
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 20.0})
+    process = node_process("mapping_node", parameters={**files, "patience_s": 20.0})
     hand = Hand(probe)
     begun_ns = time.time_ns() - 1000 * MS
     monkeypatch.setattr("support.hand.START", begun_ns)
