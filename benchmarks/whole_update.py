@@ -158,11 +158,16 @@ def measured(
     limit_us: float | None,
     updates: int = 300,
 ) -> list[dict[str, Any]]:
-    """Rows of the whole and its parts: of updates of a converged belief, or of the second after a reset."""
+    """Rows of the whole and its parts: of updates of a converged belief, or of the second after a reset.
+
+    None where no sweep converges.
+    """
     with parts_of(localizer) as parts:
-        while len(parts.updates) < updates:
-            for positions, strains in sweeps:
+        for positions, strains in sweeps:
+            if len(parts.updates) < updates:
                 _along(localizer, parts, positions, strains, converged)
+        if not parts.updates:  # no sweep converges
+            return []
         whole = 1e6 * np.array([update["whole"] for update in parts.updates])
         typical = parts.typical()
     limit = None if limit_us is None else f"<= {limit_us:g}"
