@@ -43,7 +43,7 @@ class FeatureIdentifier:
 
     def __init__(self, localizers: Mapping[str, Localizer]) -> None:
         self.localizers = dict(localizers)
-        self._presence = Presence(len(self.localizers))
+        self._presence = Presence(np.full(len(self.localizers), 1.0 / len(self.localizers)).tolist())
         self.reset()
 
     def reset(self) -> None:

@@ -20,6 +20,7 @@ from tactile_localizer.core.filters.weights import log_sum
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import checked, usable
 from tactile_localizer.core.likelihood.evaluation import Evaluation, StrainModel
+from tactile_localizer.core.likelihood.new_session import NEW_SESSION, Evidence
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
@@ -106,7 +107,10 @@ class Localizer:
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
-        self._presence = Presence()
+        self._session = model.new_session
+        if self._session is not None:
+            bayes_filter.carry(self._session.width)
+        self._presence = Presence((1.0,) if self._session is None else (1.0 - NEW_SESSION, NEW_SESSION))
         self._offset = SweepOffset(scene.layout, model.offset_variance)
         self._consistency = PhalanxConsistency(scene.layout)
         self._stamp_ns: int | None = None
@@ -182,6 +186,8 @@ class Localizer:
     def _restart(self) -> None:
         for part in (self._convergence, self._presence, self._offset, self._consistency):
             part.reset()
+        if self._session is not None:
+            self._session.reset()
         self._stamp_ns = None
         self._last_position = None
         self._pending = np.zeros(self.scene.dimension)
@@ -204,11 +210,18 @@ class Localizer:
         whitened = self.model.whitened(strain) - self._offset.mean
         evaluation = self.model.evaluate(states, whitened, used, self._offset.phalanx_variance())
 
-        exponent = min(1.0, stretch / self.model.information_length)
-        self.filter.update(exponent * evaluation.position)
+        exponent = min(1.0, stretch / self._information_length())
+        position, evidence = evaluation.position, None
+        if self._session is not None:
+            evidence, carried = self._session.evaluate(
+                self.filter.carried(), log_prior, evaluation, whitened, used, exponent, travel
+            )
+            self.filter.store(carried)
+            position = evidence.position
+        self.filter.update(exponent * position)
         self._belief = self.filter.belief()
 
-        self._decide(log_prior, evaluation, travel, stretch)
+        self._decide(log_prior, evaluation, evidence, travel, stretch)
         if self._offset.is_learned:
             expected = self.model.expected(
                 evaluation.nodes, log_prior + exponent * evaluation.position, whitened
@@ -223,15 +236,36 @@ class Localizer:
         used = present & self._consistency.consistent
         return used if used.any() else present
 
-    def _decide(self, log_prior: np.ndarray, evaluation: Evaluation, travel: float, stretch: float) -> None:
+    def _information_length(self) -> float:
+        """m of travel that make one independent measurement, over the kinds of session that are possible."""
+        lengths = [self.model.information_length]
+        if self._session is not None:
+            lengths.append(self._session.length)
+        return float(np.average(lengths, weights=self._presence.maps))
+
+    def _decide(
+        self,
+        log_prior: np.ndarray,
+        evaluation: Evaluation,
+        evidence: Evidence | None,
+        travel: float,
+        stretch: float,
+    ) -> None:
         """Whether the map explains the strain, and whether the position has converged."""
+        if evidence is not None:
+            log_prior = evidence.same_log_prior
         here = log_sum(log_prior + evaluation.same_material)
         other = log_sum(log_prior + evaluation.other_material)
         # Unknown material is as likely to feel like any place of the map as like the estimated one.
         elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
         self._exponent = min(1.0, stretch / self.model.presence_length)
         self._explanations = np.array([here, elsewhere, evaluation.featureless])
-        self._presence.update(self._exponent * self._explanations)
+        log_likelihoods = self._exponent * self._explanations
+        if self._session is not None and evidence is not None:
+            # Against unknown material that is as free.
+            new = min(1.0, stretch / self._session.length) * evidence.log_ratio + log_likelihoods[1]
+            log_likelihoods = np.insert(log_likelihoods, 1, new)
+        self._presence.update(log_likelihoods)
         assert self._belief is not None
         near = self.filter.mass_near(self._belief.mean, self._convergence.criteria.radius)
         self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)

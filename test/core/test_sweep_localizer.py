@@ -71,6 +71,28 @@ def test_a_sweep_from_an_unknown_start_converges_to_its_place(localizer: Localiz
     assert not any(e.converged and abs(error) > 0.005 for error, e in zip(errors, estimates, strict=True))
 
 
+@pytest.mark.parametrize("gain", [0.75, 1.0, 1.3])
+@pytest.mark.parametrize("offset", [0.0, 3.0, 30.0])
+def test_a_sweep_of_another_session_converges_to_its_place(
+    localizer: Localizer, offset: float, gain: float
+) -> None:
+    """Another tare, in noise widths, and another squeezing force."""
+    change = offset * NOISE_V * np.random.default_rng(3).choice([-1.0, 1.0], 16)
+    errors, estimates = slide(localizer, 0.1, change=change, volts=gain)
+    assert estimates[-1].converged
+    assert abs(errors[-1]) < 0.001
+    assert not any(e.converged and abs(error) > 0.005 for error, e in zip(errors, estimates, strict=True))
+
+
+@pytest.mark.parametrize("material", [2, 3, 4])
+@pytest.mark.parametrize("gain", [0.3, 1.0])
+def test_another_material_of_another_session_never_converges(
+    localizer: Localizer, material: int, gain: float
+) -> None:
+    _, estimates = slide(localizer, 0.05, material=material, change=30.0 * NOISE_V, volts=gain)
+    assert not any(estimate.converged for estimate in estimates)
+
+
 @pytest.mark.parametrize("material", [2, 3, 4])
 def test_another_material_never_converges(localizer: Localizer, material: int) -> None:
     _, estimates = slide(localizer, 0.05, material=material)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core.likelihood.new_session import NewSession
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, estimate_noise
 from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -14,7 +15,9 @@ from tactile_localizer.scene import Scene
 
 _LOOKS_PER_TEST = 3.0
 """Lengths of information that make one independent test of the map: *whether* the hand is on it gathers more
-cautiously than *where*, because all places share the map's own errors. By judgement."""
+cautiously than *where*, because all places share the map's own errors. Also lengths of the signal's summed
+autocorrelation that make one test in another session: with two, 1 of 15 starts on another fabric converged
+falsely, with three none of 18. By judgement."""
 _CORRELATIONS_PER_TEST = 2.2
 """The same in lengths of the residual's summed autocorrelation. By judgement; 1.5 was tried too, on
 three simulated features."""
@@ -39,7 +42,11 @@ class SweepModel(NamedTuple):
         presence_length = max(
             _LOOKS_PER_TEST * information_length, _CORRELATIONS_PER_TEST * self.variance.summed_correlation
         )
-        return SweepMixture(self.noise.model, table, cell, information_length, presence_length)
+        session = None
+        # A grid on three axes has too many cells for each to carry what it learns.
+        if not self.noise.featureless and scene.dimension < 3:
+            session = NewSession(self.noise.model, table, _LOOKS_PER_TEST * self.variance.signal_correlation)
+        return SweepMixture(self.noise.model, table, cell, information_length, presence_length, session)
 
 
 def learn_sweep_model(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,17 +28,18 @@ class Presence:
 
     Parameters
     ----------
-    maps : how many maps there are; one, but where materials are identified
+    shares : prior probabilities of the maps, given that it is one of them; several where materials are
+        identified, or where a map is compared in the scan's session and in another
     """
 
-    def __init__(self, maps: int = 1) -> None:
-        self._maps = maps
+    def __init__(self, shares: Sequence[float] = (1.0,)) -> None:
+        self._shares = np.array(shares)
+        self._maps = len(shares)
         self.reset()
 
     def reset(self) -> None:
         """On one of the maps as probable as not."""
-        on_maps = np.full(self._maps, -math.log(self._maps))
-        self._log_weights = np.log(0.5) + np.array([*on_maps, *_ELSEWHERE])
+        self._log_weights = np.log(0.5) + np.array([*np.log(self._shares), *_ELSEWHERE])
 
     @property
     def maps(self) -> np.ndarray:
@@ -65,7 +67,7 @@ class Presence:
         returned = float(elsewhere.sum()) * returning
         away = elsewhere * (1.0 - returning) + float((on - stayed).sum()) * np.exp(_ELSEWHERE)
         with np.errstate(divide="ignore"):
-            self._log_weights = np.log(np.array([*(stayed + returned / self._maps), *away]))
+            self._log_weights = np.log(np.array([*(stayed + returned * self._shares), *away]))
         return returned / (float(stayed.sum()) + returned) if returned > 0.0 else 0.0
 
     def update(self, log_likelihoods: np.ndarray) -> None:

@@ -34,6 +34,15 @@ class BayesFilter(Protocol):
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) that have weight, and the logarithms (P,) of their normalised weights."""
 
+    def carry(self, width: int) -> None:
+        """Let each state carry ``width`` numbers along its trajectory; zeros where a trajectory begins."""
+
+    def carried(self) -> np.ndarray:
+        """Numbers (P, width) that the states of :meth:`prior` carry."""
+
+    def store(self, carried: np.ndarray) -> None:
+        """Replace what the states of :meth:`prior` carry, (P, width)."""
+
     def update(self, log_likelihood: np.ndarray) -> None:
         """Weight the states of :meth:`prior` by ``log_likelihood`` (P,).
 

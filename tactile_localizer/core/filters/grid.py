@@ -60,6 +60,7 @@ class GridFilter:
         self._belief: np.ndarray
         self._offset: np.ndarray
         self._pending: np.ndarray
+        self._carried = np.zeros((*self._shape, 0))
         self.reset()
 
     def reset(self) -> None:
@@ -96,14 +97,30 @@ class GridFilter:
     def inject(self, fraction: float) -> None:
         """See :meth:`.BayesFilter.inject`."""
         if fraction > _NEGLIGIBLE:
-            self._belief *= 1.0 - fraction
-            self._belief += fraction / self._size
+            kept = (1.0 - fraction) * self._belief
+            self._belief = kept + fraction / self._size
+            # A cell's trajectory is the mean of those that it was and of those that begin there.
+            self._carried *= (kept / self._belief)[..., None]
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.prior`."""
         weights = self._find_alive()
         self._log_prior = np.log(weights)
         return self._states(), self._log_prior
+
+    def carry(self, width: int) -> None:
+        """See :meth:`.BayesFilter.carry`."""
+        self._carried = np.zeros((*self._shape, width))
+
+    def carried(self) -> np.ndarray:
+        """See :meth:`.BayesFilter.carried`."""
+        return self._carried.reshape(self._size, -1)[self._alive]
+
+    def store(self, carried: np.ndarray) -> None:
+        """See :meth:`.BayesFilter.store`."""
+        every = np.zeros((self._size, carried.shape[1]))
+        every[self._alive] = carried
+        self._carried = every.reshape(self._carried.shape)
 
     def update(self, log_likelihood: np.ndarray) -> None:
         """See :meth:`.BayesFilter.update`."""
@@ -151,6 +168,7 @@ class GridFilter:
 
     def _place(self, belief: np.ndarray) -> None:
         self._belief = belief / belief.sum()
+        self._carried = np.zeros_like(self._carried)
         self._offset = np.zeros(len(self._shape))
         self._pending = np.zeros(len(self._shape))
 
@@ -182,12 +200,14 @@ class GridFilter:
         return self._belief.sum(axis=others) if others else self._belief
 
     def _shift(self, axis: int, cells: int) -> float:
-        """Move the probabilities along one axis; what leaves a scene that does not wrap is lost."""
-        moved = np.roll(self._belief, cells, axis=axis)
+        """Move the cells along one axis; what leaves a scene that does not wrap is lost."""
+        moved, carried = (np.roll(each, cells, axis=axis) for each in (self._belief, self._carried))
         if not self._wraps[axis]:
             emptied = [slice(None)] * moved.ndim
             emptied[axis] = slice(None, cells) if cells > 0 else slice(cells, None)
             moved[tuple(emptied)] = 0.0
+            carried[tuple(emptied)] = 0.0
+        self._carried = carried
         return self._normalize(moved)
 
     def _diffuse(self, axis: int) -> float:

@@ -58,6 +58,7 @@ class ParticleFilter:
         self._bounds = Region(tuple(self._lower), tuple(self._upper))
         self._states: np.ndarray
         self._log_weights: np.ndarray
+        self._carried = np.zeros((particles, 0))
         self.reset()
 
     def reset(self) -> None:
@@ -97,6 +98,18 @@ class ParticleFilter:
             self._replace_lightest(self._random)
         return self._states, self._log_weights
 
+    def carry(self, width: int) -> None:
+        """See :meth:`.BayesFilter.carry`."""
+        self._carried = np.zeros((self._count, width))
+
+    def carried(self) -> np.ndarray:
+        """See :meth:`.BayesFilter.carried`."""
+        return self._carried
+
+    def store(self, carried: np.ndarray) -> None:
+        """See :meth:`.BayesFilter.store`."""
+        self._carried = carried
+
     def update(self, log_likelihood: np.ndarray) -> None:
         """See :meth:`.BayesFilter.update`."""
         log_weights, log_total = normalize(self._log_weights + log_likelihood)
@@ -123,6 +136,7 @@ class ParticleFilter:
     def _place(self, states: np.ndarray) -> None:
         count = len(states)
         self._states = states
+        self._carried = np.zeros_like(self._carried)
         self._log_weights = np.full(count, -math.log(count))
 
     def _spread(self, count: int) -> np.ndarray:
@@ -135,6 +149,7 @@ class ParticleFilter:
         order = self._rng.permutation(len(self._states))
         lightest = order[np.argpartition(self._log_weights[order], count - 1)[:count]]
         self._states[lightest] = self._spread(count)
+        self._carried[lightest] = 0.0
         self._log_weights[lightest] = -math.log(len(self._states))
         self._log_weights, _ = normalize(self._log_weights)
 
@@ -149,6 +164,7 @@ class ParticleFilter:
         ancestors = self._resample(weights, self._count, self._rng)
         jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
         self._states = self._states[ancestors] + jitter
+        self._carried = self._carried[ancestors]
         self._log_weights = np.full(self._count, -math.log(self._count))
 
     def _regularization(self, weights: np.ndarray) -> np.ndarray:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from tactile_localizer.core.likelihood.new_session import NewSession
+
+INFLATION = 9.0
+"""Factor of the variance under which a strain fits unknown material: three standard deviations. By judgement;
+tried on two fabrics and three simulated features."""
 
 
 class Evaluation(NamedTuple):
@@ -54,11 +61,13 @@ class StrainModel(Protocol):
     information_length : m of travel that make one independent measurement of the position
     presence_length : m of travel that make one independent test of whether the map applies
     offset_variance : (C,) whitened variance of a sweep's constant offset
+    new_session : how strains differ in another session, where that can only be told along a trajectory
     """
 
     information_length: float
     presence_length: float
     offset_variance: np.ndarray
+    new_session: NewSession | None
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """A strain (C,), V, in the coordinates that :meth:`evaluate` takes."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.evaluation import Evaluation, Expected
+from tactile_localizer.core.likelihood.new_session import NewSession
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 
 
@@ -24,6 +25,7 @@ class KernelPosition:
         self.information_length = correlation_length
         self.presence_length = mixture.presence_length
         self.offset_variance = mixture.offset_variance
+        self.new_session: NewSession | None = None
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """See :meth:`.StrainModel.whitened`."""

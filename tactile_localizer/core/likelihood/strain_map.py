@@ -45,12 +45,15 @@ class VarianceModel:
         no featureless strain to measure the signal from
     doubt : factor of what interpolation leaves open (:attr:`.Expectation.doubt`)
     summed_correlation : m of travel that make one independent look at the residual
+    signal_correlation : m of travel over which the material itself feels alike: the sum of its
+        autocorrelation
     """
 
     visit: float = 1.0
     signal: float = 0.0
     doubt: float = 0.5
     summed_correlation: float = 0.003
+    signal_correlation: float = 0.01
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
         """Variance of a new visit, (M, K, F)."""
@@ -137,7 +140,15 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
         r.residual[:, 0] / np.sqrt(layout.expand(fitted.variance(r.expected, layout)[:, 0]))
         for r in residuals
     ]
-    return replace(fitted, summed_correlation=_summed_correlation(scaled))
+    # The noise of a visit and of the others' mean is independent: their product has only the signal.
+    signals = [
+        (visit.strain, r.expected.mean[:, 0]) for visit, r in zip(estimate.visits, residuals, strict=True)
+    ]
+    return replace(
+        fitted,
+        summed_correlation=_summed_correlation([(each, each) for each in scaled]),
+        signal_correlation=_summed_correlation(signals),
+    )
 
 
 def build_map(
@@ -164,15 +175,15 @@ def build_map(
     return StrainMap(origin, step, shape, mean, spread, prior, float(spread.min()) if featureless else None)
 
 
-def _summed_correlation(scaled: Sequence[np.ndarray]) -> float:
-    """Integral of the autocorrelation of residuals (n, C) along the tracks, m."""
+def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Integral of the correlation of values (n, C) along tracks with others on the same tracks, m."""
     lags = round(_LONGEST_CORRELATION / PITCH)
     products, counts = np.zeros(lags), np.zeros(lags)
-    for residual in scaled:
-        bounded = np.clip(residual - np.median(residual, axis=0), -4.0, 4.0)
-        for lag in range(min(lags, len(bounded) // 2)):
-            products[lag] += float(np.sum(bounded[: len(bounded) - lag] * bounded[lag:]))
-            counts[lag] += bounded[lag:].size
+    for first, second in pairs:
+        one, other = (_bounded(values) for values in (first, second))
+        for lag in range(min(lags, len(one) // 2)):
+            products[lag] += float(np.sum(one[: len(one) - lag] * other[lag:]))
+            counts[lag] += other[lag:].size
     if products[0] <= 0.0:
         return VarianceModel.summed_correlation
     correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (
@@ -181,3 +192,10 @@ def _summed_correlation(scaled: Sequence[np.ndarray]) -> float:
     below = np.flatnonzero(correlation < 0.05)
     end = int(below[0]) if len(below) else lags
     return PITCH * (1.0 + 2.0 * float(correlation[1:end].sum()))
+
+
+def _bounded(values: np.ndarray) -> np.ndarray:
+    """Deviations (n, C) from the median of each channel, within four of their median sizes."""
+    deviation = values - np.median(values, axis=0)
+    width = 4.0 * 1.4826 * np.median(np.abs(deviation), axis=0)
+    return np.clip(deviation, -width, width)

@@ -11,7 +11,7 @@ By judgement."""
 _ITERATIONS = 25
 
 
-def log_density(squared: np.ndarray, variance: np.ndarray, channels: int) -> np.ndarray:
+def log_density(squared: np.ndarray, variance: np.ndarray, channels: int | np.ndarray) -> np.ndarray:
     """Log-density up to a constant of ``channels``.
 
     Parameters

@@ -9,14 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.filters.weights import log_mean
-from tactile_localizer.core.likelihood.evaluation import Evaluation, Expected
+from tactile_localizer.core.likelihood.evaluation import INFLATION, Evaluation, Expected
+from tactile_localizer.core.likelihood.new_session import NewSession
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
 
-INFLATION = 9.0
-"""Factor of the variance under which a strain fits unknown material: three standard deviations. By judgement;
-tried on two fabrics and three simulated features."""
 _LOG_NEGLIGIBLE = np.log(1e-3)
 """Weight of a state, relative to the largest, below which it does not count in an expectation."""
 _FARTHEST = 1e9
@@ -35,6 +33,7 @@ class SweepMixture:
     cell : (d,) size of a grid filter's cells, for which the tables were made, m (yaw: rad)
     information_length : m of travel that make one independent measurement of the position
     presence_length : m of travel that make one independent test of whether the map applies
+    new_session : how strains differ in another session; ``None`` where featureless places show an offset
     """
 
     def __init__(
@@ -44,10 +43,11 @@ class SweepMixture:
         cell: np.ndarray,
         information_length: float,
         presence_length: float,
+        new_session: NewSession | None,
     ) -> None:
         self.noise, self.map, self.cell = noise, strain_map, cell
         self.information_length, self.presence_length = information_length, presence_length
-        self.offset_variance = noise.offset_variance
+        self.offset_variance, self.new_session = noise.offset_variance, new_session
         self._featureless_variance = strain_map.featureless_variance
         counts = np.array(noise.layout.counts, dtype=np.float32)
         self._tails = np.float32(DEGREES_OF_FREEDOM) + counts

@@ -17,7 +17,7 @@ def total(presence: Presence) -> float:
 
 def test_at_first_the_map_is_as_probable_as_not() -> None:
     assert Presence().probability == pytest.approx(0.5)
-    assert Presence(3).maps == pytest.approx([1 / 6] * 3)
+    assert Presence([1 / 3] * 3).maps == pytest.approx([1 / 6] * 3)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_material_without_featureless_places_is_never_featureless() -> None:
     ),
 )
 def test_whatever_happens_the_probabilities_sum_to_one(maps, steps) -> None:
-    presence = Presence(maps)
+    presence = Presence([1.0 / maps] * maps)
     for evidence, travel, left in steps:
         returned = presence.predict(travel, left)
         assert 0.0 <= returned <= 1.0

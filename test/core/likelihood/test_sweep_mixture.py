@@ -7,10 +7,11 @@ from scipy.integrate import trapezoid
 from scipy.special import gammaln, logsumexp
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.evaluation import INFLATION
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
-from tactile_localizer.core.likelihood.sweep_mixture import INFLATION, SweepMixture
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 
 NODES, COMPONENTS = 30, 3
 STATES = (np.arange(NODES) + 0.5)[:, None] * 0.001
@@ -28,7 +29,7 @@ def mixture(counts: tuple[int, ...], featureless: float | None = 1.3, seed: int 
     strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), *tables, featureless)
     volume = np.array(counts) * np.log(0.25)
     noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, np.zeros(size))
-    return SweepMixture(noise, strain_map, np.array([0.001]), 0.002, 0.006)
+    return SweepMixture(noise, strain_map, np.array([0.001]), 0.002, 0.006, None)
 
 
 def log_constant(channels: int) -> float:

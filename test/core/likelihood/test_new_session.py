@@ -1,0 +1,101 @@
+"""Offset and gain of a sweep along trajectories: a linear regression, here by dense matrices."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import gammaln
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.evaluation import Evaluation
+from tactile_localizer.core.likelihood.new_session import (
+    GAIN_STD,
+    NEW_SESSION,
+    OFFSET_VARIANCE,
+    NewSession,
+)
+from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.strain_map import StrainMap
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
+
+NODES, CHANNELS, VARIANCE = 20, 4, 1.5
+ONE = np.ones(1, bool)
+
+
+def session(seed: int = 0) -> tuple[NewSession, np.ndarray]:
+    """A session of one phalanx, and the strains (NODES, CHANNELS) that its map expects."""
+    mean = 3.0 * np.random.default_rng(seed).standard_normal((NODES, 1, CHANNELS)).astype(np.float32)
+    variance = np.full((NODES, 1, 1), VARIANCE, np.float32)
+    prior = np.zeros((NODES, 1), np.float32)
+    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), mean, variance, prior, None)
+    layout = ChannelLayout((CHANNELS,))
+    noise = NoiseModel(layout, np.zeros(CHANNELS), np.eye(CHANNELS), np.zeros(1), np.zeros(CHANNELS))
+    return NewSession(noise, strain_map, 0.01), mean[:, 0].astype(np.float64)
+
+
+def nowhere(nodes: np.ndarray) -> Evaluation:
+    """The evaluation of a strain that is impossible in the session of the scan."""
+    impossible = np.full(len(nodes), -1e6)
+    return Evaluation(impossible, impossible, impossible, -1e6, -np.inf, nodes)
+
+
+def predicted(first: np.ndarray, second: np.ndarray, felt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of a strain at ``second`` after ``felt`` at ``first``, without its noise."""
+    design = np.hstack([np.vstack([np.eye(CHANNELS)] * 2), np.concatenate([first, second])[:, None]])
+    prior = np.diag([*[OFFSET_VARIANCE] * CHANNELS, GAIN_STD**2])
+    joint = design @ prior @ design.T
+    before, across = joint[:CHANNELS, :CHANNELS] + VARIANCE * np.eye(CHANNELS), joint[CHANNELS:, :CHANNELS]
+    gain = across @ np.linalg.inv(before)
+    return second + gain @ (felt - first), joint[CHANNELS:, CHANNELS:] - gain @ across.T
+
+
+def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
+    model, means = session()
+    log_prior = np.full(3, -np.log(3.0))
+    first, second = np.array([2, 5, 9]), np.array([3, 6, 10])
+    rng = np.random.default_rng(1)
+    offset = 5.0 * rng.standard_normal(CHANNELS)
+    felt = [offset + means[5] + 0.5, offset + means[6] - 0.5]
+    carried = np.zeros((3, model.width))
+    _, carried = model.evaluate(carried, log_prior, nowhere(first), felt[0], ONE, 1.0, 0.0)
+    evidence, _ = model.evaluate(carried, log_prior, nowhere(second), felt[1], ONE, 1.0, 0.0)
+    for index in range(3):
+        m0, m1 = means[first[index]], means[second[index]]
+        start = OFFSET_VARIANCE * np.eye(CHANNELS) + GAIN_STD**2 * np.outer(m0, m0)
+        start += VARIANCE * np.eye(CHANNELS)
+        residual = felt[0] - m0
+        # The sums take the surprise in units of the isotropic part of the predicted variance.
+        surprise = residual @ np.linalg.solve(start, residual)
+        scale = (NU + surprise) / (NU + CHANNELS)
+        mean, covariance = predicted(m0, m1, felt[0])
+        density = stats.multivariate_t(mean, covariance + scale * VARIANCE * np.eye(CHANNELS), df=NU)
+        constant = gammaln((NU + CHANNELS) / 2) - gammaln(NU / 2) - CHANNELS / 2 * np.log(NU * np.pi)
+        assert evidence.position[index] == pytest.approx(density.logpdf(felt[1]) - constant, abs=1e-3)
+
+
+def test_before_any_strain_another_session_has_its_prior_probability() -> None:
+    model, means = session()
+    same = Evaluation(*[np.zeros(1)] * 3, 0.0, -np.inf, np.array([4]))
+    evidence, _ = model.evaluate(np.zeros((1, model.width)), np.zeros(1), same, means[4], ONE, 1.0, 0.0)
+    # The scan's session is certain of the strain; the other has next to no density there.
+    assert evidence.position[0] == pytest.approx(np.log(1.0 - NEW_SESSION), abs=1e-3)
+
+
+def test_a_strain_that_does_not_count_teaches_nothing() -> None:
+    model, means = session()
+    carried = np.ones((1, model.width))
+    same = Evaluation(*[np.zeros(1)] * 3, 0.0, -np.inf, np.array([4]))
+    _, after = model.evaluate(carried, np.zeros(1), same, means[4], ONE, 0.0, 0.0)
+    np.testing.assert_allclose(after, carried)
+
+
+def test_no_material_is_explained_by_a_map_of_no_gain() -> None:
+    """Strains that do not vary: a map that varies does not explain them, whatever the offset."""
+    model, _ = session()
+    carried, ratio = np.zeros((1, model.width)), 0.0
+    for node in range(NODES):
+        felt = 0.1 * np.random.default_rng(node).standard_normal(CHANNELS)
+        evidence, carried = model.evaluate(
+            carried, np.zeros(1), nowhere(np.array([node])), felt, ONE, 1.0, 0.001
+        )
+        ratio += evidence.log_ratio
+    assert ratio < -10.0
