@@ -97,6 +97,8 @@ class NewSession:
         self._noise, self._map, self.length = noise, strain_map, length
         self._layout = noise.layout
         self._counts = np.array(self._layout.counts)
+        # A product with these columns sums over the channels of each phalanx, several times faster.
+        self._columns = self._layout.expand(np.eye(len(self._counts))).T
         sizes = [self._layout.size] * 2 + [len(self._counts)] * 5 + [1]
         self.width = sum(sizes)
         self._ends = np.cumsum(sizes)[:-1]
@@ -157,8 +159,8 @@ class NewSession:
             r=each * residual,
             m=each * mean,
             weight=weight,
-            mm=self._layout.sum(each * mean**2),
-            mr=self._layout.sum(each * mean * residual),
+            mm=(each * mean**2) @ self._columns,
+            mr=(each * mean * residual) @ self._columns,
             looks=np.broadcast_to(exponent * used * self._counts, weight.shape),
             surprise=robust * squared,
             log_odds=exponent * (moved - same.position)[:, None],
@@ -178,11 +180,12 @@ class NewSession:
         offset_variance = 1.0 / (sums.weight + 1.0 / OFFSET_VARIANCE)
         each = layout.expand(offset_variance)
         offset, centre = sums.r * each, sums.m * each
-        gain_variance = 1.0 / (1.0 / GAIN_STD**2 + sums.mm - layout.sum(sums.m * centre))
-        gain = 1.0 + (sums.mr - layout.sum(sums.m * offset)) * gain_variance
+        columns = self._columns
+        gain_variance = 1.0 / (1.0 / GAIN_STD**2 + sums.mm - (sums.m * centre) @ columns)
+        gain = 1.0 + (sums.mr - (sums.m * offset) @ columns) * gain_variance
         direction = mean - centre
         left = residual - offset - layout.expand(gain.clip(*GAIN_RANGE) - 1.0) * direction
-        rr, dd, rd = layout.sum(left**2), layout.sum(direction**2), layout.sum(left * direction)
+        rr, dd, rd = left**2 @ columns, direction**2 @ columns, (left * direction) @ columns
 
         def density(factor: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
             # The gain varies the strain in one direction: inverse and determinant by Sherman and Morrison.
