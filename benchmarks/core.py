@@ -46,11 +46,11 @@ from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
-from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene

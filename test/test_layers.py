@@ -76,11 +76,6 @@ MAY_IMPORT_ROOMS: dict[str, dict[str, set[str]]] = {
 }
 """By layer and room, the other rooms that it may import; ``""`` stands for the modules beside the rooms."""
 
-EXCEPTIONS = {
-    "core/likelihood/sweep_mixture.py imports tactile_localizer.core.filters.weights.log_mean",
-}
-"""Imports against the direction that are still there."""
-
 ROOMS = [(layer, room) for layer, rooms in MAY_IMPORT_ROOMS.items() for room in rooms]
 
 
@@ -152,7 +147,7 @@ def test_a_room_imports_only_the_rooms_below_it(layer: str, room: str) -> None:
         if (found := room_of(layer, name)) is not None and found not in allowed
     }
     assert paths, f"{layer}/{room}: expected modules, found none"
-    assert wrong - EXCEPTIONS == set()
+    assert wrong == set()
 
 
 def test_the_core_imports_only_numpy_scipy_and_the_standard_library() -> None:

@@ -16,11 +16,11 @@ from tactile_localizer.core.decision.presence import Presence
 from tactile_localizer.core.decision.sweep_offset import SweepOffset
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.filters.weights import log_sum
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import checked, usable
 from tactile_localizer.core.likelihood.evaluation import Evaluation, StrainModel
 from tactile_localizer.core.likelihood.new_session import NEW_SESSION, Evidence
+from tactile_localizer.core.likelihood.weights import log_sum
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 

@@ -12,11 +12,11 @@ from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configur
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
-from tactile_localizer.core.filters.weights import normalize
 from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.kernels.pair_block import HEADROOM, PairBlock
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, SceneError
 from tactile_localizer.scene import Region

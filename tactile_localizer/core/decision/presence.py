@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_localizer.core.filters.weights import normalize
+from tactile_localizer.core.likelihood.weights import normalize
 
 LEAVING_RATE = 0.1
 """Times per metre of travel that a hand leaves the map: it is put down elsewhere, or the material changes.

@@ -8,9 +8,9 @@ import numpy as np
 
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.resampling import resampler
-from tactile_localizer.core.filters.weights import effective_sample_size, moments, normalize
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.filters.weights import log_sum, normalize
 from tactile_localizer.core.likelihood.evaluation import INFLATION, Evaluation
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
+from tactile_localizer.core.likelihood.weights import log_sum, normalize
 
 NEW_SESSION = 0.3
 """Prior probability of another session. By judgement: with 0.1 a fabric at another force took 58 to 80 mm

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.filters.weights import log_mean
 from tactile_localizer.core.likelihood.evaluation import INFLATION, Evaluation, Expected
 from tactile_localizer.core.likelihood.new_session import NewSession
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
+from tactile_localizer.core.likelihood.weights import log_mean
 
 _LOG_NEGLIGIBLE = np.log(1e-3)
 """Weight of a state, relative to the largest, below which it does not count in an expectation."""
