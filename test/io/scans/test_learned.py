@@ -74,6 +74,12 @@ def test_a_damaged_result_is_ignored(path, column):
     assert learned.load_learned(asked["key"], asked["digest"]) is None
 
 
+@pytest.fixture(autouse=True)
+def propagating(monkeypatch):
+    """Loggers that are made after ``launch`` has been imported, as by its pytest plugin, do not propagate."""
+    monkeypatch.setattr(logging.getLogger("tactile_localizer.io.scans.learned"), "propagate", True)
+
+
 def test_a_locked_file_gives_one_warning(path, caplog, monkeypatch):
     monkeypatch.setattr(scan_lock, "LOCK_TIMEOUT_S", 0.0)
     learned = LearnedResults(path)
