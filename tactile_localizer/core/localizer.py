@@ -24,6 +24,8 @@ from tactile_localizer.core.likelihood.weights import log_sum
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
+_NEGLIGIBLE_SESSION = 1e-5
+"""Probability of another session, given the map, below which it is not evaluated: half of the work."""
 UPDATE_PERIOD_NS = 8_000_000
 """Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
 passes an update distance with every strain; an update for each would take longer than they take to come."""
@@ -212,7 +214,7 @@ class Localizer:
 
         exponent = min(1.0, stretch / self._information_length())
         position, evidence = evaluation.position, None
-        if self._session is not None:
+        if self._session is not None and self._new_session_is_possible():
             evidence, carried = self._session.evaluate(
                 self.filter.carried(), log_prior, evaluation, whitened, used, exponent, travel
             )
@@ -235,6 +237,11 @@ class Localizer:
         """Phalanges that are present and consistent; the present ones, where none is left."""
         used = present & self._consistency.consistent
         return used if used.any() else present
+
+    def _new_session_is_possible(self) -> bool:
+        """Whether another session is probable enough to be worth its evaluation."""
+        same, new = self._presence.maps
+        return bool(new > _NEGLIGIBLE_SESSION * (same + new))
 
     def _information_length(self) -> float:
         """m of travel that make one independent measurement, over the kinds of session that are possible."""
@@ -261,9 +268,10 @@ class Localizer:
         self._exponent = min(1.0, stretch / self.model.presence_length)
         self._explanations = np.array([here, elsewhere, evaluation.featureless])
         log_likelihoods = self._exponent * self._explanations
-        if self._session is not None and evidence is not None:
+        if self._session is not None:
             # Against unknown material that is as free.
-            new = min(1.0, stretch / self._session.length) * evidence.log_ratio + log_likelihoods[1]
+            log_ratio = 0.0 if evidence is None else evidence.log_ratio
+            new = min(1.0, stretch / self._session.length) * log_ratio + log_likelihoods[1]
             log_likelihoods = np.insert(log_likelihoods, 1, new)
         self._presence.update(log_likelihoods)
         assert self._belief is not None
