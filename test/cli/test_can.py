@@ -225,7 +225,7 @@ def test_a_parameter_of_another_type_is_refused(
         (["--channel", "can7"], "CAN bus socketcan can7: expected an interface that opens"),
         (["--dbc", "/nowhere.dbc"], "/nowhere.dbc: expected a DBC file"),
         (["--config", "/nowhere.yaml"], "/nowhere.yaml: expected driver parameters"),
-        (["--config", "LICENSE"], "LICENSE: expected YAML, "),
+        (["--config", str(Path(__file__).parents[2] / "LICENSE")], "LICENSE: expected YAML, "),
         (["--option", "port"], "bus option 'port': expected name=value"),
     ],
 )

@@ -79,7 +79,7 @@ class Poses:
         set_stamp(transform, START + ms * MS)
         transform.transform.translation.x = x
         transform.transform.rotation.w = 1.0
-        self.lookup.topics()[topic].work(SimpleNamespace(transforms=[transform]))
+        self.lookup.topics()[topic].callback(SimpleNamespace(transforms=[transform]))
 
     def look_up(self, *stamps_ms: int) -> None:
         for ms in stamps_ms:
