@@ -168,7 +168,7 @@ def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, tm
     from tf2_msgs.msg import TFMessage
 
     class HandOnTf(SlidingHand):
-        def pose(self, k: int) -> None:
+        def send_pose(self, k: int) -> None:
             transform = TransformStamped(child_frame_id="left_palm")
             transform.header.frame_id = "base_link"
             set_stamp(transform, self.offset_ns + int(self.pose_ns[k]))
