@@ -5,9 +5,10 @@ receipt of the posterior in another process. A strain vector waits for the palm 
 period is part of it; an arm's controller sends them at 500 Hz. It is taken from the first sweep on, with the
 ways back between the sweeps, not while the nodes start.
 
-All four nodes run: the mapping node records what the filter node localizes on. Where the time goes is told
-too, by what DDS notes of each message: when it was sent, and when this process received it, as the nodes
-did. And, of the same minute, how late the machine wakes a process that only sleeps.
+All four nodes run: the mapping node records what the filter node localizes on. The latency
+is divided into its parts by the times that DDS records for each message: when it was sent, and when this
+process received it. For comparison, how late the machine wakes a process that only sleeps is measured in the
+same minute.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/end_to_end.py [--sweeps 8] [--worst 10]``.
 """

@@ -146,8 +146,8 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     ]
     return replace(
         fitted,
-        summed_correlation=_summed_correlation([(each, each) for each in scaled]),
-        signal_correlation=_summed_correlation(signals),
+        summed_correlation=_summed_correlation([(each, each) for each in scaled], fitted.summed_correlation),
+        signal_correlation=_summed_correlation(signals, fitted.signal_correlation),
     )
 
 
@@ -175,8 +175,8 @@ def build_map(
     return StrainMap(origin, step, shape, mean, spread, prior, float(spread.min()) if featureless else None)
 
 
-def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Integral of the correlation of values (n, C) along tracks with others on the same tracks, m."""
+def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwise: float) -> float:
+    """Integral of the correlation of values (n, C) along tracks with others there, m, if they correlate."""
     lags = round(_LONGEST_CORRELATION / PITCH)
     products, counts = np.zeros(lags), np.zeros(lags)
     for first, second in pairs:
@@ -185,7 +185,7 @@ def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float
             products[lag] += float(np.sum(one[: len(one) - lag] * other[lag:]))
             counts[lag] += other[lag:].size
     if products[0] <= 0.0:
-        return VarianceModel.summed_correlation
+        return otherwise
     correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (
         products[0] / counts[0]
     )

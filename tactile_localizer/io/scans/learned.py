@@ -99,7 +99,7 @@ class LearnedResults:
             lock.release()
 
 
-KEY = "calibration on held-out sweeps, 2"
+KEY = "calibration on held-out sweeps, 3"
 """Under which a calibration is kept; the number changes with how :func:`~.factory.learn` calibrates."""
 
 
