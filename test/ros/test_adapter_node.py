@@ -93,25 +93,30 @@ def test_arrays_of_16_taxels_become_two_phalanges(node_process, probe):
     strain = probe.listen(StrainVectors, "strain", STRAIN_QOS)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "array_adapter.yaml"})
     taxels = probe.publisher(Float32MultiArray, "taxels")
-    values = [float(k) for k in range(32)]
-    probe.until(lambda: taxels.publish(Float32MultiArray(data=values)) or strain, "the adapter's strain")
-    sent = [values, [4095.0, *values[1:]], [*values[:31], float("nan")], values[:31], values]
+    probe.known_to("adapter")
 
-    def publish(data):
-        before = len(strain)
+    def answer(data):
+        """The strain vector of this array, which differs from the others in its second taxel."""
         taxels.publish(Float32MultiArray(data=data))
-        if len(data) == 32:
-            probe.until(lambda: len(strain) > before, "the strain vector")
+        return probe.until(
+            lambda: next((message for message in strain if message.strain[1] == data[1]), None),
+            f"the strain vector of {data}",
+        )
 
-    for data in sent:
-        publish(data)
-    probe.until(lambda: list(strain[-1].status) == [0, 0], "the last strain vector")
-    assert [status for status, _ in itertools.groupby(list(message.status) for message in strain)] == [
-        [0, 0], [2, 0], [0, 1], [0, 0],
-    ]  # fmt: skip
-    assert list(strain[-1].channels) == [16, 16]
-    np.testing.assert_array_equal(strain[-1].strain, values)
-    assert strain[-1].header.stamp.sec > 0
+    first, above_limit, not_a_number, too_short, last = (
+        [0.0, float(second), *map(float, range(2, 32))] for second in range(5)
+    )
+    above_limit[0], not_a_number[31] = 4095.0, float("nan")
+    assert list(answer(first).status) == [0, 0]
+    assert list(answer(above_limit).status) == [2, 0]
+    assert list(answer(not_a_number).status) == [0, 1]
+    taxels.publish(Float32MultiArray(data=too_short[:31]))
+    vector = answer(last)
+    assert list(vector.status) == [0, 0]
+    assert [list(message.sequence) for message in strain] == [[n, n] for n in (1, 2, 3, 4)]
+    assert list(vector.channels) == [16, 16]
+    np.testing.assert_array_equal(vector.strain, last)
+    assert vector.header.stamp.sec > 0
 
 
 def test_an_invalid_file_or_type_is_rejected_in_one_line(refusal, tmp_path):
