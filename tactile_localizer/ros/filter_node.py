@@ -199,10 +199,12 @@ class FilterNode(ManagedNode):
             self._reject("initial_pose", error)
             return
         self._online.seed(mean, std, self._now_ns)
+        self._inputs.stale = ""
         self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
 
     def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
         self._online.reset(self._now_ns)
+        self._inputs.stale = ""
         self.get_logger().info("belief reset to uniform")
         return response
 

@@ -31,7 +31,7 @@ class Hand:
         from std_msgs.msg import Bool
 
         self.probe = probe
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.active = probe.listen(Bool, "simulator/sweep_active", latched)
         self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
 
@@ -136,7 +136,8 @@ def test_scan_then_localize_from_unknown_positions(
     with ScanStore.open(tmp_path / "scan.db") as store:
         assert len(store.load()) > 100 * TRAINING_SWEEPS
 
-    system["filter"] = node_process("filter_node", {"scan_file": tmp_path / "scan.db", "cell": 0.5})
+    parameters = {"scan_file": tmp_path / "scan.db", "cell": 0.5, "stale_timeout_s": 10.0}
+    system["filter"] = node_process("filter_node", parameters)
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
     probe.until(lambda: posteriors, "the filter", timeout_s=60.0)
     hand.localize()

@@ -155,6 +155,7 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     maps = probe.listen(PointCloud2, "filter/map", latched)
     node.slide(50)
+    probe.until(lambda: maps, "the map to display")
     for path, reason, result in (
         (str(scan_file), "expected a path in", LoadScan.Response.NOT_ALLOWED),
         ("../bump.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
@@ -170,7 +171,7 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     assert len(maps) == 1
     answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap.db"), timeout_s=60.0)
     assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap.db"))
-    probe.until(lambda: len(maps) == 2, "the map to display")
+    probe.until(lambda: len(maps) == 2, "the new map to display")
     node.slide(5)
     assert node.fresh()[-1].travel < 0.005, "the belief is reset"
     probe.until(
@@ -226,8 +227,8 @@ def test_scans_with_the_same_scene_name_are_rejected(refusal, scan_file):
 def test_kernel_widths_that_do_not_fit_the_scan_are_logged(start, tmp_path):
     save_scene(dataclasses.replace(scene_of(), measurement={"strain_std": 50.0}), tmp_path / "wide.yaml")
     node = start(model="sum_of_gaussians", scene_file=tmp_path / "wide.yaml")
-    assert "expected kernel widths that fit the scan's held-out strains" in node.process.output
-    assert "found strain_std 50 V" in node.process.output
+    line = node.process.wait_for_line("expected kernel widths that fit the scan's held-out strains")
+    assert "found strain_std 50 V" in line
 
 
 def test_diagnostics_describe_belief_and_inputs(start, probe):

@@ -105,14 +105,16 @@ def test_the_map_is_latched(node, probe):
     assert len(regions[0].points) == 5
 
 
-def test_a_missing_phalanx_is_reported(node, probe):
+def test_a_missing_phalanx_is_reported(node):
+    index, middle = node.count("absent_index"), node.count("absent_middle")
     node.slide(20)
     node.slide(20, status=[1, 0])
-    probe.until(lambda: node.status("inputs")[2].get("absent_index") == "20", "the missing phalanx")
-    assert node.status("inputs")[2]["absent_middle"] == "0"
+    node.wait_for_count("absent_index", index + 20)
+    assert node.count("absent_middle") == middle
 
 
-def test_nonfinite_strain_is_counted(node, probe):
+def test_nonfinite_strain_is_counted(node):
+    refused = node.count("refused")
     node.slide(20)
     bad = np.array(node.hand.sweep.strain[20])
     bad[3] = np.nan
@@ -120,16 +122,17 @@ def test_nonfinite_strain_is_counted(node, probe):
     node.hand.next += 1
     node.slide(5)
     assert 20 not in [node.hand.sample_of(message) for message in node.fresh()]
-    probe.until(lambda: node.status("inputs")[2].get("refused") == "1", "the refusal")
+    node.wait_for_count("refused", refused + 1)
     assert node.process.running
 
 
 def test_lost_strain_vectors_are_counted(node, probe):
+    lost = node.count("lost")
     node.slide(10)
     node.hand.send_strain(10, sequence=[13, 13])  # numbers 10 to 12 were lost
     node.hand.next += 1
     node.slide(5, sequence=[14, 14])
-    probe.until(lambda: node.status("inputs")[2].get("lost") == "3", "the count")
+    node.wait_for_count("lost", lost + 3)
     reports = [s.message for array in node.diagnostics for s in array.status if s.name == "filter: inputs"]
     assert any("3 strain vectors lost" in message for message in reports)
 
@@ -146,10 +149,10 @@ def test_without_poses_the_estimate_is_stale(node, probe):
     stale = node.posteriors[-1]
     assert (list(stale.mean), stamp_of(stale)) == (list(last.mean), stamp_of(last))
     assert not stale.converged
-    assert stale.reason.startswith("stale: no palm")
+    assert "no palm_pose" in stale.reason or "no palm pose" in stale.reason
     probe.until(lambda: flags and not flags[-1].data, "the flag")
     probe.until(lambda: node.status("inputs")[0] == b"\x02", "the error level")
-    assert "no palm" in node.status("inputs")[1]
+    assert "palm" in node.status("inputs")[1]
     node.slide(10)
     assert not node.posteriors[-1].stale
     assert node.status("belief")[0] in (b"\x00", b"\x03")
@@ -174,19 +177,15 @@ def test_a_looping_bag_resets_the_belief(node):
     np.testing.assert_allclose(node.means()[:50], first[:50], atol=1e-9)
 
 
-def test_zero_stamps_are_ignored(node, probe):
-    def time_jumps():
-        node.diagnostics.clear()
-        return probe.until(lambda: node.status("inputs")[2].get("time_jumps"), "the diagnostics")
-
+def test_zero_stamps_are_ignored(node):
     node.slide(5)
-    seen, jumps = len(node.posteriors), time_jumps()
+    seen, jumps = len(node.fresh()), node.count("time_jumps")
     offset_ns, node.hand.offset_ns = node.hand.offset_ns, -int(node.hand.strain_ns[5])
     node.hand.send_strain(5)
     node.hand.offset_ns = offset_ns
     node.slide(5)
     assert len(node.fresh()) == seen + 5
-    assert time_jumps() == jumps, "a stopped clock is no backward jump"
+    assert node.count("time_jumps") == jumps, "a stopped clock is no backward jump"
 
 
 def test_the_belief_can_be_reset(node, probe):
@@ -204,6 +203,7 @@ def test_the_belief_can_be_reset(node, probe):
 def test_late_strain_from_before_a_reset_is_ignored(node, probe):
     from std_srvs.srv import Empty
 
+    earlier = node.count("earlier")
     node.slide(20)
     node.hand.slide(20, strain=False)  # poses are ahead of strain
     probe.until(lambda: node.posteriors[-1].stale, "stale: the poses have come")
@@ -213,7 +213,7 @@ def test_late_strain_from_before_a_reset_is_ignored(node, probe):
         node.hand.send_strain(k)
     node.slide(2)
     assert [node.hand.sample_of(message) for message in node.fresh()[received:]] == [40, 41]
-    probe.until(lambda: node.status("inputs")[2].get("earlier") == "20", "the count")
+    node.wait_for_count("earlier", earlier + 20)
 
 
 def test_an_initial_pose_seeds_the_belief(node, probe):
@@ -221,8 +221,9 @@ def test_an_initial_pose_seeds_the_belief(node, probe):
 
     node.slide(20)
     publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose")
+    printed = len(node.process.lines)
     publisher.publish(initial_pose(0.01, 0.04, 1e-6))
-    node.process.wait_for_line("belief seeded")
+    node.process.wait_for_line("belief seeded", after=printed)
     node.slide(1)
     np.testing.assert_allclose(node.means()[-1], [0.01, 0.04], atol=2e-3)
     assert node.fresh()[-1].covariance_trace < 1e-5
@@ -231,13 +232,15 @@ def test_an_initial_pose_seeds_the_belief(node, probe):
 def test_invalid_seeds_keep_the_belief(node, probe):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
+    invalid = node.count("unread_initial_pose")
     node.slide(50)
     publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
+    printed = len(node.process.lines)
     publisher.publish(initial_pose(0.01, 0.04, 1e-6, "map"))
-    node.process.wait_for_line("initial_pose: .*frame 'map'")
+    node.process.wait_for_line("initial_pose: .*frame 'map'", after=printed)
     for pose in ((0.2, 0.04, 1e-6), (np.nan, 0.04, 1e-6), (0.01, 0.04, -1.0), (0.01, 0.04, np.nan)):
         publisher.publish(initial_pose(*pose))
-    probe.until(lambda: node.status("inputs")[2].get("unread_initial_pose") == "5", "the refusals")
+    node.wait_for_count("unread_initial_pose", invalid + 5)
     travel = node.fresh()[-1].travel
     node.slide(5)
     assert node.fresh()[-1].travel > travel

@@ -61,7 +61,10 @@ def filter_in_simulated_time(node_process, probe, scan_file):
 def slide(probe, hand, posteriors, samples):
     hand.slide(samples)
     last_ns = hand.offset_ns + hand.strain_ns[hand.next - 1]
-    probe.until(lambda: posteriors and stamp_of(posteriors[-1]) >= last_ns, "the posterior")
+    probe.until(
+        lambda: any(not message.stale and stamp_of(message) == last_ns for message in posteriors),
+        "the posterior",
+    )
 
 
 def test_without_a_clock_stamps_determine_the_time(filter_in_simulated_time, probe):
@@ -124,6 +127,31 @@ def test_silence_is_reported_after_a_backward_jump(filter_in_simulated_time, pro
     probe.until(lambda: posteriors[-1].stale, "a stale estimate")
     assert "strain" in posteriors[-1].reason
     assert "palm_pose" in posteriors[-1].reason
+
+
+def test_an_estimate_can_become_stale_again_after_a_reset(filter_in_simulated_time, probe):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from std_srvs.srv import Empty
+
+    process, posteriors, hand = filter_in_simulated_time
+    clock = Clock(probe)
+    clock.show()
+    slide(probe, hand, posteriors, 20)
+    hand.slide(20, strain=False)
+    clock.run(0.2)
+    process.wait_for_line("stale: no strain")
+    probe.call(Empty, "filter/reinitialize_global_localization")
+    slide(probe, hand, posteriors, 20)
+    hand.slide(40, poses=False)
+    reports = probe.listen(DiagnosticArray, "/diagnostics")
+
+    def gaps():
+        inputs = [s for array in reports for s in array.status if s.name == "filter: inputs"]
+        return any(pair.key == "gaps" and pair.value != "0" for status in inputs for pair in status.values)
+
+    probe.until(gaps, "strain that waits for its pose no longer, while the clock stands still")
+    clock.run(0.2)
+    process.wait_for_line("stale: no palm pose", timeout_s=10.0)
 
 
 def test_late_subscribers_receive_the_stale_estimate(filter_in_simulated_time, probe):

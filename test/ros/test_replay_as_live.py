@@ -67,7 +67,9 @@ def play(bag: Path, probe: Any) -> list[Any]:
             probe.executor.spin_once(timeout_sec=0.002)
             if connection.topic == "/palm_pose" and count > _AT_ONCE and count % _AT_ONCE < 2:
                 behind = stamp_of(message) - 150_000_000
-                probe.until(lambda b=behind: stamp_of(posteriors[-1]) >= b, "the filter to keep up")
+                probe.until(
+                    lambda b=behind: posteriors and stamp_of(posteriors[-1]) >= b, "the filter to keep up"
+                )
     last = START + 5000 * 1_000_000
     probe.until(lambda: stamp_of(posteriors[-1]) >= last, "the posterior of the last strain")
     return [message for message in posteriors if not message.stale]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import signal
+import time
 
 import can
 import numpy as np
 import pytest
+from support.sweeps import stamp_of
 from support.waiting import wait_until
 
 from tactile_localizer.io.can.bus import BusSettings, open_bus
@@ -65,7 +67,7 @@ class Hand:
         self._probe, self._trigger = probe, Trigger
         self.poses = probe.listen(PoseStamped, "palm_pose", 1000)
         self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.active = probe.listen(Bool, "simulator/sweep_active", latched)
 
     def call(self, service):
@@ -73,11 +75,22 @@ class Hand:
 
     def do_sweep(self):
         """Response of the service, and poses and ground truth of the sweep, (n, 2) each."""
+        self.wait_for_present()
         first = len(self.poses), len(self.truth)
+        self.active.clear()
         reports = json.loads(self.call("sweep").message)
-        self._probe.until(lambda: self.active and self.active[-1].data, "the sweep's start")
+        self._probe.until(lambda: any(message.data for message in self.active), "the sweep's start")
         self._probe.until(lambda: not self.active[-1].data, "the sweep's end")
+        self.wait_for_present()
         return reports, xy(self.poses[first[0] :]), xy(self.truth[first[1] :])
+
+    def wait_for_present(self):
+        """Receive all poses and ground truth published so far."""
+        now_ns = time.time_ns()
+        for messages in (self.poses, self.truth):
+            self._probe.until(
+                lambda messages=messages: messages and stamp_of(messages[-1]) > now_ns, "the present"
+            )
 
 
 @pytest.fixture
@@ -146,7 +159,7 @@ def test_frames_carry_the_simulated_strain(start, hand, frames):
 
 
 def test_a_sweep_is_prepared_and_excludes_another(start, hand, probe):
-    start(speed=2.0)
+    start(speed=0.5)
     assert hand.call("sweep").success
     probe.until(lambda: hand.active and hand.active[-1].data, "the sweep's start")
     for service in ("prepare", "sweep"):

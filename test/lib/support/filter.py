@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 from support.sweeps import stamp_of
 
@@ -22,14 +24,20 @@ class Filter:
 
         self.process, self.probe, self.hand = process, probe, hand
         self.posteriors = []
+        self.diagnostics = []
+        self._restarted_ns = 0
         probe.node.create_subscription(Posterior, "filter/posterior", self._on_posterior, 1000)
-        self.diagnostics = probe.listen(DiagnosticArray, "/diagnostics", 10)
+        probe.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         probe.until(lambda: probe.node.count_publishers("filter/posterior"), "the publisher of the filter")
         probe.known_to("filter")
 
     def _on_posterior(self, message):
         if stamp_of(message) >= self.hand.offset_ns:  # otherwise published before the restart
             self.posteriors.append(message)
+
+    def _on_diagnostics(self, message):
+        if stamp_of(message) >= self._restarted_ns:
+            self.diagnostics.append(message)
 
     def restart(self):
         """Reset the belief and move the hand to the start of its sweep, at a later time."""
@@ -38,6 +46,7 @@ class Filter:
         self.hand.next = 0
         self.hand.offset_ns += _PAUSE_NS
         self.probe.call(Empty, "filter/reinitialize_global_localization")
+        self._restarted_ns = time.time_ns()
         self.posteriors.clear()
         self.diagnostics.clear()
 
@@ -48,7 +57,8 @@ class Filter:
         """Wait for the posterior of strain vector ``k``."""
         self.probe.until(
             lambda: (
-                self.posteriors and stamp_of(self.fresh()[-1]) >= self.hand.offset_ns + self.hand.strain_ns[k]
+                (fresh := self.fresh())
+                and stamp_of(fresh[-1]) >= self.hand.offset_ns + self.hand.strain_ns[k]
             ),
             f"the posterior of strain {k}",
         )
@@ -70,6 +80,18 @@ class Filter:
                 if status.name == f"filter: {name}":
                     return status.level, status.message, {v.key: v.value for v in status.values}
         return b"", "", {}
+
+    def count(self, name):
+        """Counter ``name`` of the inputs in diagnostics of the present."""
+        now_ns = time.time_ns()
+        self.probe.until(lambda: self.diagnostics and stamp_of(self.diagnostics[-1]) >= now_ns, "diagnostics")
+        return int(self.status("inputs")[2][name])
+
+    def wait_for_count(self, name, expected):
+        """Wait until counter ``name`` of the inputs is ``expected``."""
+        self.probe.until(
+            lambda: self.status("inputs")[2].get(name) == str(expected), f"{name} to be {expected}"
+        )
 
 
 def initial_pose(x, y, variance, frame="material"):

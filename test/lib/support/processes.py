@@ -57,12 +57,15 @@ class Process:
     def running(self) -> bool:
         return self._popen.poll() is None
 
-    def wait_for_line(self, pattern: str, timeout_s: float = 30.0) -> str:
-        """The first line, printed or yet to be, that the regular expression ``pattern`` is found in."""
+    def wait_for_line(self, pattern: str, timeout_s: float = 30.0, after: int = 0) -> str:
+        """The first line, printed or yet to be, that the regular expression ``pattern`` is found in.
+
+        The first ``after`` lines do not count.
+        """
 
         def found() -> str | None:
             ended = not self.running and not self._reader.is_alive()
-            line = next((line for line in list(self.lines) if re.search(pattern, line)), None)
+            line = next((line for line in self.lines[after:] if re.search(pattern, line)), None)
             status = self._popen.returncode
             assert line is not None or not ended, f"it ended with status {status} before /{pattern}/"
             return line

@@ -57,7 +57,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     probe.until(client.service_is_ready, "the filter", 60.0)
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     answer = client.call_async(configure)
-    assert state_of(probe, "filter") == "configuring"
+    probe.until(lambda: state_of(probe, "filter") == "configuring", "the calibration")
     assert not change("filter", "configure"), "one transition at a time"
     probe.until(lambda: reports, "progress")
     assert not answer.done()
