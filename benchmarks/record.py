@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.reports.machine import processor
+from tactile_localizer.offline.reports.html import processor
 
 OUT = Path("out/bench.json")
 """The file, below the working directory."""

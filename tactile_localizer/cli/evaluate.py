@@ -22,9 +22,8 @@ from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.methods import Method, standard_methods
 from tactile_localizer.offline.figures.comparison import evaluation_figures
 from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.reports.evaluation import evaluation_report
-from tactile_localizer.offline.reports.html import save_figures
-from tactile_localizer.offline.reports.tables import evaluation_tables
+from tactile_localizer.offline.reports.html import save_figures, write_report
+from tactile_localizer.offline.reports.tables import configuration_table, evaluation_tables
 from tactile_localizer.offline.table import Table
 
 RESUMES = True
@@ -54,7 +53,15 @@ def run(args: argparse.Namespace) -> int:
     print_tables(tables)
     save_figures(figures, args.output)
     command = shlex.join(["tactile-localizer", *args.command_line])
-    evaluation_report(results, tables, figures, command, args.output / "report.html")
+    write_report(
+        args.output / "report.html",
+        "Tactile localization: evaluation",
+        f"{len(results.conditions)} conditions: {', '.join(results.condition_names)}; "
+        f"{len(methods)} methods.",
+        figures,
+        [*tables, configuration_table(results)],
+        command,
+    )
     write_json(args.output / "evaluate.json", _document(results, tables))
     print(f"{args.output}/report.html, evaluate.json, {', '.join(f'{name}.png' for name in figures)}")
     return 0

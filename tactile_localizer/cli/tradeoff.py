@@ -27,11 +27,10 @@ from tactile_localizer.offline.evaluation.tradeoff import (
     within_budget,
 )
 from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.reports.html import save_figures
+from tactile_localizer.offline.reports.html import save_figures, write_report
 from tactile_localizer.offline.reports.tradeoff import (
     describe,
     tradeoff_figure,
-    tradeoff_report,
     tradeoff_tables,
 )
 
@@ -69,9 +68,13 @@ def run(args: argparse.Namespace) -> int:
             conditions, candidates(), args.output / "tasks", Workers(args.jobs, args.dask), progress
         )
     tables, figure = tradeoff_tables(trades), tradeoff_figure(trades)
-    save_figures({"tradeoff": figure}, args.output)
-    command = shlex.join(["tactile-localizer", *args.command_line])
-    tradeoff_report(tables, figure, _conditions(conditions), command, args.output / "report.html")
+    figures = {"tradeoff": figure}
+    save_figures(figures, args.output)
+    title, command = (
+        "Tactile localization: accuracy and time",
+        shlex.join(["tactile-localizer", *args.command_line]),
+    )
+    write_report(args.output / "report.html", title, _conditions(conditions), figures, tables, command)
     write_json(args.output / "tradeoff.json", {"trades": trades})
     if args.budget_us is None and args.target_mm is None:
         print_tables(tables)

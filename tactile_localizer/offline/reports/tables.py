@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.offline.evaluation.comparison import Results, as_array
 from tactile_localizer.offline.evaluation.confidence_interval import Interval
 from tactile_localizer.offline.evaluation.methods import exact_of
@@ -161,6 +163,22 @@ def quality_table(results: Results) -> Table:
         "Fraction of estimates whose 95 % region contains the truth; NEES per degree of freedom (ideally 1)."
     )
     return Table("Calibration and time", columns, rows, note)
+
+
+def configuration_table(results: Results) -> Table:
+    """Fields in which the configuration of each method differs from the default."""
+    default = asdict(Configuration())
+    rows = []
+    for name, method in results.methods.items():
+        own = {**asdict(method.configuration), **method.measurement}
+        changed = {key: value for key, value in own.items() if default.get(key) != value}
+        rows.append((name, _fields(changed) or "the defaults"))
+    columns = ("method", "differs from the default in")
+    return Table("Configurations", columns, rows, f"Default: {_fields(default)}.")
+
+
+def _fields(values: dict[str, Any]) -> str:
+    return ", ".join(f"{k}: {f'{v:.4g}' if isinstance(v, float) else v}" for k, v in values.items())
 
 
 def _of(function: Callable[[np.ndarray], Any], values: np.ndarray) -> float:

@@ -1,9 +1,8 @@
-"""Figure, tables and HTML report of a trade-off."""
+"""Figure and tables of a trade-off."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,8 +11,6 @@ from matplotlib.ticker import LogLocator
 from tactile_localizer.core.configuration import MODELS
 from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
 from tactile_localizer.offline.evaluation.tradeoff import Trade, pareto_front
-from tactile_localizer.offline.reports.html import Report, mapping_table
-from tactile_localizer.offline.reports.machine import machine
 from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
@@ -105,24 +102,6 @@ def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
             ha="center",
             arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.7, "shrinkB": 6},
         )
-
-
-def tradeoff_report(
-    tables: Sequence[Table], figure: Figure, conditions: str, command: str, path: Path
-) -> None:
-    """Write a trade-off as an HTML page; ``conditions`` describes the conditions.
-
-    Raises
-    ------
-    ScanError
-        The file cannot be written.
-    """
-    report = Report("Tactile localization: accuracy against computing time", conditions)
-    report.add_figures("Error against time", {"tradeoff": figure})
-    for table in tables:
-        report.add_table(table)
-    report.add_table(mapping_table("Made with", {"command": command, **machine()}))
-    report.write(path)
 
 
 def describe(trade: Trade) -> str:

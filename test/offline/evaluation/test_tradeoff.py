@@ -27,7 +27,8 @@ from tactile_localizer.offline.evaluation.tradeoff import (
     trade,
     within_budget,
 )
-from tactile_localizer.offline.reports.tradeoff import tradeoff_figure, tradeoff_report, tradeoff_tables
+from tactile_localizer.offline.reports.html import write_report
+from tactile_localizer.offline.reports.tradeoff import tradeoff_figure, tradeoff_tables
 
 
 def made(update_us: float, error_mm: float, **candidate: object) -> Trade:
@@ -92,8 +93,9 @@ def test_the_report_contains_figure_and_tables(tmp_path: Path) -> None:
     tables, figure = tradeoff_tables(trades), tradeoff_figure(trades)
     assert [len(table.rows) for table in tables] == [3, 2, 4]
     assert {text.get_text() for text in figure.axes[0].texts} == {"accurate", "fast"}
-    tradeoff_report(tables, figure, "Tried on bump.", "tactile-localizer tradeoff", tmp_path / "report.html")
-    found = look_at(tmp_path / "report.html", tmp_path, 375)
+    path = tmp_path / "report.html"
+    write_report(path, "title", "Tried on bump.", {"tradeoff": figure}, tables, "tactile-localizer tradeoff")
+    found = look_at(path, tmp_path, 375)
     assert [image["name"] for image in found["images"]] == ["tradeoff"]
     assert found["images"][0]["width"] > 300
     assert found["width"] <= found["view"]

@@ -11,9 +11,8 @@ from support.evaluations import results
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.offline.figures.comparison import evaluation_figures
-from tactile_localizer.offline.reports.evaluation import configuration_table, evaluation_report
-from tactile_localizer.offline.reports.html import Report, save_figures
-from tactile_localizer.offline.reports.tables import evaluation_tables
+from tactile_localizer.offline.reports.html import save_figures, write_report
+from tactile_localizer.offline.reports.tables import configuration_table, evaluation_tables
 from tactile_localizer.offline.table import Table
 
 NAMES = ["methods", "convergence"]
@@ -23,7 +22,8 @@ NAMES = ["methods", "convergence"]
 def page(tmp_path_factory) -> Path:
     found = results()
     path = tmp_path_factory.mktemp("report") / "report.html"
-    evaluation_report(found, evaluation_tables(found), evaluation_figures(found), "the <command>", path)
+    tables = [*evaluation_tables(found), configuration_table(found)]
+    write_report(path, "title", "summary", evaluation_figures(found), tables, "the <command>")
     return path
 
 
@@ -68,16 +68,14 @@ def test_the_page_contains_tables_configurations_and_machine(page: Path) -> None
 def test_equal_results_give_equal_pages(tmp_path: Path) -> None:
     found = results()
     for name in ("a", "b"):
-        report = Report("title", "summary")
-        report.add_figures("pictures", {"methods": evaluation_figures(found)["methods"]})
-        report.write(tmp_path / f"{name}.html")
+        figures = {"methods": evaluation_figures(found)["methods"]}
+        write_report(tmp_path / f"{name}.html", "title", "summary", figures, [], "command")
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
 def test_texts_are_escaped(tmp_path: Path) -> None:
-    report = Report("a < b", "c & d")
-    report.add_table(Table("t", ("<x>",), [("<script>",)], "note > note"))
-    report.write(tmp_path / "page.html")
+    table = Table("t", ("<x>",), [("<script>",)], "note > note")
+    write_report(tmp_path / "page.html", "a < b", "c & d", {}, [table], "command")
     text = (tmp_path / "page.html").read_text()
     assert "<script>" not in text
     assert "a &lt; b" in text
@@ -87,7 +85,7 @@ def test_texts_are_escaped(tmp_path: Path) -> None:
 def test_an_unwritable_report_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ScanError, match="expected to write a report"):
-        Report("t", "s").write(tmp_path / "file" / "page.html")
+        write_report(tmp_path / "file" / "page.html", "t", "s", {}, [], "command")
     with pytest.raises(ScanError, match="expected to write figures"):
         save_figures({}, tmp_path / "file" / "folder")
 
