@@ -7,7 +7,7 @@ from support.hand import Hand
 from support.sweeps import scene_of, write_scan
 
 from tactile_localizer.core.scan.digest import digest_of
-from tactile_localizer.io.scans.learned import KEY, LearnedResults
+from tactile_localizer.io.scans.learned import KEY, load_learned
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 
@@ -51,7 +51,7 @@ def test_calibration_blocks_no_service_and_loses_no_pair(node_process, probe, fi
     assert set(levels(arrays, "mapping: calibration")) == {DiagnosticStatus.OK}
     assert process.stop() == 0
     assert "Traceback" not in process.output
-    assert LearnedResults(files["scan_file"]).load_learned(KEY, digest_of(scan, scene)) is not None
+    assert load_learned(files["scan_file"], KEY, digest_of(scan, scene)) is not None
     with ScanStore.open(files["scan_file"]) as store:
         sweep = store.sweeps()[-1]
     assert (sweep.pairs, sweep.gaps, sweep.skipped) == (1000 // 5, 0, 0)

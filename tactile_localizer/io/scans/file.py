@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.scans.rows import LEARNED_TABLE, contents_seal, header_seal
+from tactile_localizer.io.scans.rows import contents_seal, header_seal
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.scene import Scene
 
@@ -66,17 +66,15 @@ CREATE TABLE batch (
 CREATE TABLE history (id INTEGER PRIMARY KEY, at TEXT NOT NULL, what TEXT NOT NULL, detail TEXT NOT NULL);
 """
 
-SEAL_COLUMNS = (
-    "ALTER TABLE sweep ADD COLUMN batches INTEGER NOT NULL DEFAULT 0",
-    "ALTER TABLE sweep ADD COLUMN pairs INTEGER NOT NULL DEFAULT 0",
-    "ALTER TABLE sweep ADD COLUMN first_ns INTEGER NOT NULL DEFAULT 0",
-    "ALTER TABLE sweep ADD COLUMN last_ns INTEGER NOT NULL DEFAULT 0",
-    "ALTER TABLE sweep ADD COLUMN revision INTEGER NOT NULL DEFAULT 0",
-    "ALTER TABLE sweep ADD COLUMN seal BLOB NOT NULL DEFAULT x''",
-    "ALTER TABLE batch ADD COLUMN seal BLOB NOT NULL DEFAULT x''",
-    "DROP INDEX batch_sweep",
+LEARNED_TABLE = """
+CREATE TABLE IF NOT EXISTS learned (
+    key TEXT PRIMARY KEY,                 -- name of the result, its algorithm and version
+    digest TEXT NOT NULL,                 -- of the scan and the scene that it was computed from
+    payload BLOB NOT NULL,
+    seal BLOB NOT NULL                    -- checksum of the other columns
 )
-"""Statements that convert the tables of version 1 to those of version 2."""
+"""
+"""Table of cached results computed from the scan; files of any schema version may have it."""
 
 
 def create(path: Path, scene: Scene, strain_unit: str) -> sqlite3.Connection:

@@ -20,6 +20,7 @@ from tactile_localizer.io.scans.rows import (
     BATCH_COLUMNS,
     UNSEALED_BATCH_COLUMNS,
     Batch,
+    LearnedEntry,
     SweepInfo,
     contents_seal,
     sweep_seal,
@@ -129,6 +130,22 @@ class ScanReader:
                 detail = {"details": "damaged"}
             entries.append((str(at), str(what), detail))
         return entries
+
+    def learned(self, key: str, digest: str) -> bytes | None:
+        """Stored result of that key; ``None`` if it is missing, damaged or computed from other data.
+
+        Parameters
+        ----------
+        key : name of the result, its algorithm and version
+        digest : digest of the data, from :func:`~tactile_localizer.core.scan.digest.digest_of`
+        """
+        query = "SELECT payload, seal FROM learned WHERE key = ? AND digest = ?"
+        try:
+            row = self._db.execute(query, (key, digest)).fetchone()
+        except scan_file.SQLITE_ERRORS:  # no such table yet, or damage
+            return None
+        is_intact = row is not None and row == LearnedEntry(key, digest, row[0]).row[2:]
+        return bytes(row[0]) if is_intact else None
 
     def load(self, at_most: int | None = None, progress: Progress | None = None) -> Scan:
         """Pairs of the sweeps that are not dropped, in order of recording.

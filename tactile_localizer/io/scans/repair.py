@@ -13,7 +13,7 @@ from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.scans.lock import ScanLock
 from tactile_localizer.io.scans.pages import Pages, Place
 from tactile_localizer.io.scans.rows import Batch, SweepInfo, header_seal, sweep_seal
-from tactile_localizer.io.scans.store import ScanStore, new_scan
+from tactile_localizer.io.scans.store import ScanStore, new_scan, take_place
 from tactile_localizer.io.scene_file import scene_from_dict
 from tactile_localizer.scene import Scene
 
@@ -114,11 +114,7 @@ def _repair(path: Path, scene: Scene | None) -> RepairReport:
             history = [found.history[key] for key in sorted(found.history)]
             store.note("repair", {"file": str(damaged), "notes": notes, "history": history})
             report = RepairReport(len(entries), store.pairs, notes, damaged)
-    # Processes that still read the damaged file need its log and shared memory under matching names.
-    for suffix in ("-wal", "-shm", ""):
-        with contextlib.suppress(FileNotFoundError):
-            Path(f"{path}{suffix}").rename(f"{damaged}{suffix}")
-    repaired.rename(path)
+    take_place(repaired, path, damaged)
     return report
 
 

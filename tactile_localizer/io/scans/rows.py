@@ -27,17 +27,6 @@ UNSEALED_BATCH_COLUMNS = "id, sweep, pairs, first_ns, last_ns, stamp_ns, states,
 """Columns in files of schema version 1, which have no checksums."""
 
 
-LEARNED_TABLE = """
-CREATE TABLE IF NOT EXISTS learned (
-    key TEXT PRIMARY KEY,                 -- name of the result, its algorithm and version
-    digest TEXT NOT NULL,                 -- of the scan and the scene that it was computed from
-    payload BLOB NOT NULL,
-    seal BLOB NOT NULL                    -- checksum of the other columns
-)
-"""
-"""Table of cached results computed from the scan; files of any schema version may have it."""
-
-
 @dataclass(frozen=True)
 class SweepInfo:
     """Entry of one sweep, a row of the table ``sweep``.
@@ -232,14 +221,7 @@ class LearnedEntry(NamedTuple):
     digest: str
     payload: bytes
 
-    def statements(self) -> list[tuple[str, tuple[Any, ...]]]:
-        """SQL statements, with their values, that store the entry."""
-        row = (self.key, self.digest, self.payload, learned_seal(self.key, self.digest, self.payload))
-        return [(LEARNED_TABLE, ()), ("INSERT OR REPLACE INTO learned VALUES (?, ?, ?, ?)", row)]
-
-
-def learned_seal(key: str, digest: str, payload: bytes) -> bytes:
-    """Checksum of a row of the table ``learned``."""
-    seal = hashlib.blake2b(f"{key}\0{digest}\0".encode(), digest_size=16)
-    seal.update(payload)
-    return seal.digest()
+    @property
+    def row(self) -> tuple[Any, ...]:
+        """Columns of the table's row, with the checksum."""
+        return *self, seal_of(*self)

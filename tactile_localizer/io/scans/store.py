@@ -12,7 +12,7 @@ import json
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -26,7 +26,6 @@ from tactile_localizer import __version__
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans import file as scan_file
 from tactile_localizer.io.scans.lock import ScanLock
-from tactile_localizer.io.scans.migration import migrate
 from tactile_localizer.io.scans.reader import ScanReader
 from tactile_localizer.io.scans.rows import (
     BATCH_COLUMNS,
@@ -105,16 +104,15 @@ class ScanStore(ScanReader):
         Notes
         -----
         A file of schema version 1, which has no checksums, is read as it is. Opening it for writing
-        migrates it and keeps a copy of the original (:mod:`~tactile_localizer.io.scans.migration`).
+        replaces it by a file of the current version, and keeps the original as ``<name>.schema1``.
         """
         path = Path(path)
         if not writable:
             return cls(path, scan_file.open_existing(path, writable=False), None)
         lock = ScanLock(path)
         try:
-            connection = scan_file.open_existing(path, writable=True)
-            migrate(path, connection)
-            return cls(path, connection, lock)
+            _migrate(path)
+            return cls(path, scan_file.open_existing(path, writable=True), lock)
         except BaseException:
             lock.release()
             raise
@@ -336,11 +334,14 @@ class ScanStore(ScanReader):
             copies = [replace(batch, id=self._next_batch + i, sweep=number) for i, batch in enumerate(group)]
             self._write_batches(copies, f"pairs of sweep {number}")
 
-    def note(self, what: str, detail: dict[str, Any]) -> None:
-        """Add an entry to the file's history, which records the origin of the pairs and every change."""
-        at = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    def note(self, what: str, detail: dict[str, Any], at: str | None = None) -> None:
+        """Add an entry to the file's history, which records the origin of the pairs and every change.
+
+        ``at`` is the time (ISO 8601, UTC), by default now.
+        """
+        at = at or datetime.now(timezone.utc).isoformat(timespec="seconds")
         insert = "INSERT INTO history (at, what, detail) VALUES (?, ?, ?)"
-        entry = json.dumps({**detail, "version": __version__})
+        entry = json.dumps({"version": __version__, **detail})
         self._write([(insert, (at, what, entry))], "history entry")
 
     def store_learned(self, entry: LearnedEntry) -> None:
@@ -351,7 +352,8 @@ class ScanStore(ScanReader):
         ScanError
             The file cannot be written.
         """
-        self._write(entry.statements(), entry.key)
+        insert = "INSERT OR REPLACE INTO learned VALUES (?, ?, ?, ?)"
+        self._write([(scan_file.LEARNED_TABLE, ()), (insert, entry.row)], entry.key)
 
     def _write_batches(self, batches: list[Batch], what: str) -> None:
         """Write consecutive batches of one sweep."""
@@ -463,3 +465,36 @@ def new_scan(path: str | Path, scene: Scene, *, strain_unit: str = "V") -> Itera
         if Path(f"{unfinished}-wal").exists():
             raise ScanError(f"{path}: expected enough disk space, only part of the scan could be written")
         unfinished.rename(path)
+
+
+def take_place(renewed: Path, path: Path, kept: Path) -> None:
+    """Move a new file to the ``path`` of a scan file, which is kept as ``kept``.
+
+    Raises
+    ------
+    OSError
+        A file cannot be renamed.
+    """
+    # Processes that still read the old file need its log and shared memory under matching names.
+    for suffix in ("-wal", "-shm", ""):
+        with suppress(FileNotFoundError):
+            Path(f"{path}{suffix}").rename(f"{kept}{suffix}")
+    renewed.rename(path)
+
+
+def _migrate(path: Path) -> None:
+    """Replace a file of schema version 1, if it is undamaged, by one with checksums."""
+    renewed, kept = (path.with_name(f"{path.name}{suffix}") for suffix in (".migrated", ".schema1"))
+    with ScanStore.open(path) as old:
+        if old.has_checksums:
+            return
+        if kept.exists():
+            raise ScanError(f"{kept}: expected no file of this name, found one")
+        with new_scan(renewed, old.scene, strain_unit=old.units["strain"]) as store:
+            store.copy_sweeps(old.sweeps(), old.checked_batches(include_dropped=True))
+            for at, what, detail in old.history():
+                store.note(what, detail, at)
+    try:
+        take_place(renewed, path, kept)
+    except OSError as error:
+        raise ScanError(f"{path}: could not keep the original as {kept}, {error.strerror}") from None

@@ -13,7 +13,8 @@ from support import scans
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans import lock as scan_lock
-from tactile_localizer.io.scans.learned import LearnedResults
+from tactile_localizer.io.scans.learned import load_learned, store_learned
+from tactile_localizer.io.scans.rows import LearnedEntry
 from tactile_localizer.io.scans.store import ScanStore
 
 SCENE = scans.scene()
@@ -36,21 +37,19 @@ def loaded(path) -> Scan:
 
 
 def test_results_are_loaded_for_the_same_data_only(path):
-    learned = LearnedResults(path)
-    assert learned.load_learned("widths 1", "a") is None
-    assert learned.store_learned("widths 1", "a", b"first")
-    assert learned.store_learned("widths 1", "b", PAYLOAD)
-    assert learned.store_learned("fit 1", "b", b"")
-    again = LearnedResults(path)
-    assert again.load_learned("widths 1", "b") == PAYLOAD
-    assert again.load_learned("fit 1", "b") == b""
-    assert again.load_learned("widths 1", "a") is None
-    assert again.load_learned("widths 2", "b") is None
+    assert load_learned(path, "widths 1", "a") is None
+    assert store_learned(path, LearnedEntry("widths 1", "a", b"first"))
+    assert store_learned(path, LearnedEntry("widths 1", "b", PAYLOAD))
+    assert store_learned(path, LearnedEntry("fit 1", "b", b""))
+    assert load_learned(path, "widths 1", "b") == PAYLOAD
+    assert load_learned(path, "fit 1", "b") == b""
+    assert load_learned(path, "widths 1", "a") is None
+    assert load_learned(path, "widths 2", "b") is None
 
 
 def test_storing_a_result_keeps_the_pairs(path):
     before = digest_of(loaded(path), SCENE)
-    LearnedResults(path).store_learned("widths 1", before, PAYLOAD)
+    store_learned(path, LearnedEntry("widths 1", before, PAYLOAD))
     assert digest_of(loaded(path), SCENE) == before
     assert [file.name for file in path.parent.iterdir()] == ["scan.db"]
 
@@ -58,20 +57,18 @@ def test_storing_a_result_keeps_the_pairs(path):
 def test_the_table_is_added_to_older_files(path):
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("DROP TABLE IF EXISTS learned")
-    learned = LearnedResults(path)
-    assert learned.load_learned("widths 1", "a") is None
-    assert learned.store_learned("widths 1", "a", PAYLOAD)
-    assert learned.load_learned("widths 1", "a") == PAYLOAD
+    assert load_learned(path, "widths 1", "a") is None
+    assert store_learned(path, LearnedEntry("widths 1", "a", PAYLOAD))
+    assert load_learned(path, "widths 1", "a") == PAYLOAD
 
 
 @pytest.mark.parametrize("column", ["payload", "digest", "key"])
 def test_a_damaged_result_is_ignored(path, column):
-    learned = LearnedResults(path)
-    learned.store_learned("widths 1", "a", PAYLOAD)
+    store_learned(path, LearnedEntry("widths 1", "a", PAYLOAD))
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute(f"UPDATE learned SET {column} = ?", (b"b" if column == "payload" else "b",))
     asked = {"key": "widths 1", "digest": "a", column: "b"}
-    assert learned.load_learned(asked["key"], asked["digest"]) is None
+    assert load_learned(path, asked["key"], asked["digest"]) is None
 
 
 @pytest.fixture(autouse=True)
@@ -80,26 +77,24 @@ def propagating(monkeypatch):
     monkeypatch.setattr(logging.getLogger("tactile_localizer.io.scans.learned"), "propagate", True)
 
 
-def test_a_locked_file_gives_one_warning(path, caplog, monkeypatch):
+def test_a_locked_file_gives_a_warning(path, caplog, monkeypatch):
     monkeypatch.setattr(scan_lock, "LOCK_TIMEOUT_S", 0.0)
-    learned = LearnedResults(path)
     with caplog.at_level(logging.WARNING), ScanStore.open(path, writable=True) as recorder:
         recorder.begin_sweep()
-        assert not learned.store_learned("widths 1", "a", PAYLOAD)
-        assert not learned.store_learned("widths 1", "a", PAYLOAD)
-    assert len(caplog.messages) == 1
+        assert not store_learned(path, LearnedEntry("widths 1", "a", PAYLOAD))
+        assert not store_learned(path, LearnedEntry("widths 1", "a", PAYLOAD))
+    assert len(caplog.messages) == 2
     assert "widths 1 could not be stored for the next start" in caplog.text
     assert "expected no other writer" in caplog.text
-    assert learned.load_learned("widths 1", "a") is None
+    assert load_learned(path, "widths 1", "a") is None
 
 
 def test_unusable_files_raise_nothing(tmp_path, caplog):
     text = tmp_path / "text.db"
     text.write_text("no database" * 1000)
     for path in (text, tmp_path / "none.db", tmp_path, tmp_path / "none" / "scan.db"):
-        learned = LearnedResults(path)
-        assert learned.load_learned("widths 1", "a") is None
-        assert not learned.store_learned("widths 1", "a", PAYLOAD)
+        assert load_learned(path, "widths 1", "a") is None
+        assert not store_learned(path, LearnedEntry("widths 1", "a", PAYLOAD))
     assert len(caplog.messages) == 4
 
 

@@ -14,7 +14,8 @@ from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans import learned as module
-from tactile_localizer.io.scans.learned import KEY, LearnedResults, find_calibration, learned_calibration
+from tactile_localizer.io.scans.learned import KEY, find_calibration, learned_calibration, store_learned
+from tactile_localizer.io.scans.rows import LearnedEntry
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
@@ -70,7 +71,7 @@ def test_in_a_file_that_cannot_be_written_it_is_learned_anew(path: Path, calibra
 )
 def test_a_payload_of_another_form_is_learned_anew(path: Path, calibrated: list[str], payload: bytes) -> None:
     scan, scene = loaded(path)
-    LearnedResults(path).store_learned(KEY, digest_of(scan, scene), payload)
+    store_learned(path, LearnedEntry(KEY, digest_of(scan, scene), payload))
     assert learned_calibration(path, scan, scene).information_length == 0.0015
     assert len(calibrated) == 1
 

@@ -15,7 +15,8 @@ from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
-from tactile_localizer.io.scans.learned import KEY, LearnedResults
+from tactile_localizer.io.scans.learned import KEY, store_learned
+from tactile_localizer.io.scans.rows import LearnedEntry
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
@@ -82,7 +83,7 @@ def _write_scan(path: Path, scan: SimulatedScan, scene: Scene, calibrated: bool)
             store.end_sweep()
         digest, dimension = digest_of(store.load(), store.scene), store.scene.dimension
     if calibrated and dimension == len(CALIBRATION["registration_std"]):
-        LearnedResults(path).store_learned(KEY, digest, json.dumps(CALIBRATION).encode())
+        store_learned(path, LearnedEntry(KEY, digest, json.dumps(CALIBRATION).encode()))
 
 
 def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> SimulatedSweep:
