@@ -15,12 +15,11 @@ from rich.table import Table
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES
-from tactile_localizer.offline.figures.tactile_map import map_pair
+from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_pair
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.resources import resource_path
 
@@ -89,10 +88,9 @@ def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
 
     with ScanStore.open(folder / "scan.db") as store:
         scan, scene = store.load(), store.scene
-    regions = {"feature": scene.feature} if scene.feature is not None else {}
     median = sorted(sweeps, key=lambda sweep: float(sweep.error[sweep.after_contact].sum()))[len(sweeps) // 2]
     figures = {
-        "map": map_pair(make_map(scan, scene), scan, scene, regions=regions),
+        "map": map_pair(DrawnScan(scan, scene)),
         "error": error_along_the_sweep(
             sweeps, f"{feature}: localizing {len(sweeps)} sweeps from unknown starts"
         ),

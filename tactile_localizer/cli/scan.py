@@ -236,17 +236,15 @@ def _box(scene: Scene) -> str:
 def _plot(args: argparse.Namespace) -> int:
     # matplotlib takes a second, which no other action needs.
     from tactile_localizer.core.calibration.feature_region import propose_region
-    from tactile_localizer.core.scan.tactile_map import make_map
     from tactile_localizer.offline.figures.feature_region import region_sheet
-    from tactile_localizer.offline.figures.tactile_map import scan_figures
+    from tactile_localizer.offline.figures.tactile_map import DrawnScan, scan_figures
 
     with ScanStore.open(args.scan) as store:
         scan, scene, unit = store.load(), store.scene, store.units["strain"]
     try:
         args.output.mkdir(parents=True, exist_ok=True)
-        figures = scan_figures(scan, scene, unit=unit)
-        proposal = propose_region(scan, scene)
-        figures["region"] = region_sheet(make_map(scan, scene), scene, proposal, unit=unit)
+        drawn = DrawnScan(scan, scene, unit)
+        figures = {**scan_figures(drawn), "region": region_sheet(drawn, propose_region(scan, scene))}
         for name, figure in figures.items():
             path = args.output / f"{name.replace('/', '_')}.png"
             figure.savefig(path, dpi=args.dpi)

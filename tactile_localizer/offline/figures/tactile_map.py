@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,13 +18,11 @@ from scipy.spatial import cKDTree
 from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
-from tactile_localizer.errors import SceneError
 from tactile_localizer.offline.axes import display_units, label_axis, legend_below, literal
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
 _NO_DATA = "0.82"
-_LINES = ("black", "tab:green", "tab:orange")
 _NEIGHBOURS = 4
 _OUTLINE = 61
 """Points along each side of a region's outline."""
@@ -31,54 +31,49 @@ MAX_CHANNELS = 48
 """Channels of a phalanx shown at most."""
 
 
-def scan_figures(
-    scan: Scan, scene: Scene, *, unit: str = "V", regions: Mapping[str, Region] | None = None
-) -> dict[str, Figure]:
-    """Every figure of a scan, by the name of its file.
+@dataclass(frozen=True)
+class DrawnScan:
+    """A scan to draw.
 
     Parameters
     ----------
     scan : the pairs
-    scene : its bounds and phalanges
+    scene : its bounds and phalanges; its feature's region is outlined
     unit : of the strain
-    regions : feature regions to outline, by label, in phalanx coordinates; by default the scene's own
     """
-    if regions is None:
-        regions = {"feature of the scene": scene.feature} if scene.feature is not None else {}
-    figures = {"sweeps": sweep_paths(scan, scene)}
-    tactile_map = make_map(scan, scene)
-    if len(tactile_map.axes) == 2:
-        figures["map"] = map_pair(tactile_map, scan, scene, unit=unit, regions=regions)
-    for phalanx in scan.phalanges:
-        sheet = map_sheet if len(tactile_map.axes) == 2 else profile_sheet
-        figures[f"map_{phalanx}"] = sheet(tactile_map, scan, scene, phalanx, unit=unit, regions=regions)
-        figures[f"neighbours_{phalanx}"] = neighbour_values(scan, scene, phalanx, unit=unit)
+
+    scan: Scan
+    scene: Scene
+    unit: str = "V"
+
+    @cached_property
+    def map(self) -> TactileMap:
+        """The tactile map, over one or two axes of the scene."""
+        return make_map(self.scan, self.scene)
+
+    def title(self, text: str) -> str:
+        """Title of a figure: the scene's name, and ``text``."""
+        return literal(f"{self.scene.name}: {text}")
+
+
+def scan_figures(drawn: DrawnScan) -> dict[str, Figure]:
+    """Every figure of a scan, by the name of its file."""
+    figures = {"sweeps": sweep_paths(drawn)}
+    is_plane = len(drawn.map.axes) == 2
+    if is_plane:
+        figures["map"] = map_pair(drawn)
+    for phalanx in drawn.scan.phalanges:
+        figures[f"map_{phalanx}"] = (map_sheet if is_plane else profile_sheet)(drawn, phalanx)
+        figures[f"neighbours_{phalanx}"] = neighbour_values(drawn, phalanx)
     return figures
 
 
-def map_sheet(
-    tactile_map: TactileMap,
-    scan: Scan,
-    scene: Scene,
-    phalanx: str,
-    *,
-    unit: str = "V",
-    regions: Mapping[str, Region] | None = None,
-) -> Figure:
+def map_sheet(drawn: DrawnScan, phalanx: str) -> Figure:
     """The channels of a phalanx over the palm's position, in one colour scale.
 
-    Of more than :data:`MAX_CHANNELS`, those that vary most are shown.
-
-    Parameters
-    ----------
-    tactile_map : over two axes of the scene
-    scan : drawn as faint paths of the sweeps
-    scene : gives the phalanx's offset
-    phalanx : its name
-    unit : of the strain
-    regions : feature regions to outline, by label, in phalanx coordinates
+    Of more than :data:`MAX_CHANNELS`, those that vary most are shown. The paths of the sweeps are faint.
     """
-    channels = _shown_channels(tactile_map, phalanx)
+    channels = _shown_channels(drawn.map, phalanx)
     rows = math.ceil(len(channels) / 4)
     figure = Figure(figsize=(13, 3.5 * rows), layout="constrained")
     plots = figure.subplots(rows, 4, sharex=True, sharey=True, squeeze=False)
@@ -86,62 +81,42 @@ def map_sheet(
         plot.set_axis_off()
     for place, (channel, plot) in enumerate(zip(channels, plots.flat, strict=False)):
         row, column = divmod(place, 4)
-        colours = _draw_channel(plot, tactile_map, phalanx, channel)
-        _draw_paths(plot, scan)
-        _outline(plot, regions, _phalanx(scene, phalanx), scene)
+        colours = _draw_channel(plot, drawn, phalanx, channel)
+        for number in drawn.scan.sweep_numbers:
+            plot.plot(*_path(drawn.scan, number), color="0.35", linewidth=0.3, alpha=0.35)
         plot.set_title(f"channel {channel + 1}", fontsize=10)
-        label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=row == rows - 1)
-        label_axis(plot, "y", tactile_map.axes[1], inches=column == 3, label=column == 0)
-    _colour_bar(figure, colours, plots, unit)
-    legend_below(figure, plots.flat[0])
-    figure.suptitle(f"{literal(scene.name)}: strain of phalanx {literal(phalanx)} by the palm's position")
+        label_axis(plot, "x", drawn.map.axes[0], inches=row == 0, label=row == rows - 1)
+        label_axis(plot, "y", drawn.map.axes[1], inches=column == 3, label=column == 0)
+    _finish(figure, colours, plots.flat[0], plots, drawn)
+    figure.suptitle(drawn.title(f"strain of phalanx {phalanx} by the palm's position"))
     return figure
 
 
-def map_pair(
-    tactile_map: TactileMap,
-    scan: Scan,
-    scene: Scene,
-    *,
-    unit: str = "V",
-    regions: Mapping[str, Region] | None = None,
-) -> Figure:
+def map_pair(drawn: DrawnScan) -> Figure:
     """The paths of the sweeps and two channels that respond differently (paper, Fig. 3 b, c, d).
 
     The first channel is the one that varies most, the second the one with the largest part that is not
-    proportional to the first. Parameters as for :func:`map_sheet`.
+    proportional to the first.
     """
     figure = Figure(figsize=(14, 5.2), layout="constrained")
     plots = figure.subplots(1, 3)
-    _draw_sweeps(plots[0], scan)
-    _draw_bounds(plots[0], scene)
-    plots[0].set_title(f"{len(scan.sweep_numbers)} sweeps, {len(scan)} pairs", fontsize=10)
-    for plot, (phalanx, channel) in zip(plots[1:], _distinct_channels(tactile_map), strict=True):
-        colours = _draw_channel(plot, tactile_map, phalanx, channel)
-        _outline(plot, regions, _phalanx(scene, phalanx), scene)
+    _draw_sweeps(plots[0], drawn.scan)
+    _draw_bounds(plots[0], drawn.scene)
+    plots[0].set_title(f"{len(drawn.scan.sweep_numbers)} sweeps, {len(drawn.scan)} pairs", fontsize=10)
+    for plot, (phalanx, channel) in zip(plots[1:], _distinct_channels(drawn.map), strict=True):
+        colours = _draw_channel(plot, drawn, phalanx, channel)
         plot.set_title(f"{literal(phalanx)}, channel {channel + 1}", fontsize=10)
     for column, plot in enumerate(plots):
-        label_axis(plot, "x", tactile_map.axes[0])
-        label_axis(plot, "y", tactile_map.axes[1], inches=column == 2, label=column == 0)
-    _colour_bar(figure, colours, plots, unit)
-    legend_below(figure, plots[1])
-    figure.suptitle(f"{literal(scene.name)}: scan and tactile map, by the palm's position")
+        label_axis(plot, "x", drawn.map.axes[0])
+        label_axis(plot, "y", drawn.map.axes[1], inches=column == 2, label=column == 0)
+    _finish(figure, colours, plots[1], plots, drawn)
+    figure.suptitle(drawn.title("scan and tactile map, by the palm's position"))
     return figure
 
 
-def profile_sheet(
-    tactile_map: TactileMap,
-    scan: Scan,
-    scene: Scene,
-    phalanx: str,
-    *,
-    unit: str = "V",
-    regions: Mapping[str, Region] | None = None,
-) -> Figure:
-    """The channels of a phalanx along the only axis of the scene: every sweep, and the map in black.
-
-    Parameters as for :func:`map_sheet`.
-    """
+def profile_sheet(drawn: DrawnScan, phalanx: str) -> Figure:
+    """The channels of a phalanx along the only axis of the scene: every sweep, and the map in black."""
+    scan, scene, tactile_map = drawn.scan, drawn.scene, drawn.map
     channels = _shown_channels(tactile_map, phalanx)
     figure = Figure(figsize=(13, 1 + 1.25 * len(channels)), layout="constrained")
     plots = figure.subplots(len(channels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
@@ -155,99 +130,73 @@ def profile_sheet(
             along = np.argsort(scan.states[mine, 0])
             values = scan.strain[mine, column] - tactile_map.background[column]
             label = f"sweep {number}" if len(scan.sweep_numbers) <= 6 else None
-            plot.plot(
-                display_units(axis, scan.states[mine, 0][along]), values[along], linewidth=0.7, label=label
-            )
-        plot.plot(
-            display_units(axis, tactile_map.nodes[0]), profile[:, channel], "k", linewidth=1.2, label="map"
-        )
+            positions = display_units(axis, scan.states[mine, 0][along])
+            plot.plot(positions, values[along], linewidth=0.7, label=label)
+        nodes = display_units(axis, tactile_map.nodes[0])
+        plot.plot(nodes, profile[:, channel], "k", linewidth=1.2, label="map")
         plot.set_ylabel(f"{channel + 1}", rotation=0, labelpad=10)
         plot.margins(x=0)
-        for number, region in enumerate((regions or {}).values()):
-            lower, upper = _palm_limits(region, _phalanx(scene, phalanx), scene)
-            plot.axvspan(
-                *display_units(axis, np.array([lower[0], upper[0]])), color=_LINES[number % 3], alpha=0.08
-            )
+        if scene.feature is not None:
+            lower, upper = _palm_limits(scene.feature, _phalanx(scene, phalanx), scene)
+            plot.axvspan(*display_units(axis, np.array([lower[0], upper[0]])), color="black", alpha=0.08)
     label_axis(plots[0], "x", axis, label=False)
     label_axis(plots[-1], "x", axis, inches=False)
     legend_below(figure, plots[0])
-    figure.supylabel(f"channel: strain minus its median, {literal(unit)}", fontsize=10)
-    figure.suptitle(f"{literal(scene.name)}: strain of phalanx {literal(phalanx)} by the palm's position")
+    figure.supylabel(f"channel: strain minus its median, {literal(drawn.unit)}", fontsize=10)
+    figure.suptitle(drawn.title(f"strain of phalanx {phalanx} by the palm's position"))
     return figure
 
 
-def sweep_paths(scan: Scan, scene: Scene) -> Figure:
+def sweep_paths(drawn: DrawnScan) -> Figure:
     """Paths of the palm, coloured by the order of the sweeps, with a dot where each begins."""
-    numbers = scan.sweep_numbers
+    scan, numbers = drawn.scan, drawn.scan.sweep_numbers
     size = (8, 7) if len(scan.axes) > 1 else (9, 2 + 0.25 * len(numbers))
     figure = Figure(figsize=size, layout="constrained")
     plot = figure.subplots()
     _draw_sweeps(plot, scan)
     label_axis(plot, "x", scan.axes[0])
     if len(scan.axes) > 1:
-        _draw_bounds(plot, scene)
+        _draw_bounds(plot, drawn.scene)
         label_axis(plot, "y", scan.axes[1])
     else:
         plot.set_ylabel("sweep")
         plot.set_yticks(numbers)
-    plot.set_title(
-        f"{literal(scene.name)}: {len(numbers)} sweeps, {len(scan)} pairs; dots are where sweeps begin"
-    )
+    plot.set_title(drawn.title(f"{len(numbers)} sweeps, {len(scan)} pairs; dots are where sweeps begin"))
     return figure
 
 
-def neighbour_values(
-    scan: Scan,
-    scene: Scene,
-    phalanx: str,
-    *,
-    channel: int | None = None,
-    sweep: int | None = None,
-    k: int = _NEIGHBOURS,
-    unit: str = "V",
-) -> Figure:
+def neighbour_values(drawn: DrawnScan, phalanx: str) -> Figure:
     """Strain along a sweep beside that of its nearest neighbours (paper, Fig. 6).
 
-    The neighbours are the nearest pairs of the k nearest sweeps, one of each: pairs are much denser along
-    a sweep than sweeps are, so that the nearest pairs would all lie on one sweep. Values in separate bands
-    mean that the measurement distribution is multimodal there.
-
-    Parameters
-    ----------
-    scan, scene, phalanx, unit : as for :func:`map_sheet`
-    channel : channel of the phalanx, from 0; by default the one that varies most
-    sweep : number of the sweep; by default the one along which the channel varies most
-    k : neighbours of each point, one per sweep
+    Shown is the channel that varies most, along the sweep on which it varies most. The neighbours are the
+    nearest pairs of the four nearest sweeps, one of each: pairs are much denser along a sweep than sweeps
+    are, so that the nearest pairs would all lie on one sweep. Values in separate bands mean that the
+    measurement distribution is multimodal there.
     """
+    scan = drawn.scan
     own = scan.layout.slices[scan.phalanges.index(phalanx)]
-    if channel is None:
-        channel = int(np.argmax(scan.strain[:, own].std(axis=0)))
+    channel = int(np.argmax(scan.strain[:, own].std(axis=0)))
     values = scan.strain[:, own.start + channel]
-    if sweep is None:
-        sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
+    sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
     mine = scan.sweep == sweep
     x = display_units(scan.axes[0], scan.states[mine, 0])
     figure = Figure(figsize=(10, 5.5), layout="constrained")
     plot = figure.subplots()
-    for index, (number, nearest) in enumerate(_nearest_by_sweep(scan, scene, values, sweep, k).items()):
-        plot.plot(
-            x, nearest, ".", markersize=2.5, color=colormaps["tab10"](index % 10), label=f"sweep {number}"
-        )
+    for index, (number, nearest) in enumerate(_nearest_by_sweep(drawn, values, sweep).items()):
+        colour = colormaps["tab10"](index % 10)
+        plot.plot(x, nearest, ".", markersize=2.5, color=colour, label=f"sweep {number}")
     plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep}")
-    plot.set_ylabel(f"channel {channel + 1} of {literal(phalanx)}, {literal(unit)}")
+    plot.set_ylabel(f"channel {channel + 1} of {literal(phalanx)}, {literal(drawn.unit)}")
     plot.margins(x=0)
     label_axis(plot, "x", scan.axes[0])
     plot.legend(title="nearest pairs of", markerscale=4, fontsize=8)
-    plot.set_title(
-        f"{literal(scene.name)}: strain along sweep {sweep}, and of the nearest pairs of other sweeps"
-    )
+    plot.set_title(drawn.title(f"strain along sweep {sweep}, and of the nearest pairs of other sweeps"))
     return figure
 
 
-def _nearest_by_sweep(
-    scan: Scan, scene: Scene, values: np.ndarray, sweep: int, k: int
-) -> dict[int, np.ndarray]:
-    """Nearest value of each other sweep to each pair of ``sweep``; NaN where k other sweeps are nearer."""
+def _nearest_by_sweep(drawn: DrawnScan, values: np.ndarray, sweep: int) -> dict[int, np.ndarray]:
+    """Nearest value of each other sweep to each pair of ``sweep``; NaN where four sweeps are nearer."""
+    scan, scene = drawn.scan, drawn.scene
     states = scan.states[:, scene.columns(scan.axes)] * axis_scale(scene)
     path = states[scan.sweep == sweep]
     others = [number for number in scan.sweep_numbers if number != sweep]
@@ -257,12 +206,14 @@ def _nearest_by_sweep(
         distances[row], index = cKDTree(states[here]).query(path)
         nearest[row] = values[here][index]
     rank = distances.argsort(axis=0).argsort(axis=0)
-    nearest[rank >= k] = np.nan
+    nearest[rank >= _NEIGHBOURS] = np.nan
     return {int(number): row for number, row in zip(others, nearest, strict=True) if np.isfinite(row).any()}
 
 
-def _draw_channel(plot: Axes, tactile_map: TactileMap, phalanx: str, channel: int) -> QuadMesh:
-    """Draw the map of one channel; all channels have the same colour scale."""
+def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> QuadMesh:
+    """Draw the map of one channel and the feature's region; all channels have the same colour scale."""
+    tactile_map = drawn.map
+    _outline(plot, drawn.scene, phalanx)
     x, y = (
         display_units(axis, nodes) for axis, nodes in zip(tactile_map.axes, tactile_map.nodes, strict=True)
     )
@@ -291,12 +242,6 @@ def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:
     """Channels of a phalanx, from 0: all, or the :data:`MAX_CHANNELS` that vary most."""
     spread = np.nan_to_num(tactile_map.phalanx(phalanx)[tactile_map.covered]).std(axis=0)
     return sorted(np.argsort(-spread, kind="stable")[:MAX_CHANNELS].tolist())
-
-
-def _draw_paths(plot: Axes, scan: Scan) -> None:
-    for number in scan.sweep_numbers:
-        x, y = _path(scan, number)
-        plot.plot(x, y, color="0.35", linewidth=0.3, alpha=0.35)
 
 
 def _draw_sweeps(plot: Axes, scan: Scan) -> None:
@@ -354,28 +299,24 @@ def _palm_outline(region: Region, phalanx: Phalanx, scene: Scene) -> np.ndarray:
     return np.concatenate([sides[0], sides[1][::-1]])
 
 
-def _outline(plot: Axes, regions: Mapping[str, Region] | None, phalanx: Phalanx, scene: Scene) -> None:
-    names = scene.axis_names
-    for number, (label, region) in enumerate((regions or {}).items()):
-        edge = _palm_outline(region, phalanx, scene)
-        box = Polygon(
-            np.stack([display_units(name, edge[:, column]) for column, name in enumerate(names[:2])], axis=1),
-            fill=False,
-            edgecolor=_LINES[number % len(_LINES)],
-            linestyle=("-", "--", "-.")[number % 3],
-            linewidth=1.2,
-            label=label,
-        )
-        plot.add_patch(box)
+def _outline(plot: Axes, scene: Scene, phalanx: str) -> None:
+    """Outline the feature's region, if the scene has one."""
+    if scene.feature is None:
+        return
+    edge = _palm_outline(scene.feature, _phalanx(scene, phalanx), scene)
+    corners = [display_units(name, edge[:, column]) for column, name in enumerate(scene.axis_names[:2])]
+    style = {"fill": False, "edgecolor": "black", "linewidth": 1.2}
+    plot.add_patch(Polygon(np.stack(corners, axis=1), label="feature of the scene", **style))
 
 
 def _phalanx(scene: Scene, name: str) -> Phalanx:
-    for phalanx in scene.phalanges:
-        if phalanx.name == name:
-            return phalanx
-    raise SceneError(f"phalanx {name!r}: expected one of {', '.join(scene.phalanx_names)}")
+    return scene.phalanges[scene.phalanx_names.index(name)]
 
 
-def _colour_bar(figure: Figure, colours: QuadMesh, plots: Sequence[Axes] | np.ndarray, unit: str) -> None:
+def _finish(
+    figure: Figure, colours: QuadMesh, legend: Axes, plots: Sequence[Axes] | np.ndarray, drawn: DrawnScan
+) -> None:
+    """Add the colour bar, and the legend of one plot."""
     bar = figure.colorbar(colours, ax=plots, shrink=0.8, extend="both")
-    bar.set_label(f"strain minus that of featureless material, {literal(unit)}")
+    bar.set_label(f"strain minus that of featureless material, {literal(drawn.unit)}")
+    legend_below(figure, legend)

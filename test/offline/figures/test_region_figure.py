@@ -7,8 +7,8 @@ from matplotlib.text import Text
 
 from tactile_localizer.core.calibration.feature_region import Proposal, propose_region
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.offline.figures.feature_region import region_sheet
+from tactile_localizer.offline.figures.tactile_map import DrawnScan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 from tactile_localizer.sim import simulate_scan
 
@@ -31,7 +31,7 @@ def boxes(plot):
 
 def test_the_given_and_the_proposed_region_are_outlined_on_every_phalanx(scan, tmp_path):
     proposal = propose_region(scan, SCENE)
-    figure = region_sheet(make_map(scan, SCENE), SCENE, proposal)
+    figure = region_sheet(DrawnScan(scan, SCENE), proposal)
     for plot in figure.axes[:2]:
         drawn = boxes(plot)
         np.testing.assert_allclose(drawn["given by the scene"].extents, [14, 4.5, 48, 63.5], atol=0.01)
@@ -46,7 +46,7 @@ def test_material_without_a_region_has_no_outline(scan, tmp_path):
     scene = Scene("plain", SCENE.axes, SCENE.phalanges)
     nothing = propose_region(scan, scene)
     plain = Proposal(None, [np.zeros_like(cells) for cells in nothing.cells], nothing.axes)
-    figure = region_sheet(make_map(scan, scene), scene, plain)
+    figure = region_sheet(DrawnScan(scan, scene), plain)
     assert not boxes(figure.axes[0])
     assert any("no region found" in text.get_text() for text in figure.findobj(Text))
     figure.savefig(tmp_path / "region.png", dpi=40)
@@ -60,7 +60,7 @@ def test_one_axis_has_a_profile_per_phalanx(scan, tmp_path):
         Region((0.02,), (0.04,)),
     )
     line = Scan(scan.states[:, :1], scan.strain, scan.sweep, ("x",), scan.phalanges)
-    figure = region_sheet(make_map(line, scene), scene, propose_region(line, scene), unit="counts")
+    figure = region_sheet(DrawnScan(line, scene, "counts"), propose_region(line, scene))
     box = boxes(figure.axes[1])["given by the scene"]
     np.testing.assert_allclose([box.x0, box.x1], [20, 40])
     assert figure.axes[0].get_ylabel() == "counts"
