@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import reprlib
 import sys
 import time
@@ -19,6 +20,7 @@ from tactile_localizer.errors import CanError, ParameterError
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can.check import CanCheck, identifier
 from tactile_localizer.io.can.driver import DriverSettings
+from tactile_localizer.io.can.frames import frame_key
 from tactile_localizer.io.can.layout import SignalNames, load_dbc, phalanges_of
 from tactile_localizer.io.can.log import BATCH, read_log
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
@@ -168,21 +170,17 @@ def _waiting(bus: can.BusABC) -> list[can.Message]:
 
 
 def _dump(console: Console, protocol: LoadCellProtocol, batches: Iterator[list[can.Message]]) -> int:
-    names, layout = protocol.message_names, protocol.layout
-    for messages in batches:
-        batch = protocol.batch(messages)
-        decoded = protocol.decode(batch)
-        for row, message in enumerate(messages):
-            head = f"{message.timestamp:.6f}  {identifier(int(batch.key[row])):>8}"
-            if decoded.kind[row] != FrameKind.DATA:
-                kind = FrameKind(decoded.kind[row]).name.lower().replace("_", " ")
-                console.print(f"{head}  {kind}  {message.data.hex(' ')}", style="yellow")
-                continue
-            slot = decoded.slot[row]
-            used = layout.channel[slot] >= 0
-            volts = " ".join(f"{value:+9.5f}" for value in decoded.voltage[row][used])
-            marks = " saturated" * bool(decoded.saturated[row]) + " fault" * bool(decoded.fault[row])
-            console.print(f"{head}  {names[slot]:16} {int(decoded.counter[row]):5}  {volts} V{marks}")
+    names = protocol.message_names
+    for message in itertools.chain.from_iterable(batches):
+        decoded = protocol.decode(message)
+        head = f"{message.timestamp:.6f}  {identifier(frame_key(message)):>8}"
+        if decoded.kind != FrameKind.DATA:
+            kind = decoded.kind.name.lower().replace("_", " ")
+            console.print(f"{head}  {kind}  {message.data.hex(' ')}", style="yellow")
+            continue
+        volts = " ".join(f"{value:+9.5f}" for value in decoded.voltage)
+        marks = " saturated" * decoded.saturated + " fault" * decoded.fault
+        console.print(f"{head}  {names[decoded.slot]:16} {decoded.counter:5}  {volts} V{marks}")
     return 0
 
 

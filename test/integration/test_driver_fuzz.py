@@ -29,7 +29,7 @@ class Fuzz:
 
     def __init__(self) -> None:
         self.rng = np.random.default_rng(1)
-        self.known = HAND.layout.key.tolist()
+        self.known = [message.key for message in HAND.messages]
         self.expected = dict.fromkeys(("unknown_id", "wrong_length", "remote", "error", "looks_good"), 0)
         self.unreadable = 0
 

@@ -19,8 +19,10 @@ estimated from complete cycles, belongs to the next cycle.
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import can
 import numpy as np
 
 from tactile_localizer.io.can.alignment import (
@@ -32,8 +34,8 @@ from tactile_localizer.io.can.alignment import (
 )
 from tactile_localizer.io.can.breaks import CounterBreaks
 from tactile_localizer.io.can.cycle import Counts, Cycle, PhalanxCounts
-from tactile_localizer.io.can.frames import FrameBatch
-from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.io.can.frames import received_ns
+from tactile_localizer.io.can.protocol import Decoded, FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
 MAX_LOST = 1000
@@ -89,9 +91,8 @@ class CycleAssembler:
     """
 
     def __init__(self, protocol: LoadCellProtocol, wait_s: float) -> None:
-        layout = protocol.layout
-        phalanx_of = layout.phalanx.tolist()
-        bits = [int(layout.counter_bits[phalanx_of.index(p)]) for p in range(len(protocol.phalanges))]
+        phalanx_of = [own.phalanx for own in protocol.messages]
+        bits = [protocol.messages[phalanx_of.index(p)].counter_bits for p in range(len(protocol.phalanges))]
         self._protocol = protocol
         self._wait_ns = round(wait_s * 1e9)
         self._window_ns = self._wait_ns  # time for which a cycle stays open
@@ -105,10 +106,9 @@ class CycleAssembler:
         ]
         self._cell_of = [self._cells[p] for p in phalanx_of]
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
-        self._channel = layout.channel
+        self._columns = [np.array([gauge.column for gauge in own.gauges], int) for own in protocol.messages]
         self._channels = protocol.channels
         self._cycles: list[Cycle] = []  # closed, not yet returned
-        self._voltage = np.empty((0, layout.channel.shape[1]))  # of the current batch
         self._strain = np.empty(0)
         self._period_ns = 0
         self._periods = 0  # number of measured periods
@@ -127,8 +127,6 @@ class CycleAssembler:
         self._last_ns: int | None = None  # of the newest frame of a load cell
         self._jump: _Jump | None = None
         self._awaited = 0  # missing frames of the open cycle
-        self._rows: list[int] = []  # rows of the open cycle's frames in the batch
-        self._slots: list[int] = []
         self._alignment.reset()
         for cell in self._cells:
             cell.counter = None
@@ -143,43 +141,15 @@ class CycleAssembler:
             for cell in self._cells
         ]
 
-    def feed(self, frames: FrameBatch) -> list[Cycle]:
+    def feed(self, frames: Sequence[can.Message]) -> list[Cycle]:
         """Process frames in order of reception; returns the cycles that they complete or close."""
-        decoded = self._protocol.decode(frames)
-        totals = self.counts.frames
-        for kind, count in enumerate(np.bincount(decoded.kind, minlength=len(totals)).tolist()):
-            totals[kind] += count
-        rows = np.flatnonzero(decoded.kind == FrameKind.DATA)
-        self._voltage = decoded.voltage
-        flags = decoded.fault[rows] * FAULT | decoded.saturated[rows] * SATURATED
-        for row, slot, counter, flag, stamp_ns in zip(
-            rows.tolist(),
-            decoded.slot[rows].tolist(),
-            decoded.counter[rows].tolist(),
-            flags.tolist(),
-            frames.stamp_ns[rows].tolist(),
-            strict=True,
-        ):
-            cell, bit = self._cell_of[slot], self._bit_of[slot]
-            self._expire(stamp_ns)
-            kind = self._take_frame(cell, bit, counter, stamp_ns)
-            self._last_ns = stamp_ns
-            if kind != FrameKind.DATA:
-                totals[FrameKind.DATA] -= 1
-                totals[kind] += 1
-                continue
-            cell.have |= bit
-            cell.counts.last_ns = stamp_ns
-            if cell.cycle == _UNALIGNED:
-                continue
-            cell.flags |= flag
-            self._rows.append(row)
-            self._slots.append(slot)
-            self._awaited -= 1
-            if not self._awaited:
-                self._close()
-        self._keep()
-        return self.flush(int(frames.stamp_ns[-1])) if len(frames) else self._closed_cycles()
+        for frame in frames:
+            decoded = self._protocol.decode(frame)
+            kind = decoded.kind
+            if kind == FrameKind.DATA:
+                kind = self._take(decoded, received_ns(frame))
+            self.counts.frames[kind] += 1
+        return self.flush(received_ns(frames[-1])) if frames else self._closed_cycles()
 
     def flush(self, now_ns: int) -> list[Cycle]:
         """Close the open cycle if it has timed out at ``now_ns`` (clock of the frames); returns it."""
@@ -189,6 +159,24 @@ class CycleAssembler:
     def remaining_ns(self, now_ns: int) -> int | None:
         """Time from ``now_ns`` to the timeout of the open cycle, ns; ``None`` if none is open."""
         return max(0, self._first_ns + self._window_ns - now_ns) if self._open else None
+
+    def _take(self, decoded: Decoded, stamp_ns: int) -> FrameKind:
+        """Use a frame of a load cell; returns ``DATA``, or the reason why it is not used."""
+        cell, bit = self._cell_of[decoded.slot], self._bit_of[decoded.slot]
+        self._expire(stamp_ns)
+        kind = self._take_frame(cell, bit, decoded.counter, stamp_ns)
+        self._last_ns = stamp_ns
+        if kind != FrameKind.DATA:
+            return kind
+        cell.have |= bit
+        cell.counts.last_ns = stamp_ns
+        if cell.cycle != _UNALIGNED:
+            cell.flags |= decoded.fault * FAULT | decoded.saturated * SATURATED
+            self._strain[self._columns[decoded.slot]] = decoded.voltage
+            self._awaited -= 1
+            if not self._awaited:
+                self._close()
+        return kind
 
     def _take_frame(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
         """Assign a frame to its sample and cycle; returns ``DATA``, or the reason why it is not used."""
@@ -344,7 +332,7 @@ class CycleAssembler:
         self._first = cell
         self._first_ns = stamp_ns
         self._awaited = len(self._cell_of)
-        self._strain = np.full(self._channels.size + 1, np.nan)  # last element: signals without a channel
+        self._strain = np.full(self._channels.size, np.nan)
         self._put(cell, counter, cycle)
 
     def _undo(self, jump: _Jump) -> None:
@@ -352,7 +340,6 @@ class CycleAssembler:
         cell = jump.cell
         if self._open and cell.cycle == self._cycle:
             self._open = False
-            self._rows, self._slots = [], []
         if cell.cycle != _UNALIGNED:
             cell.cycle = _UNALIGNED
             cell.counts.unaligned += 1
@@ -371,7 +358,6 @@ class CycleAssembler:
     def _close(self) -> None:
         if not self._open:
             return
-        self._keep()
         self._open = False
         incomplete = self._awaited > 0
         status, sequence = array("B"), array("I")
@@ -391,7 +377,7 @@ class CycleAssembler:
             sequence.append(cell.sequence & 0xFFFFFFFF)
         self.counts.cycles += 1
         self.counts.incomplete += incomplete
-        self._cycles.append(Cycle(self._first_ns, self._strain[:-1], status, sequence))
+        self._cycles.append(Cycle(self._first_ns, self._strain, status, sequence))
 
     def _learn_period(self, cell: _LoadCell, stamp_ns: int) -> None:
         """Update the period with the time between two samples of a load cell, one after the other."""
@@ -405,12 +391,6 @@ class CycleAssembler:
             self._periods += 1
             if cell.alignment is None:
                 self._window_ns = min(self._wait_ns, self._period_ns // 2)
-
-    def _keep(self) -> None:
-        # Copy the open cycle's voltages out of the batch when the cycle closes or the batch ends.
-        if self._rows:
-            self._strain[self._channel[self._slots]] = self._voltage[self._rows]
-            self._rows, self._slots = [], []
 
     def _closed_cycles(self) -> list[Cycle]:
         cycles, self._cycles = self._cycles, []

@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_localizer.io.can.assembler import CycleAssembler
 from tactile_localizer.io.can.cycle import Cycle, PhalanxCounts
-from tactile_localizer.io.can.frames import ERROR, EXTENDED, REMOTE
+from tactile_localizer.io.can.frames import ERROR, EXTENDED, REMOTE, frame_key, received_ns
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import SATURATED
 
@@ -80,14 +80,14 @@ class CanCheck:
         """Process ``messages`` in order of reception."""
         if not messages:
             return
-        batch = self._protocol.batch(messages)
-        for key, length in zip(batch.key.tolist(), batch.length.tolist(), strict=True):
+        for message in messages:
+            key = frame_key(message)
             self._frames[key] += 1
-            self._lengths.setdefault(key, set()).add(length)
+            self._lengths.setdefault(key, set()).add(len(message.data))
         if self._first_ns is None:
-            self._first_ns = int(batch.stamp_ns[0])
-        self._last_ns = int(batch.stamp_ns[-1])
-        self._add(self._assembler.feed(batch))
+            self._first_ns = received_ns(messages[0])
+        self._last_ns = received_ns(messages[-1])
+        self._add(self._assembler.feed(messages))
 
     def finish(self) -> None:
         """Close the last cycle after the last frame."""
@@ -108,25 +108,18 @@ class CanCheck:
 
     def messages(self) -> list[MessageReport]:
         """Reports of all messages in use, except those of absent phalanges."""
-        layout = self._protocol.layout
         absent = self.absent()
         return [
             MessageReport(
-                name,
-                identifier(key),
-                self._frames[key],
-                self._rate(self._frames[key]),
-                expected,
-                tuple(sorted(self._lengths.get(key, ()))),
+                own.message.name,
+                identifier(own.key),
+                self._frames[own.key],
+                self._rate(self._frames[own.key]),
+                own.length,
+                tuple(sorted(self._lengths.get(own.key, ()))),
             )
-            for name, key, expected, p in zip(
-                self._protocol.message_names,
-                layout.key.tolist(),
-                layout.length.tolist(),
-                layout.phalanx.tolist(),
-                strict=True,
-            )
-            if self._protocol.phalanges[p] not in absent
+            for own in self._protocol.messages
+            if self._protocol.phalanges[own.phalanx] not in absent
         ]
 
     def phalanges(self) -> list[PhalanxReport]:
@@ -140,8 +133,8 @@ class CanCheck:
                 continue
             channels = self._protocol.channels.slices[p]
             gauges = tuple((np.flatnonzero(self._saturated[channels]) + 1).tolist())
-            keys = self._protocol.layout.key[self._protocol.layout.phalanx == p]
-            rate_hz = self._rate(min(self._frames[key] for key in keys.tolist()))
+            frames = min(self._frames[own.key] for own in self._protocol.messages if own.phalanx == p)
+            rate_hz = self._rate(frames)
             reports.append(
                 PhalanxReport(name, counts, rate_hz, self._lowest[channels], self._highest[channels], gauges)
             )
@@ -149,7 +142,7 @@ class CanCheck:
 
     def unknown(self) -> list[tuple[str, int, float]]:
         """Identifier, number of frames and rate of each unknown message, most frequent first."""
-        known = set(self._protocol.layout.key.tolist())
+        known = {own.key for own in self._protocol.messages}
         return [
             (identifier(key), frames, self._rate(frames))
             for key, frames in self._frames.most_common()
@@ -183,12 +176,8 @@ class CanCheck:
         return found
 
     def _seen(self) -> set[str]:
-        layout = self._protocol.layout
-        return {
-            self._protocol.phalanges[p]
-            for key, p in zip(layout.key.tolist(), layout.phalanx.tolist(), strict=True)
-            if self._frames[key]
-        }
+        sending = (own.phalanx for own in self._protocol.messages if self._frames[own.key])
+        return {self._protocol.phalanges[p] for p in sending}
 
     def _rate(self, count: int) -> float:
         return (count - 1) / self.duration_s if count > 1 and self.duration_s > 0 else 0.0

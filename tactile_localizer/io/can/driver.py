@@ -66,7 +66,7 @@ class LoadCellDriver:
         self._reader = CanReader(
             lambda: open_bus(settings.bus, protocol),
             self._deliver,
-            batch=len(protocol.message_names),
+            batch=len(protocol.messages),
             backoff_s=settings.backoff_s,
             backoff_limit_s=settings.backoff_limit_s,
             opened=self._assembler.reset,
@@ -129,10 +129,7 @@ class LoadCellDriver:
         return self.offset
 
     def _deliver(self, messages: list[can.Message]) -> float:
-        if messages:
-            cycles = self._assembler.feed(self.protocol.batch(messages))
-        else:
-            cycles = self._assembler.flush(time.time_ns())
+        cycles = self._assembler.feed(messages) if messages else self._assembler.flush(time.time_ns())
         average = self._average
         for cycle in cycles:
             self.latest = cycle

@@ -6,6 +6,7 @@ import logging
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
@@ -62,46 +63,69 @@ class Gauge:
 
     Parameters
     ----------
-    signal : name in the DBC
+    signal : in the DBC
+    column : in the strain vector
     scale, offset, volts : from the raw value to the DBC's unit, and from that to V
     lowest, highest : V, ends of the range
     """
 
-    signal: str
+    signal: Signal
+    column: int
     scale: float
     offset: float
     volts: float
     lowest: float
     highest: float
 
+    @classmethod
+    def of(cls, signal: Signal, column: int) -> Gauge:
+        """The gauge of a signal; its range is the narrower of those given by the bits and by the DBC."""
+        volts = VOLTS[signal.unit]
+        ends = sorted(float(raw) * signal.scale + signal.offset for raw in raw_range(signal))
+        lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
+        highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)
+        scale, offset = float(signal.scale), float(signal.offset)
+        return cls(signal, column, scale, offset, volts, lowest * volts, highest * volts)
+
+    def raw(self, volts: float) -> float:
+        """Raw value of a voltage, clipped to what the bits can hold."""
+        raw = (volts / self.volts - self.offset) / self.scale
+        lowest, highest = raw_range(self.signal)
+        return raw if self.signal.is_float else max(lowest, min(highest, round(raw)))
+
 
 @dataclass(frozen=True)
-class Layout:
-    """M messages of up to G gauges.
+class LoadCellMessage:
+    """A message of a load cell.
 
-    Attributes
+    Parameters
     ----------
-    message : the messages
-    gauges : of each message
-    counter, status : names of each message's counter and status, ``None`` without one
-    key : (M,) uint32 frame keys
-    length : (M,) data bytes of a frame on the bus
-    phalanx : (M,) index of the message's phalanx
-    counter_bits : (M,) width of the counter, 0 without one
-    channel : (M, G) column of each gauge in the strain vector, -1 without one
-    channels : the strain vector's channels by phalanx
+    message : in the DBC
+    phalanx : index of its phalanx
+    gauges : in the message
+    counter, status : signals, ``None`` without one
     """
 
-    message: tuple[Message, ...]
-    gauges: tuple[tuple[Gauge, ...], ...]
-    counter: tuple[str | None, ...]
-    status: tuple[str | None, ...]
-    key: np.ndarray
-    length: np.ndarray
-    phalanx: np.ndarray
-    counter_bits: np.ndarray
-    channel: np.ndarray
-    channels: ChannelLayout
+    message: Message
+    phalanx: int
+    gauges: tuple[Gauge, ...]
+    counter: Signal | None
+    status: Signal | None
+
+    @cached_property
+    def key(self) -> int:
+        """Key of its frames."""
+        return self.message.frame_id | (EXTENDED if self.message.is_extended_frame else 0)
+
+    @cached_property
+    def length(self) -> int:
+        """Data bytes of a frame on the bus."""
+        return wire_length(self.message.length)
+
+    @property
+    def counter_bits(self) -> int:
+        """Width of the counter, 0 without one."""
+        return self.counter.length if self.counter else 0
 
 
 def load_dbc(path: str | Path) -> Database:
@@ -199,8 +223,10 @@ def phalanges_of(database: Database, names: SignalNames) -> list[str]:
     return list(found)
 
 
-def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> Layout:
-    """Find the gauges, counters and statuses in the ``messages`` of ``phalanges``.
+def compile_layout(
+    phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames
+) -> tuple[tuple[LoadCellMessage, ...], ChannelLayout]:
+    """Find the gauges, counters and statuses in the ``messages`` of ``phalanges``, and their channels.
 
     Raises
     ------
@@ -209,7 +235,7 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
         float; a message is multiplexed or longer than a frame; only some messages of a phalanx have a
         counter; two messages share an identifier.
     """
-    rows: list[tuple[int, Message, dict[int, Signal], Signal | None, Signal | None]] = []
+    found: list[LoadCellMessage] = []
     counts: list[int] = []
     for index, (phalanx, own) in enumerate(zip(phalanges, messages, strict=True)):
         gauges = _gauges_of(phalanx, own, names)
@@ -219,27 +245,14 @@ def compile_layout(phalanges: Sequence[str], messages: PhalanxMessages, names: S
         _check(phalanx, own, gauges, counter)
         for message in own:
             by_name = {signal.name: signal for signal in message.signals}
-            here = {first + g: by_name[name] for g, name in enumerate(gauges) if name in by_name}
-            rows.append((index, message, here, by_name.get(counter), by_name.get(status)))
-    width = max(len(here) for _, _, here, _, _ in rows)
-    found = [message for _, message, _, _, _ in rows]
-    layout = Layout(
-        message=tuple(found),
-        gauges=tuple(tuple(map(_gauge, here.values())) for _, _, here, _, _ in rows),
-        counter=tuple(signal.name if signal else None for _, _, _, signal, _ in rows),
-        status=tuple(signal.name if signal else None for _, _, _, _, signal in rows),
-        key=np.array([m.frame_id | (EXTENDED if m.is_extended_frame else 0) for m in found], np.uint32),
-        length=np.array([wire_length(message.length) for message in found]),
-        phalanx=np.array([index for index, _, _, _, _ in rows], np.intp),
-        counter_bits=np.array([signal.length if signal else 0 for _, _, _, signal, _ in rows]),
-        channel=np.array([[*here, *[-1] * (width - len(here))] for _, _, here, _, _ in rows], np.intp),
-        channels=ChannelLayout(tuple(counts)),
-    )
-    for key in layout.key.tolist():
-        shared = [found[m].name for m in np.flatnonzero(layout.key == key)]
+            here = [Gauge.of(by_name[name], first + g) for g, name in enumerate(gauges) if name in by_name]
+            signals = by_name.get(counter), by_name.get(status)
+            found.append(LoadCellMessage(message, index, tuple(here), *signals))
+    for key in {message.key for message in found}:
+        shared = [message.message.name for message in found if message.key == key]
         if len(shared) > 1:
             raise CanError(f"frame 0x{key & 0x1FFFFFFF:X}: expected one message, found {', '.join(shared)}")
-    return layout
+    return tuple(found), ChannelLayout(tuple(counts))
 
 
 def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) -> list[str]:
@@ -286,11 +299,6 @@ def _check_message(message: Message) -> None:
         raise CanError(f"message {message.name!r}: expected at most {MAX_BYTES} bytes, got {message.length}")
 
 
-def _gauge(signal: Signal) -> Gauge:
-    volts = VOLTS[signal.unit]
-    return Gauge(signal.name, float(signal.scale), float(signal.offset), volts, *_range(signal))
-
-
 def raw_range(signal: Signal) -> tuple[float, float]:
     """Smallest and largest raw value of ``signal``; infinite for a float."""
     if signal.is_float:
@@ -298,14 +306,6 @@ def raw_range(signal: Signal) -> tuple[float, float]:
     if signal.is_signed:
         return -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
     return 0, (1 << signal.length) - 1
-
-
-def _range(signal: Signal) -> tuple[float, float]:
-    # The narrower of the ranges given by the number of bits and by the DBC.
-    ends = sorted(float(raw) * signal.scale + signal.offset for raw in raw_range(signal))
-    lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
-    highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)
-    return lowest * VOLTS[signal.unit], highest * VOLTS[signal.unit]
 
 
 def _some(names: Mapping[str, object]) -> str:

@@ -5,25 +5,19 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 import numpy as np
-from cantools.database.can import Signal
 
-from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.io.can.frames import ERROR, REMOTE, FrameBatch, wire_length
+from tactile_localizer.io.can.frames import ERROR, REMOTE, frame_key
 from tactile_localizer.io.can.layout import (
-    VOLTS,
-    Layout,
     PhalanxMessages,
     SignalNames,
     compile_layout,
     load_dbc,
     phalanx_messages,
-    raw_range,
 )
 
 
@@ -39,26 +33,25 @@ class FrameKind(enum.IntEnum):
     OUT_OF_ORDER = 6
 
 
-@dataclass(frozen=True)
-class Decoded:
-    """Content of N decoded frames.
+class Decoded(NamedTuple):
+    """Content of a frame.
 
     Attributes
     ----------
-    kind : (N,) uint8 of :class:`FrameKind`; the other attributes are valid for ``DATA`` only
-    slot : (N,) index of the message, in the order of :attr:`LoadCellProtocol.layout`
-    counter : (N,) uint64 rolling counter, 0 if the message has none
-    fault : (N,) bool, the load cell's status is not 0, or a voltage is not finite
-    saturated : (N,) bool, a gauge pair is at an end of its range
-    voltage : (N, G) voltages of the message's gauges, V; columns beyond its gauges are undefined
+    kind : what the frame is; the other attributes are valid for ``DATA`` only
+    slot : index of the message, in the order of :attr:`LoadCellProtocol.messages`
+    counter : rolling counter, 0 if the message has none
+    fault : the load cell's status is not 0, or a voltage is not finite
+    saturated : a gauge pair is at an end of its range
+    voltage : voltages of the message's gauges, V
     """
 
-    kind: np.ndarray
-    slot: np.ndarray
-    counter: np.ndarray
-    fault: np.ndarray
-    saturated: np.ndarray
-    voltage: np.ndarray
+    kind: FrameKind
+    slot: int = -1
+    counter: int = 0
+    fault: bool = False
+    saturated: bool = False
+    voltage: Sequence[float] = ()
 
 
 class LoadCellProtocol:
@@ -69,19 +62,16 @@ class LoadCellProtocol:
     Attributes
     ----------
     phalanges : names, in the order of the strain vector
-    layout : bit layout of the messages
-    width : data bytes of the longest frame
+    messages : of all phalanges
+    channels : channels of the strain vector by phalanx
     is_fd : whether any message needs CAN FD
     """
 
     def __init__(self, phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> None:
         self.phalanges = tuple(phalanges)
-        self.layout: Layout = compile_layout(self.phalanges, messages, names)
-        self.width = int(self.layout.length.max())
-        self.is_fd = self.width > 8 or any(message.is_fd for own in messages for message in own)
-        self._messages = messages
-        self._names = names
-        self._readers = {key: _Reader(self.layout, m) for m, key in enumerate(self.layout.key.tolist())}
+        self.messages, self.channels = compile_layout(self.phalanges, messages, names)
+        self.is_fd = any(own.length > 8 or own.message.is_fd for own in self.messages)
+        self._slots = {own.key: slot for slot, own in enumerate(self.messages)}
 
     @classmethod
     def from_dbc(
@@ -109,57 +99,47 @@ class LoadCellProtocol:
         return cls(phalanges, own, names or SignalNames())
 
     @property
-    def channels(self) -> ChannelLayout:
-        """Channels of the strain vector by phalanx."""
-        return self.layout.channels
-
-    @property
     def message_names(self) -> tuple[str, ...]:
-        """Name of each message, in the order of :attr:`layout`."""
-        return tuple(message.name for own in self._messages for message in own)
+        """Name of each message."""
+        return tuple(own.message.name for own in self.messages)
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
         """Filters for the kernel or the adapter that pass exactly the messages in use."""
         return [
             {"can_id": message.frame_id, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for own in self._messages
-            for message in own
+            for message in (own.message for own in self.messages)
             for extended in [bool(message.is_extended_frame)]
         ]
 
-    def batch(self, messages: Sequence[can.Message]) -> FrameBatch:
-        """Convert python-can ``messages`` to arrays with the width of the longest frame."""
-        return FrameBatch.from_messages(messages, self.width)
-
-    def decode(self, frames: FrameBatch) -> Decoded:
-        """Decode ``frames``; never raises, whatever their content."""
-        count = len(frames)
-        kind, slot = np.zeros(count, np.uint8), np.zeros(count, np.intp)
-        counter = np.zeros(count, np.uint64)
-        fault, saturated = np.zeros(count, bool), np.zeros(count, bool)
-        voltage = np.zeros((count, self.layout.channel.shape[1]))
-        # A message at a time: live batches have few frames, for which arrays cost more than cantools does.
-        for row, (key, length) in enumerate(zip(frames.key.tolist(), frames.length.tolist(), strict=True)):
-            reader = self._readers.get(key)
-            if reader is None:
-                flag = FrameKind.REMOTE if key & REMOTE else FrameKind.UNKNOWN_ID
-                kind[row] = FrameKind.ERROR if key & ERROR else flag
-            elif length != reader.length:
-                kind[row] = FrameKind.WRONG_LENGTH
-            else:
-                slot[row] = reader.slot
-                sample = reader.read(frames.data[row].tobytes())
-                counter[row], fault[row], saturated[row], volts = sample
-                voltage[row, : len(volts)] = volts
-        return Decoded(kind, slot, counter, fault, saturated, voltage)
+    def decode(self, frame: can.Message) -> Decoded:
+        """Decode a frame; never raises, whatever its content."""
+        key = frame_key(frame)
+        slot = self._slots.get(key)
+        if slot is None:
+            flag = FrameKind.REMOTE if key & REMOTE else FrameKind.UNKNOWN_ID
+            return Decoded(FrameKind.ERROR if key & ERROR else flag)
+        own = self.messages[slot]
+        if len(frame.data) != own.length:
+            return Decoded(FrameKind.WRONG_LENGTH)
+        raw: dict[str, Any] = own.message.decode_simple(
+            bytes(frame.data[: own.message.length]), decode_choices=False, scaling=False
+        )
+        fault, saturated, volts = bool(own.status and raw[own.status.name] != 0), False, []
+        for gauge in own.gauges:
+            value = (raw[gauge.signal.name] * gauge.scale + gauge.offset) * gauge.volts
+            volts.append(value)
+            if not gauge.lowest < value < gauge.highest:
+                saturated = saturated or value == value
+                fault = fault or not math.isfinite(value)
+        counter = raw[own.counter.name] & ((1 << own.counter_bits) - 1) if own.counter else 0
+        return Decoded(FrameKind.DATA, slot, counter, fault, saturated, volts)
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
         """Whether each gauge of a decoded ``strain`` (C,), V, is at an end of its range: (C,) bool."""
         saturated = np.zeros(len(strain), dtype=bool)
-        for columns, gauges in zip(self.layout.channel, self.layout.gauges, strict=True):
-            for column, gauge in zip(columns.tolist(), gauges, strict=False):
-                saturated[column] = not gauge.lowest < strain[column] < gauge.highest
+        for gauge in (gauge for own in self.messages for gauge in own.gauges):
+            saturated[gauge.column] = not gauge.lowest < strain[gauge.column] < gauge.highest
         return saturated
 
     def encode(
@@ -175,59 +155,26 @@ class LoadCellProtocol:
         status : status of the load cell; 0: no fault
         stamp_s : time stamp of the frames, s
         """
-        name = self.phalanges[phalanx]
-        gauges = {g.replace("{phalanx}", name): i for i, g in enumerate(self._names.gauges)}
-        counter, status_name = (
-            signal.replace("{phalanx}", name) for signal in (self._names.counter, self._names.status)
-        )
         frames = []
-        for message in self._messages[phalanx]:
-            values: dict[str, float] = {}
-            for signal in message.signals:
-                if signal.name in gauges:
-                    values[signal.name] = _to_raw(signal, float(strain[gauges[signal.name]]))
-                elif signal.name == counter:
-                    values[signal.name] = sequence % (1 << signal.length)
-                else:
-                    values[signal.name] = status if signal.name == status_name else 0
-            data = message.encode(values, scaling=False, strict=False)
+        first = self.channels.slices[phalanx].start
+        for own in self.messages:
+            if own.phalanx != phalanx:
+                continue
+            values: dict[str, float] = dict.fromkeys((signal.name for signal in own.message.signals), 0)
+            for gauge in own.gauges:
+                values[gauge.signal.name] = gauge.raw(float(strain[gauge.column - first]))
+            if own.counter:
+                values[own.counter.name] = sequence % (1 << own.counter.length)
+            if own.status:
+                values[own.status.name] = status
+            data = own.message.encode(values, scaling=False, strict=False)
             frames.append(
                 can.Message(
                     timestamp=stamp_s,
-                    arbitration_id=message.frame_id,
-                    is_extended_id=message.is_extended_frame,
+                    arbitration_id=own.message.frame_id,
+                    is_extended_id=own.message.is_extended_frame,
                     is_fd=self.is_fd,
-                    data=data.ljust(wire_length(message.length), b"\0"),
+                    data=data.ljust(own.length, b"\0"),
                 )
             )
         return frames
-
-
-class _Reader:
-    """Reads the frames of one message."""
-
-    def __init__(self, layout: Layout, slot: int) -> None:
-        message = layout.message[slot]
-        self.slot, self.length = slot, int(layout.length[slot])
-        self._bytes, self._unpack = message.length, message.decode_simple
-        self._gauges = layout.gauges[slot]
-        self._counter, self._status = layout.counter[slot], layout.status[slot]
-        self._counter_mask = (1 << int(layout.counter_bits[slot])) - 1
-
-    def read(self, data: bytes) -> tuple[int, bool, bool, list[float]]:
-        """Counter, fault, saturation, and voltages of the gauges, V."""
-        raw: dict[str, Any] = self._unpack(data[: self._bytes], decode_choices=False, scaling=False)
-        volts, fault, saturated = [], bool(self._status and raw[self._status] != 0), False
-        for gauge in self._gauges:
-            value = (raw[gauge.signal] * gauge.scale + gauge.offset) * gauge.volts
-            volts.append(value)
-            if not gauge.lowest < value < gauge.highest:
-                saturated = saturated or value == value
-                fault = fault or not math.isfinite(value)
-        return raw[self._counter] & self._counter_mask if self._counter else 0, fault, saturated, volts
-
-
-def _to_raw(signal: Signal, volts: float) -> float:
-    raw = (volts / VOLTS[signal.unit] - signal.offset) / signal.scale
-    lowest, highest = raw_range(signal)
-    return raw if signal.is_float else max(lowest, min(highest, round(raw)))

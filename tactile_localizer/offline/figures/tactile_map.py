@@ -305,8 +305,8 @@ def _outline(plot: Axes, scene: Scene, phalanx: str) -> None:
         return
     edge = _palm_outline(scene.feature, _phalanx(scene, phalanx), scene)
     corners = [display_units(name, edge[:, column]) for column, name in enumerate(scene.axis_names[:2])]
-    style = {"fill": False, "edgecolor": "black", "linewidth": 1.2}
-    plot.add_patch(Polygon(np.stack(corners, axis=1), label="feature of the scene", **style))
+    shape = np.stack(corners, axis=1)
+    plot.add_patch(Polygon(shape, fill=False, edgecolor="black", linewidth=1.2, label="feature of the scene"))
 
 
 def _phalanx(scene: Scene, name: str) -> Phalanx:

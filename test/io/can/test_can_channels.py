@@ -45,7 +45,7 @@ def test_missing_phalanges_are_nan_in_their_channels(mixed):
             if not (n == 150 and p == 1)
             for frame in mixed.encode(p, strain[own], n, stamp_s=1000.0 + n * PERIOD_S + 1e-4 * p)
         ]
-        made += assembler.feed(mixed.batch(frames))
+        made += assembler.feed(frames)
     made += assembler.flush(round(2000e9))
     np.testing.assert_allclose(made[-1].strain, strain, atol=1e-12)
     (silent,) = [cycle for cycle in made if list(cycle.status) == [0, MISSING] and cycle.sequence[0] == 150]

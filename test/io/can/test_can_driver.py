@@ -263,7 +263,7 @@ def test_invalid_datagrams_are_counted(
 def test_random_frames_on_the_bus_are_counted(bench: Callable[..., Bench]) -> None:
     one = bench()
     rng = np.random.default_rng(3)
-    known = HAND.layout.key.tolist()
+    known = [message.key for message in HAND.messages]
     for n in range(100):
         garbage = []
         for _ in range(20):

@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
+import can
 import numpy as np
 import pytest
 from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample, strain_of, warm_up
 
 from tactile_localizer.io.can.assembler import CycleAssembler
 from tactile_localizer.io.can.cycle import Cycle
-from tactile_localizer.io.can.frames import FrameBatch
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.status import MISSING, OK
 
@@ -101,10 +101,10 @@ class Bus:
                 self.counter[p, end:] = value + np.arange(self.cycles - end)
             begin = end + 2
 
-    def frames(self) -> FrameBatch:
+    def frames(self) -> list[can.Message]:
         """All frames, in the order of their arrival."""
         rng = self.rng
-        keys = self.hand.layout.key.reshape(self.phalanges, self.parts)
+        keys = np.array([message.key for message in self.hand.messages]).reshape(-1, self.parts)
         order = rng.permutation(self.phalanges)
         key, stamps, data, counters = [], [], [], []
         self._now = self._delay = 0.0
@@ -125,9 +125,10 @@ class Bus:
             bytes_[:, 7] |= count.astype(np.uint8)
         else:
             bytes_[:, 16], bytes_[:, 17] = count >> 8, count & 255
-        return FrameBatch(
-            np.array(key, np.uint32), np.array(stamps), np.full(len(key), self.hand.width), bytes_
-        )
+        return [
+            can.Message(timestamp=stamp * 1e-9, arbitration_id=one, is_extended_id=False, data=row.tobytes())
+            for one, stamp, row in zip(key, stamps, bytes_, strict=True)
+        ]
 
     def _received(self, due: float, quiet: bool) -> list[float]:
         """Receive times, ns, of a frame that is due at ``due``; none where it is lost."""
@@ -153,11 +154,7 @@ class Bus:
         size = int(self.rng.integers(1, 40))
         made: list[Cycle] = []
         for i in range(0, len(frames), size):
-            rows = slice(i, i + size)
-            batch = FrameBatch(
-                frames.key[rows], frames.stamp_ns[rows], frames.length[rows], frames.data[rows]
-            )
-            made += assembler.feed(batch)
+            made += assembler.feed(frames[i : i + size])
         return made
 
 
@@ -194,7 +191,7 @@ def assembled(hand: LoadCellProtocol, numbers: Sequence[tuple[int, int, int]]) -
             counter,
             stamp_s=1e-9 * (START_NS + number * PERIOD_NS + phalanx * MS // 4),
         )
-        for cycle in assembler.feed(hand.batch([frame]))
+        for cycle in assembler.feed([frame])
     ]
 
 
@@ -227,7 +224,7 @@ def test_a_sample_is_not_put_together_across_a_counters_span() -> None:
     frames = [frame for n in range(40) for frame in cycle(hand, n)]
     frames += sample(hand, 0, 40)[:1] + sample(hand, 0, 56)[1:]
     frames += [frame for n in range(57, 80) for frame in cycle(hand, n)]
-    assert_not_mixed([made for frame in frames for made in assembler.feed(hand.batch([frame]))])
+    assert_not_mixed([made for frame in frames for made in assembler.feed([frame])])
 
 
 def test_a_load_cell_that_restarts_a_count_too_low_is_not_joined_while_another_is_silent() -> None:

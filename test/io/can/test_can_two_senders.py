@@ -20,7 +20,7 @@ HAND = protocol()
 
 
 def feed(assembler: CycleAssembler, frames: Iterable[can.Message]) -> list[Cycle]:
-    return [made for frame in frames for made in assembler.feed(HAND.batch([frame]))]
+    return [made for frame in frames for made in assembler.feed([frame])]
 
 
 OFFSETS = {
@@ -45,7 +45,7 @@ def test_frames_of_two_senders_are_not_counted_as_lost(
         for lead in (0, 32):  # the second sender begins with the first one, or later
             assembler = CycleAssembler(hand, 0.02)
             for frame in frames_of_two_senders(hand, doubled, ahead, lead, behind_s, spacing_s):
-                assembler.feed(hand.batch([frame]))
+                assembler.feed([frame])
             for p, counts in enumerate(assembler.counts.phalanges):
                 assert counts.drops <= 2, f"{ahead} ahead, from cycle {lead}"
                 assert counts.interleaved > 80 if p in doubled else counts.interleaved < 16

@@ -54,7 +54,7 @@ def cycle(protocol: LoadCellProtocol, number: int, stamp_ns: int | None = None) 
 def warm_up(assembler: CycleAssembler, protocol: LoadCellProtocol) -> CycleAssembler:
     """Let it align the load cells in the cycles before number 0; it counts from here."""
     for n in range(-WARM_UP, 0):
-        assembler.feed(protocol.batch(cycle(protocol, n)))
+        assembler.feed(cycle(protocol, n))
     count_from_here(assembler)
     return assembler
 
