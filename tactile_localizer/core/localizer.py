@@ -75,6 +75,20 @@ class Estimate(NamedTuple):
         return self.state is State.CONVERGED
 
 
+class Coasting(NamedTuple):
+    """Estimates of n strains that lead to no measurement update: what changes between two updates.
+
+    Parameters
+    ----------
+    mean, covariance : (n, d) and (n, d, d), m (yaw: rad)
+    travel : (n,) m since the belief was uniform
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    travel: np.ndarray
+
+
 class Localizer:
     """Feeds a Bayes filter by travelled distance and decides when its estimate has converged.
 
@@ -117,7 +131,7 @@ class Localizer:
         self._consistency = PhalanxConsistency(scene.layout)
         self._stamp_ns: int | None = None
         self._updated_ns = 0
-        self._last_position: np.ndarray | None = None
+        self._updated_at: np.ndarray | None = None
         self._belief: Belief | None = None
         self._pending = np.zeros(scene.dimension)
         self._restart()
@@ -172,18 +186,47 @@ class Localizer:
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self.reset()
         self._stamp_ns = stamp_ns
-        if self._last_position is not None:
-            self._pending = self._pending + self._motion.displacement(self._last_position, position)
-        self._last_position = position
-        # As the crow flies: a pose that trembles about one place does not travel.
-        self._pending_travel = self._motion.travel(self._pending)
+        if self._updated_at is not None:
+            # As the crow flies: a pose that trembles about one place does not travel.
+            self._pending = self._motion.displacement(self._updated_at, position)
+            self._pending_travel = self._motion.travel(self._pending)
         updated = self._belief is None or (
             self._pending_travel >= self._update_distance and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
         )
         if updated:
-            self._updated_ns = stamp_ns
+            self._updated_ns, self._updated_at = stamp_ns, position
             self._measure(strain, here)
         return self._estimate(stamp_ns, updated)
+
+    def coast(self, stamp_ns: np.ndarray, positions: np.ndarray) -> Coasting:
+        """As :meth:`update` with one valid strain after another, as far as none leads to an update.
+
+        Where a hand moves slowly that is most of them, and all at once they cost next to nothing.
+
+        Parameters
+        ----------
+        stamp_ns : (m,) of the strains that follow the last one
+        positions : (m, d) finite positions of the palm at these stamps
+
+        Returns
+        -------
+        Coasting
+            Of the first n of the m strains; the next one must go to :meth:`update`.
+        """
+        belief, origin = self._belief, self._updated_at
+        if belief is None or origin is None or self._stamp_ns is None:
+            return Coasting(positions[:0], np.empty((0, *positions.shape[1:] * 2)), np.empty(0))
+        pending = self._motion.displacement(origin, positions)
+        travel = self._motion.travels(pending)
+        stops = (travel >= self._update_distance) & (stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS)
+        stops |= np.diff(stamp_ns, prepend=self._stamp_ns) < 0
+        count = int(stops.argmax()) if stops.any() else len(stops)
+        if count:
+            self._stamp_ns = int(stamp_ns[count - 1])
+        travel = travel[:count]
+        covariance = belief.covariance + self._registration + travel[:, None, None] * self._noise_per_metre
+        mean = self._motion.wrapped(belief.mean + pending[:count])
+        return Coasting(mean, covariance, self._travel + travel)
 
     def _restart(self) -> None:
         for part in (self._convergence, self._presence, self._offset, self._consistency):
@@ -191,7 +234,7 @@ class Localizer:
         if self._session is not None:
             self._session.reset()
         self._stamp_ns = None
-        self._last_position = None
+        self._updated_at = None
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
         self._travel = 0.0

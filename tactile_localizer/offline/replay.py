@@ -13,10 +13,11 @@ from functools import cached_property
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.likelihood.kernel_position import KernelPosition
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.localizer import Coasting, Estimate, Localizer
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording, usable
 from tactile_localizer.offline.odometry import travelled
@@ -25,6 +26,12 @@ from tactile_localizer.scene import Scene
 Progress = Callable[[str, float], None]
 
 _REPORT_EVERY = 500
+_AT_ONCE = 64
+"""Samples without an update that are taken in together: more than there usually are between two updates."""
+_LARGEST = 1e90
+"""Numbers beyond this are left to the localizer to refuse."""
+_TRAVEL = 3
+"""Column of the travel among the numbers of :class:`_Estimates`."""
 
 
 @dataclass(frozen=True)
@@ -117,11 +124,11 @@ def replay(
     for sweep in recording.sweeps:
         localizer.reset()
         estimates = _Estimates(localizer.scene, len(sweep))
-        for row, estimate, elapsed in _localize(localizer, sweep, clock):
-            if estimate is not None:
-                estimates.append(row, estimate, elapsed)
-            if progress is not None and row % _REPORT_EVERY == 0:
+        reported = -_REPORT_EVERY
+        for row in _localize(localizer, sweep, estimates, clock):
+            if progress is not None and row >= reported + _REPORT_EVERY:
                 progress("replaying", (done + row) / total)
+                reported = row
         done += len(sweep)
         tracks.append(estimates.track(sweep))
     if progress is not None:
@@ -138,17 +145,44 @@ def mixture_of(localizer: Localizer) -> SweepMixture:
 
 
 def _localize(
-    localizer: Localizer, sweep: RecordedSweep, clock: Callable[[], float]
-) -> Iterator[tuple[int, Estimate | None, float]]:
-    """Row, estimate (``None``: refused) and computing time in s of each sample."""
-    samples = zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True)
-    for row, sample in enumerate(samples):
+    localizer: Localizer, sweep: RecordedSweep, estimates: _Estimates, clock: Callable[[], float]
+) -> Iterator[int]:
+    """Add the estimates of a sweep; yields rows that are done."""
+    stamps, present = sweep.stamp_ns, usable(sweep.status)
+    regular = _regular(sweep, present, localizer.scene.layout)
+    row = 0
+    while row < len(sweep):
         began = clock()
         try:
-            estimate = localizer.update(*sample)
+            estimate = localizer.update(
+                int(stamps[row]), sweep.position[row], sweep.strain[row], present[row]
+            )
         except MeasurementError:
             estimate = None
-        yield row, estimate, clock() - began
+        if estimate is not None:
+            estimates.append(row, estimate, clock() - began)
+        row += 1
+        # What leads to no update is taken in many at a time, up to a strain that the localizer may refuse.
+        while estimate is not None and row < len(sweep):
+            until = row + _AT_ONCE
+            if not regular[row:until].all():
+                until = row + int(regular[row:until].argmin())
+            began = clock()
+            coasting = localizer.coast(stamps[row:until], sweep.position[row:until])
+            count = len(coasting.travel)
+            if count:
+                estimates.extend(row, estimate, coasting, clock() - began)
+            row += count
+            if count < _AT_ONCE:
+                break
+        yield row
+
+
+def _regular(sweep: RecordedSweep, present: np.ndarray, layout: ChannelLayout) -> np.ndarray:
+    """Samples (n,) bool that the localizer refuses in no case: present phalanges and finite numbers."""
+    felt = np.where(layout.expand(present), sweep.strain, 0.0)
+    small = [(np.abs(values) < _LARGEST).all(axis=1) for values in (felt, sweep.position)]  # false for NaN
+    return np.asarray(small[0] & small[1] & present.any(axis=1))
 
 
 class _Estimates:
@@ -181,6 +215,19 @@ class _Estimates:
         self._state.append(estimate.state)
         self._reason.append(estimate.reason)
         self._count += 1
+
+    def extend(self, row: int, last: Estimate, coasting: Coasting, seconds: float) -> None:
+        """Add those of the samples from ``row`` on that led to no update, and how long all of them took."""
+        begin, count = self._count, len(coasting.travel)
+        part = slice(begin, begin + count)
+        self._row[part] = np.arange(row, row + count)
+        self._mean[part], self._covariance[part] = coasting.mean, coasting.covariance
+        self._numbers[part] = (last.probability, last.on_map, last.log_marginal, 0.0, seconds / count)
+        self._numbers[part, _TRAVEL] = coasting.travel
+        self._updated[part], self._consistent[part] = False, last.consistent
+        self._state += [last.state] * count
+        self._reason += [last.reason] * count
+        self._count += count
 
     def track(self, sweep: RecordedSweep) -> Track:
         """The estimates of ``sweep``."""

@@ -120,6 +120,33 @@ def test_between_updates_the_estimate_moves_along_and_widens(localizer):
     assert moved.trace > updated.trace
 
 
+def test_coasting_equals_strains_one_by_one(localizer):
+    """The last strain is an update distance further on, and is not taken in."""
+    positions = ANYWHERE + np.array([0.01, 0.02]) + np.outer(np.arange(9), [0.00006, 0.00003])
+    strain, stamp_ns = strain_at(np.array([[0.01, 0.02]]))[0], 10_000_000 * np.arange(9)
+    localizer.update(0, positions[0], strain)
+    coasting = localizer.coast(stamp_ns[1:], positions[1:])
+    assert len(coasting.travel) == 7
+    for n in range(1, 8):
+        estimate = localizer.update(int(stamp_ns[7]) + n, positions[n], strain)
+        assert not estimate.updated
+        np.testing.assert_array_equal(coasting.mean[n - 1], estimate.mean)
+        np.testing.assert_array_equal(coasting.covariance[n - 1], estimate.covariance)
+        assert coasting.travel[n - 1] == estimate.travel
+    assert localizer.update(int(stamp_ns[8]), positions[8], strain).updated
+
+
+def test_coasting_ends_where_stamps_jump_back(localizer):
+    position = ANYWHERE + np.array([[0.01, 0.02]])
+    localizer.update(50, position[0], strain_at(position - ANYWHERE)[0])
+    coasting = localizer.coast(np.array([51, 52, 10, 11]), np.repeat(position, 4, axis=0))
+    assert len(coasting.travel) == 2
+
+
+def test_nothing_coasts_before_the_first_strain(localizer):
+    assert len(localizer.coast(np.array([1]), ANYWHERE[None]).travel) == 0
+
+
 def test_the_same_way_in_smaller_steps_gives_the_same_answer_with_the_grid():
     coarse, fine = build(), build()
     *_, (_, one) = slide(coarse, steps=40, step=(0.0006, 0.0))

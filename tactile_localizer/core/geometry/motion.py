@@ -28,22 +28,31 @@ class MotionModel:
         self._wraps = scene.wraps
         self._turns = bool(self._wraps.any())
         self._variance_per_metre = scene.motion_std**2
-        self._lever = np.array([YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes])
+        self._lever = [YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes]
 
     def displacement(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """What has to be added to ``before`` (d,) to come to ``after`` (d,); yaw along the shortest arc."""
+        """What has to be added to ``before`` (d,) to come to ``after`` (..., d); yaw by the shortest arc."""
         return self.wrapped(after - before)
 
     def wrapped(self, values: np.ndarray) -> np.ndarray:
-        """``values`` (d,) with those of full-turn axes in [-pi, pi)."""
+        """``values`` (..., d) with those of full-turn axes in [-pi, pi)."""
         if self._turns:
-            values[self._wraps] = wrap_angle(values[self._wraps])
+            values[..., self._wraps] = wrap_angle(values[..., self._wraps])
         return values
 
     def travel(self, displacement: np.ndarray) -> float:
         """Length of a displacement (d,), m; a turn counts :data:`YAW_LEVER` a radian."""
-        levered = displacement * self._lever
-        return math.sqrt(levered @ levered)
+        squared = 0.0
+        for lever, along in zip(self._lever, displacement.tolist(), strict=True):
+            squared += (lever * along) * (lever * along)
+        return math.sqrt(squared)
+
+    def travels(self, displacements: np.ndarray) -> np.ndarray:
+        """Lengths of displacements (n, d), (n,) m; to the last bit those of :meth:`travel`."""
+        squared = np.zeros(len(displacements))
+        for lever, along in zip(self._lever, displacements.T, strict=True):
+            squared += (lever * along) * (lever * along)
+        return np.asarray(np.sqrt(squared))
 
     def variance(self, travel: float) -> np.ndarray:
         """Variance of the noise after ``travel`` metres, (d,)."""

@@ -33,6 +33,13 @@ def test_a_hand_at_rest_stays_where_it_is():
     np.testing.assert_array_equal(moved, states)
 
 
+@given(st.lists(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3), min_size=1))
+def test_many_displacements_are_as_long_as_each(displacements):
+    model = MotionModel(scene(3))
+    each = [model.travel(np.array(displacement)) for displacement in displacements]
+    np.testing.assert_array_equal(model.travels(np.array(displacements)), each)
+
+
 def test_a_turn_counts_for_the_way_of_a_fingertip():
     model = MotionModel(scene(3))
     assert model.travel(np.array([0.003, 0.004, 0.0])) == pytest.approx(0.005)
