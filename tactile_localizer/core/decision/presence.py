@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_localizer.core.likelihood.weights import normalize
-
 LEAVING_RATE = 0.1
 """Times per metre of travel that a hand leaves the map: it is put down elsewhere, or the material changes.
 By judgement."""
@@ -16,7 +14,7 @@ RETURN_RATE = 1.0
 """Times per metre of travel that it returns, anywhere on the map. By judgement."""
 _MOST = 14.0
 """Log-odds that evidence can reach: what is a million times as probable can still be contradicted."""
-_ELSEWHERE = np.log([0.5, 0.5])
+_ELSEWHERE = (0.5, 0.5)
 """Prior shares of unknown and of featureless material off the map."""
 
 
@@ -33,44 +31,58 @@ class Presence:
     """
 
     def __init__(self, shares: Sequence[float] = (1.0,)) -> None:
-        self._shares = np.array(shares)
-        self._maps = len(shares)
+        self._shares = [float(share) for share in shares]
         self.reset()
 
     def reset(self) -> None:
         """On one of the maps as probable as not."""
-        self._log_weights = np.log(0.5) + np.array([*np.log(self._shares), *_ELSEWHERE])
+        self._store([0.5 * share for share in (*self._shares, *_ELSEWHERE)])
 
     @property
     def maps(self) -> np.ndarray:
         """Probability of being on each of the maps."""
-        return np.exp(self._log_weights[: self._maps])
+        return np.array(self._weights[: len(self._shares)])
 
     @property
     def probability(self) -> float:
         """Of being on a map."""
-        return float(self.maps.sum())
+        return sum(self._weights[: len(self._shares)])
 
     @property
     def unknown(self) -> float:
         """Of being on unknown material."""
-        return float(np.exp(self._log_weights[self._maps]))
+        return self._weights[len(self._shares)]
 
     def predict(self, travel: float, left: float) -> float:
         """Advance by ``travel`` metres, on which the share ``left`` of the belief left the scene.
 
         Returns the share of the belief on the map that has just returned.
         """
-        on, elsewhere = self.maps, np.exp(self._log_weights[self._maps :])
-        stayed = on * ((1.0 - left) * math.exp(-LEAVING_RATE * travel))
+        # A few numbers, of which arrays would take five times as long.
+        on, elsewhere = self._weights[: len(self._shares)], self._weights[len(self._shares) :]
+        staying = (1.0 - left) * math.exp(-LEAVING_RATE * travel)
         returning = -math.expm1(-RETURN_RATE * travel)
-        returned = float(elsewhere.sum()) * returning
-        away = elsewhere * (1.0 - returning) + float((on - stayed).sum()) * np.exp(_ELSEWHERE)
-        with np.errstate(divide="ignore"):
-            self._log_weights = np.log(np.array([*(stayed + returned * self._shares), *away]))
-        return returned / (float(stayed.sum()) + returned) if returned > 0.0 else 0.0
+        stayed, gone = sum(on) * staying, sum(on) * (1.0 - staying)
+        returned = sum(elsewhere) * returning
+        self._store(
+            [each * staying + returned * share for each, share in zip(on, self._shares, strict=True)]
+            + [
+                each * (1.0 - returning) + gone * share
+                for each, share in zip(elsewhere, _ELSEWHERE, strict=True)
+            ]
+        )
+        return returned / (stayed + returned) if returned > 0.0 else 0.0
 
     def update(self, log_likelihoods: np.ndarray) -> None:
         """Take in tempered log-likelihoods (maps + 2,) of a strain: on each map, unknown, featureless."""
-        weights, _ = normalize(self._log_weights + log_likelihoods)
-        self._log_weights = normalize(np.maximum(weights, weights.max() - _MOST))[0]
+        with_evidence = zip(self._weights, log_likelihoods.tolist(), strict=True)
+        logs = [math.log(weight) + added if weight > 0.0 else -math.inf for weight, added in with_evidence]
+        peak = max(logs)
+        if peak == -math.inf:  # no explanation is possible: nothing was learned
+            self._store([1.0] * len(logs))
+        else:
+            self._store([math.exp(max(each - peak, -_MOST)) for each in logs])
+
+    def _store(self, weights: Sequence[float]) -> None:
+        total = sum(weights)
+        self._weights = [weight / total for weight in weights]

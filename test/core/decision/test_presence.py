@@ -12,7 +12,7 @@ FOR_MAP, FOR_UNKNOWN, FOR_FEATURELESS = 20.0 * np.eye(3)
 
 def total(presence: Presence) -> float:
     """Sum of all probabilities, the one of featureless material by what it would return."""
-    return float(np.exp(presence._log_weights).sum())
+    return float(sum(presence._weights))
 
 
 def test_at_first_the_map_is_as_probable_as_not() -> None:
