@@ -26,7 +26,7 @@ from tactile_localizer.core.decision.convergence import Convergence, Convergence
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.offline.axes import MM
-from tactile_localizer.offline.evaluation.comparison import built, learn_conditions
+from tactile_localizer.offline.evaluation.comparison import Trial, learn_conditions
 from tactile_localizer.offline.evaluation.conditions import (
     SIMULATED_FEATURES,
     SimulatedCondition,
@@ -107,7 +107,7 @@ def decide(
 ) -> dict[str, Any]:
     """Travel to convergence of every sweep and false convergence, for each threshold."""
     material = condition.load()
-    localizer = built(condition, material, calibration, {}, configuration)
+    localizer = Trial(condition, configuration, calibration).localizer(material)
     own = replay(localizer, material.recording)
     blank = replay(localizer, material.blank) if material.blank is not None else []
     seam, nothing = (

@@ -43,13 +43,14 @@ from pathlib import Path
 
 import numpy as np
 from convergence import UNSCANNED, from_contact, unscanned_tracks
+from paper_outcome import past_feature
 from rows import Row, in_parallel, print_rows, write_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
-from tactile_localizer.offline.evaluation.outcome import blank_outcome, sweep_axis, sweep_outcome
+from tactile_localizer.offline.evaluation.outcome import sweep_outcome
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.scene import Scene
@@ -77,7 +78,7 @@ def measure_feature(
             "feature": feature,
             "sweeps": sweeps,
             **on_feature(scene, tracks),
-            "false_blank": sum(blank_outcome(track)["converged"] for track in blanks),
+            "false_blank": sum(bool(track.converged.any()) for track in blanks),
             "false_none": sum(bool(sweep.any()) for sweep in nothing),
             "seam_strains": float(np.mean(np.concatenate(seam))),
             "seam_sweeps": float(np.mean([sweep.any() for sweep in seam])),
@@ -94,8 +95,7 @@ def bare(scene: Scene, region: bool) -> Scene:
 
 def on_feature(scene: Scene, tracks: Sequence[Track]) -> Row:
     """The measures of the sweeps over the feature."""
-    axis = sweep_axis(scene, list(tracks))
-    outcomes = [sweep_outcome(scene, track, axis) for track in tracks]
+    outcomes = [{**sweep_outcome(scene, track), **past_feature(scene, track)} for track in tracks]
 
     def of(name: str) -> np.ndarray:
         return np.array([np.nan if one[name] is None else one[name] for one in outcomes], dtype=float)

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from paper_outcome import TRAVEL_BINS_M, localize
 
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
@@ -29,7 +30,6 @@ from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, 
 from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.methods import exact_form, paper_form, standard_methods
-from tactile_localizer.offline.evaluation.outcome import TRAVEL_BINS_M
 from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.table import Table
 
@@ -381,7 +381,7 @@ def error_past_feature(results: Results) -> Figure:
 def _draw_curves(
     plot: Axes, results: Results, condition: str, lines: Mapping[str, str], name: str, scale: float
 ) -> None:
-    axis, centres = results.sweep_axis(condition)
+    axis, centres = sweep_axis(results, condition)
     for method, style in lines.items():
         curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method, condition)])
         drawn, mean = _mean_curve(curves)
@@ -394,6 +394,13 @@ def _draw_curves(
         plot.axvspan(first, last, color="0.93", zorder=0, label="feature felt (mean)")
 
 
+def sweep_axis(results: Results, condition: str) -> tuple[str, np.ndarray]:
+    """Axis of a condition's sweeps, and the centres of the bins of the curves along it."""
+    task = results.only([condition]).tasks[next(iter(results.methods))][0]
+    edges = np.array(task["edges_m"])
+    return task["axis"], (edges[:-1] + edges[1:]) / 2
+
+
 def _mean_curve(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which stretches enough of the sweeps (n, stretches) are in, and their means there."""
     counts = np.isfinite(curves).sum(axis=0)
@@ -404,7 +411,7 @@ def _mean_curve(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _label(
     plot: Axes, results: Results, condition: str, what: str, *, inches: bool = True, named: bool = True
 ) -> None:
-    label_axis(plot, "x", results.sweep_axis(condition)[0], inches=inches, label=named)
+    label_axis(plot, "x", sweep_axis(results, condition)[0], inches=inches, label=named)
     plot.set_ylim(bottom=0)
     plot.set_ylabel(what)
     plot.grid(color="0.9")
@@ -464,7 +471,7 @@ def main() -> None:
     ]
     methods = [own for name, own in standard_methods().items() if name == "default" or "-paper" in name]
     with progress_bars() as progress:
-        results = evaluate(conditions, methods, args.out / "tasks", Workers(args.jobs), progress)
+        results = evaluate(conditions, methods, args.out / "tasks", Workers(args.jobs), progress, localize)
     print_tables([criteria_table(results), findings_table(results)])
     save_figures(paper_figures(results), args.out)
     print(f"{args.out}: {', '.join(paper_figures(results))}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.csv.columns import ColumnNaming
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, select
 from tactile_localizer.io.scans.learned import learned_calibration
@@ -62,8 +64,23 @@ def make_localizer(
     return build_localizer(scan, scene, configuration or Configuration(), rng, calibration=calibration)
 
 
-def read_recording(path: str | Path, scene: Scene) -> Recording:
-    """The sweeps of a recording: a bag, a scan file, or a CSV file with the standard columns.
+def read_recording(
+    path: str | Path,
+    scene: Scene,
+    *,
+    naming: ColumnNaming | None = None,
+    speed: Mapping[str, float] | None = None,
+    **bag_options: Any,
+) -> Recording:
+    """The sweeps of a recording: a bag, a scan file, or a CSV file.
+
+    Parameters
+    ----------
+    path : of the recording
+    scene : axes and phalanges to read
+    naming, speed : of a CSV file, as for :func:`~tactile_localizer.io.csv.recording.read_csv`; by default
+        the standard columns
+    bag_options : of a bag, as for :func:`~tactile_localizer.io.bags.recording.read_bag`
 
     Raises
     ------
@@ -73,8 +90,10 @@ def read_recording(path: str | Path, scene: Scene) -> Recording:
         It lacks an axis or a phalanx of the scene.
     """
     if is_bag(Path(path)):
-        return read_bag(path, scene, by_status=False)
+        from tactile_localizer.io.bags.recording import read_bag  # loads every format, which takes a while
+
+        return read_bag(path, scene, by_status=False, **bag_options)
     if is_scan_file(Path(path)):
         with ScanStore.open(path) as store:
             return select(store.recording(), scene)
-    return read_csv(path, scene)
+    return read_csv(path, scene, naming, speed)

@@ -12,8 +12,7 @@ from tactile_localizer.cli.recordings import (
     add_configuration_arguments,
     add_recording_arguments,
     configuration_from_arguments,
-    odometry_of,
-    read_recordings,
+    odometry_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_tables
@@ -27,7 +26,6 @@ from tactile_localizer.offline.identification import (
     identify,
     travel_table,
 )
-from tactile_localizer.offline.odometry import RECORDED, with_odometry
 from tactile_localizer.scene import Scene
 
 
@@ -53,10 +51,7 @@ def run(args: argparse.Namespace) -> int:
     """Identify, print the probabilities at the end of each sweep, and draw them along it."""
     candidates = _candidates(args.scan)
     scene = next(iter(candidates.values()))[1]
-    recording, true_positions = read_recordings(args, scene)
-    odometry = odometry_of(args, true_positions)
-    if odometry != RECORDED:
-        recording = with_odometry(recording, scene, np.random.default_rng([args.seed, 1]), odometry)
+    recording = odometry_from_arguments(args, scene).recording
     with progress_bars() as progress:
         rng = np.random.default_rng(args.seed)
         identifier = build_identifier(candidates, configuration_from_arguments(args), rng, progress)

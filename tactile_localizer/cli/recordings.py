@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from tactile_localizer.cli.recording_options import (
     add_bag_arguments,
@@ -13,15 +17,19 @@ from tactile_localizer.cli.recording_options import (
     naming_from_arguments,
     speed_from_arguments,
 )
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
+from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, join, select
+from tactile_localizer.io.recording import Recording, is_bag, join
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED
+from tactile_localizer.library import read_recording
+from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, random_starts, with_odometry
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
@@ -126,26 +134,49 @@ def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, 
     bags = [is_bag(Path(path)) for path in args.recordings]
     if any(bags) and not all(bags):
         raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
-    recordings = [
-        _read_bag(path, args, scene) if bag else _read_other(path, args, scene)
-        for path, bag in zip(args.recordings, bags, strict=True)
-    ]
-    return join(recordings), not any(bags)
+    csv = {"naming": naming_from_arguments(args), "speed": speed_from_arguments(args.speed, scene)}
+    options = {**csv, **bag_options(args, scene)}
+    return join([read_recording(path, scene, **options) for path in args.recordings]), not any(bags)
 
 
-def _read_bag(path: str, args: argparse.Namespace, scene: Scene) -> Recording:
-    from tactile_localizer.io.bags.recording import read_bag  # loads every bag format, which takes a while
+class GivenOdometry(NamedTuple):
+    """Recordings as given on the command line, and as the localizer gets them.
 
-    return read_bag(path, scene, by_status=False, **bag_options(args, scene))
+    Parameters
+    ----------
+    recorded : as read
+    recording : its positions are odometry; random starts, if asked for
+    kind : of the odometry
+    """
+
+    recorded: Recording
+    recording: Recording
+    kind: str
 
 
-def odometry_of(args: argparse.Namespace, true_positions: bool) -> str:
-    """Kind of the odometry given to the filter."""
-    return args.odometry if true_positions else RECORDED
+def odometry_from_arguments(args: argparse.Namespace, scene: Scene) -> GivenOdometry:
+    """The recordings of ``add_recording_arguments``, with odometry.
+
+    Raises
+    ------
+    ScanError
+        As :func:`read_recordings`, or no sweep is long enough for a start.
+    """
+    recorded, true_positions = read_recordings(args, scene)
+    # The localizer has the random stream of the filter node; simulated noise has another.
+    recording, noise = recorded, np.random.default_rng([args.seed, 1])
+    if getattr(args, "starts", None) is not None:
+        recording = random_starts(recording, scene, args.starts, args.travel, noise)
+    if not true_positions:
+        return GivenOdometry(recorded, recording, RECORDED)
+    return GivenOdometry(recorded, with_odometry(recording, scene, noise, args.odometry), args.odometry)
 
 
-def _read_other(path: str, args: argparse.Namespace, scene: Scene) -> Recording:
-    if is_scan_file(Path(path)):
-        with ScanStore.open(path) as store:
-            return select(store.recording(), scene)
-    return read_csv(path, scene, naming_from_arguments(args), speed_from_arguments(args.speed, scene))
+def localizer_from_arguments(
+    args: argparse.Namespace, scan: Scan, scene: Scene, progress: Callable[[str, float], None]
+) -> tuple[Localizer, Calibration]:
+    """The localizer of the configuration on the command line, and the calibration of the scan."""
+    configuration = configuration_from_arguments(args)
+    calibration = learned_calibration(Path(args.scan), scan, scene, progress)
+    rng = np.random.default_rng(args.seed)
+    return build_localizer(scan, scene, configuration, rng, progress, calibration), calibration

@@ -20,18 +20,16 @@ from tactile_localizer.cli.recordings import (
     add_start_arguments,
     check_starts,
     configuration_from_arguments,
-    odometry_of,
-    read_recordings,
+    localizer_from_arguments,
+    odometry_from_arguments,
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
-from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import INCH, with_contact
 from tactile_localizer.offline.misfit import misfit
-from tactile_localizer.offline.odometry import RECORDED, random_starts, with_odometry
+from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import Track, mixture_of, replay
 from tactile_localizer.offline.reports.learned import learned_values
 from tactile_localizer.offline.reports.replay import replay_document
@@ -52,26 +50,16 @@ def run(args: argparse.Namespace) -> int:
     check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
-    recording, true_positions = read_recordings(args, scene)
-    recorded = recording
-    odometry = odometry_of(args, true_positions)
-    # The localizer has the random stream of the filter node; simulated noise has another.
-    noise = np.random.default_rng([args.seed, 1])
-    if args.starts is not None:
-        recording = random_starts(recording, scene, args.starts, args.travel, noise)
-    if odometry != RECORDED:
-        recording = with_odometry(recording, scene, noise, odometry)
+    recorded, recording, odometry = odometry_from_arguments(args, scene)
     with progress_bars() as progress:
-        calibration = learned_calibration(Path(args.scan), scan, scene, progress)
-        rng = np.random.default_rng(args.seed)
-        localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
+        localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
         mixture = mixture_of(localizer)
         tracks = replay(localizer, with_contact(recording, scene, mixture.map), progress)
     learned = learned_values(scene, mixture, calibration)
     document = replay_document(
         scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
     )
-    mismatch = misfit(scan, scene, recorded, tracks, true_positions)
+    mismatch = misfit(scan, scene, recorded, tracks, odometry != RECORDED)
     if mismatch.line is not None:
         print(mismatch.line)
     if configuration.uses_kernel_widths and (unfit := describe_unfit_widths(scan, scene)):

@@ -69,8 +69,8 @@ class MappingNode(ManagedNode):
         self._coverage = Coverage(self._scene, parameters["sweep_distance_m"])
         store = ScanStore.open_or_create(parameters["scan_file"], self._scene)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
-        for _, _, states, _ in store.batches():
-            self._coverage.add(states)
+        for batch in store.batches():
+            self._coverage.add(batch.states)
         store.note("record", {"node": self.get_fully_qualified_name()})
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)

@@ -15,7 +15,7 @@ from support.tracks import made_track
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
-from tactile_localizer.offline.evaluation.comparison import built, learn_condition
+from tactile_localizer.offline.evaluation.comparison import Trial, learn_condition
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.replay import replay
@@ -50,7 +50,7 @@ def calibration() -> dict[str, object]:
 
 def test_the_default_threshold_reproduces_the_localizer(calibration: dict) -> None:
     material = CONDITION.load()
-    localizer = built(CONDITION, material, calibration, {}, CONFIGURATION)
+    localizer = Trial(CONDITION, CONFIGURATION, calibration).localizer(material)
     for track in replay(localizer, material.recording):
         same = convergence.decisions(track, convergence_criteria(material.scene, CONFIGURATION))
         np.testing.assert_array_equal(same, track.converged)

@@ -160,18 +160,11 @@ def naming_to_dict(naming: ColumnNaming) -> dict[str, Any]:
 
 
 def _columns_to_yaml(columns: Columns) -> Any:
-    scale = "" if columns.scale == 1 else f" * {columns.scale}"
-    plain = not any(set("*,") & set(name) or _RANGE.match(name) for name in columns.names)
+    plain = not any("*" in name or _RANGE.match(name) for name in columns.names)
     if len(columns.names) == 1 and plain:
-        return columns.names[0] + scale
-    match = re.match(r"^(.*?)(\d+)$", columns.names[0])
-    if match is not None and not set("*,") & set(match.group(1)):
-        first = int(match.group(2))
-        last = first + len(columns.names) - 1
-        if columns.names == tuple(f"{match.group(1)}{number}" for number in range(first, last + 1)):
-            return f"{match.group(1)}{first}..{last}{scale}"
+        return columns.names[0] + ("" if columns.scale == 1 else f" * {columns.scale}")
     names = list(columns.names)
-    return {"columns": names, "scale": float(columns.scale)} if scale else names
+    return names if columns.scale == 1 else {"columns": names, "scale": float(columns.scale)}
 
 
 def _speed(value: Any) -> dict[str, float]:

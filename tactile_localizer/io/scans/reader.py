@@ -166,27 +166,8 @@ class ScanReader:
         scene = self.scene
         return Scan(states, strain, sweep, scene.axis_names, scene.phalanx_names, scene.layout.counts)
 
-    def batches(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
-        """The same pairs batch by batch, so that memory use does not depend on the scan's length.
-
-        Yields
-        ------
-        sweep : int
-            Number of the sweep.
-        stamp_ns : numpy.ndarray, (n,)
-        states : numpy.ndarray, (n, d)
-        strain : numpy.ndarray, (n, C)
-
-        Raises
-        ------
-        ScanError
-            A sweep is damaged; the message names it.
-        """
-        for batch in self.checked_batches():
-            yield batch.sweep, batch.stamp_ns, batch.states, batch.strain
-
-    def checked_batches(self, *, include_dropped: bool = False) -> Iterator[Batch]:
-        """Validated rows of the table ``batch``, in order of recording.
+    def batches(self, *, include_dropped: bool = False) -> Iterator[Batch]:
+        """The pairs batch by batch, in order of recording; memory use does not depend on the scan's length.
 
         Parameters
         ----------
@@ -315,12 +296,12 @@ class ScanReader:
             strain = np.empty((loaded, channels))
             sweep = np.empty(loaded, dtype=np.int64)
             read = 0
-            for number, *batch in self.batches():
-                pairs = len(batch[0])
+            for batch in self.batches():
+                pairs = len(batch)
                 chosen = slice(-read % step, None, step)
                 rows = slice(math.ceil(read / step), math.ceil((read + pairs) / step))
-                sweep[rows] = number
-                stamp_ns[rows], states[rows], strain[rows] = (column[chosen] for column in batch)
+                sweep[rows], stamp_ns[rows] = batch.sweep, batch.stamp_ns[chosen]
+                states[rows], strain[rows] = batch.states[chosen], batch.strain[chosen]
                 read += pairs
                 if progress is not None:
                     progress(read / n)

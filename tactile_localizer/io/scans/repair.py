@@ -93,7 +93,7 @@ def repair(path: str | Path, scene: Scene | None = None) -> RepairReport:
 def _report_if_undamaged(path: Path) -> RepairReport | None:
     try:
         with ScanStore.open(path) as store:
-            pairs = sum(len(batch) for batch in store.checked_batches(include_dropped=True))
+            pairs = sum(len(batch) for batch in store.batches(include_dropped=True))
             return RepairReport(len(store.sweeps()), pairs, (), None)
     except ScanError:
         return None

@@ -308,7 +308,7 @@ class ScanStore(ScanReader):
             raise ScanError(
                 f"{other.path}: expected strain in {self.units['strain']}, found {other.units['strain']}"
             )
-        self.copy_sweeps(other.sweeps(), other.checked_batches(include_dropped=True))
+        self.copy_sweeps(other.sweeps(), other.batches(include_dropped=True))
         self.note("merge", {"file": str(other.path), "history": other.history()})
 
     def copy_sweeps(self, sweeps: Iterable[SweepInfo], batches: Iterable[Batch]) -> None:
@@ -491,7 +491,7 @@ def _migrate(path: Path) -> None:
         if kept.exists():
             raise ScanError(f"{kept}: expected no file of this name, found one")
         with new_scan(renewed, old.scene, strain_unit=old.units["strain"]) as store:
-            store.copy_sweeps(old.sweeps(), old.checked_batches(include_dropped=True))
+            store.copy_sweeps(old.sweeps(), old.batches(include_dropped=True))
             for at, what, detail in old.history():
                 store.note(what, detail, at)
     try:

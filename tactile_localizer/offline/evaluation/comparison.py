@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.factory import build_localizer, convergence_criteria, learn
+from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.offline.evaluation.conditions import Condition, Material
@@ -27,9 +26,9 @@ from tactile_localizer.offline.evaluation.jobs import (
     run_tasks,
 )
 from tactile_localizer.offline.evaluation.methods import Method
-from tactile_localizer.offline.evaluation.outcome import bin_edges, blank_outcome, sweep_axis, sweep_outcome
+from tactile_localizer.offline.evaluation.outcome import sweep_outcome
 from tactile_localizer.offline.metrics import timing, with_contact
-from tactile_localizer.offline.replay import mixture_of, replay
+from tactile_localizer.offline.replay import Track, mixture_of, replay
 from tactile_localizer.scene import Scene
 
 
@@ -91,12 +90,6 @@ class Results:
             return "error_contact_m", "from contact to the feature's end"
         return "error_m", "over the sweep"
 
-    def sweep_axis(self, condition: str) -> tuple[str, np.ndarray]:
-        """Axis of a condition's sweeps, and the centres of the bins of the curves along it."""
-        task = self._of(next(iter(self.methods)), condition)[0]
-        edges = np.array(task["edges_m"])
-        return task["axis"], (edges[:-1] + edges[1:]) / 2
-
     def times(self, method: str) -> tuple[float, float]:
         """Medians over the tasks of the median update time and of its 99th percentile, us."""
         of = [task["timing"] for task in self.tasks[method]]
@@ -118,32 +111,99 @@ def as_array(values: Sequence[float | None]) -> np.ndarray:
     return np.array([np.nan if value is None else float(value) for value in values])
 
 
+@dataclass(frozen=True)
+class Trial:
+    """A configuration on a condition.
+
+    Parameters
+    ----------
+    condition : of the evaluation
+    configuration : of the localizer
+    calibration : of the condition's scan, as :func:`learn_condition` returns it
+    measurement : parameters of a kernel model
+    """
+
+    condition: Condition
+    configuration: Configuration
+    calibration: dict[str, Any]
+    measurement: dict[str, Any] = field(default_factory=dict)
+
+    def task(self, function: Callable[[Trial], dict[str, Any]]) -> Task:
+        """The task of calling ``function`` with the trial."""
+        identity = {
+            "condition": self.condition.identity,
+            "calibration": self.calibration,
+            "measurement": self.measurement,
+            "configuration": configuration_identity(self.configuration),
+        }
+        return Task(function, (self,), identity)
+
+    def scene(self, material: Material) -> Scene:
+        """The scene with the parameters of the model."""
+        return replace(material.scene, measurement=self.measurement)
+
+    def localizer(self, material: Material) -> Localizer:
+        """The localizer on the loaded condition."""
+        length, std = self.calibration["information_length"], self.calibration["registration_std"]
+        return build_localizer(
+            material.scan,
+            self.scene(material),
+            self.configuration,
+            np.random.default_rng(self.condition.seed),
+            calibration=Calibration(length, np.array(std)),
+        )
+
+
 def evaluate(
     conditions: Sequence[Condition],
     methods: Sequence[Method],
     folder: Path,
     workers: Workers,
     progress: Progress | None = None,
+    measure: Callable[[Trial], dict[str, Any]] | None = None,
 ) -> Results:
     """Try every method on every condition; results that ``folder`` holds are reused.
+
+    Parameters
+    ----------
+    measure : in place of :func:`localize`, with at least its results
 
     Raises
     ------
     ParameterError
         An unusable configuration, or unavailable workers.
     """
-    learned = learn_conditions(conditions, folder, workers, progress)
-    kernels = [method for method in methods if method.configuration.model != SWEEP_MIXTURE]
-    widths = kernel_widths(conditions, folder, workers, progress) if kernels else [{}] * len(conditions)
-    tasks = []
-    for method in methods:
-        for condition, calibration, own in zip(conditions, learned, widths, strict=True):
-            measurement = {**own, **method.measurement} if method in kernels else {}
-            tasks.append(localization_task(condition, calibration, measurement, method.configuration))
+    tried = trials(conditions, methods, folder, workers, progress)
+    tasks = [trial.task(measure or localize) for own in tried for trial in own]
     results = run_tasks(tasks, folder, workers, progress, "localizing")
     n = len(conditions)
     by_method = {method.name: results[i * n : (i + 1) * n] for i, method in enumerate(methods)}
     return Results(tuple(conditions), {method.name: method for method in methods}, by_method)
+
+
+def trials(
+    conditions: Sequence[Condition],
+    methods: Sequence[Method],
+    folder: Path,
+    workers: Workers,
+    progress: Progress | None = None,
+) -> list[list[Trial]]:
+    """For each method its trials on the conditions, with what is learned from their scans."""
+    learned = learn_conditions(conditions, folder, workers, progress)
+    kernels = [method for method in methods if method.configuration.model != SWEEP_MIXTURE]
+    widths: list[dict[str, Any]] = [{}] * len(conditions)
+    if kernels:  # given by the scenes or chosen from the scans
+        tasks = [Task(choose_widths, (condition,), condition.map_identity) for condition in conditions]
+        widths = run_tasks(tasks, folder, workers, progress, "choosing kernel widths")
+    return [
+        [
+            Trial(condition, method.configuration, calibration, {**own, **method.measurement})
+            if method in kernels
+            else Trial(condition, method.configuration, calibration)
+            for condition, calibration, own in zip(conditions, learned, widths, strict=True)
+        ]
+        for method in methods
+    ]
 
 
 def learn_conditions(
@@ -161,14 +221,6 @@ def learn_condition(condition: Condition) -> dict[str, Any]:
     return {**calibration._asdict(), "registration_std": calibration.registration_std.tolist()}
 
 
-def kernel_widths(
-    conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
-) -> list[dict[str, Any]]:
-    """Parameters of the kernel models for every condition: given by its scene or chosen from the scan."""
-    tasks = [Task(choose_widths, (condition,), condition.map_identity) for condition in conditions]
-    return run_tasks(tasks, folder, workers, progress, "choosing kernel widths")
-
-
 def choose_widths(condition: Condition) -> dict[str, Any]:
     """Parameters of the kernel models for a condition: given by its scene or chosen from the scan."""
     material = condition.load()
@@ -178,66 +230,21 @@ def choose_widths(condition: Condition) -> dict[str, Any]:
     return given.to_mapping()
 
 
-def localization_task(
-    condition: Condition,
-    calibration: dict[str, Any],
-    measurement: dict[str, Any],
-    configuration: Configuration,
-) -> Task:
-    """The task of :func:`localize`."""
-    identity = {
-        "condition": condition.identity,
-        "calibration": calibration,
-        "measurement": measurement,
-        "configuration": configuration_identity(configuration),
-    }
-    return Task(localize, (condition, calibration, measurement, configuration), identity)
-
-
-def localize(
-    condition: Condition,
-    calibration: dict[str, Any],
-    measurement: dict[str, Any],
-    configuration: Configuration,
-) -> dict[str, Any]:
+def localize(trial: Trial) -> dict[str, Any]:
     """Outcomes of a condition's sweeps and blank sweeps, and computing times."""
-    material = condition.load()
-    scene = replace(material.scene, measurement=measurement)
-    localizer = built(condition, material, calibration, measurement, configuration)
-    # Processor time, because tasks share the machine.
-    recording = with_contact(material.recording, scene, mixture_of(localizer).map)
-    tracks = replay(localizer, recording, clock=time.thread_time)
-    blanks = replay(localizer, material.blank) if material.blank is not None else []
-    axis = sweep_axis(scene, tracks)
+    scene, tracks, blanks = replayed(trial)
     return {
-        "axis": scene.axis_names[axis],
-        "edges_m": bin_edges(scene, axis).tolist(),
-        "sweeps": [sweep_outcome(scene, track, axis) for track in tracks],
-        "blanks": [blank_outcome(track) for track in blanks],
-        "narrow_trace_m2": _narrow_trace(configuration, scene),
+        "sweeps": [sweep_outcome(scene, track) for track in tracks],
+        "blanks": [{"converged": bool(track.converged.any())} for track in blanks],
         "timing": timing(tracks),
     }
 
 
-def built(
-    condition: Condition,
-    material: Material,
-    calibration: dict[str, Any],
-    measurement: dict[str, Any],
-    configuration: Configuration,
-) -> Localizer:
-    """The localizer of a task."""
-    return build_localizer(
-        material.scan,
-        replace(material.scene, measurement=measurement),
-        configuration,
-        np.random.default_rng(condition.seed),
-        calibration=Calibration(calibration["information_length"], np.array(calibration["registration_std"])),
-    )
-
-
-def _narrow_trace(configuration: Configuration, scene: Scene) -> float:
-    """Trace of a normal belief that is just narrow enough for convergence on every axis."""
-    criteria = convergence_criteria(scene, configuration)
-    inside = chdtri(scene.dimension, 1.0 - criteria.probability)
-    return float(np.sum(criteria.radius**2) / inside)
+def replayed(trial: Trial) -> tuple[Scene, list[Track], list[Track]]:
+    """Scene of a trial, and replays of its condition's sweeps and blank sweeps."""
+    material = trial.condition.load()
+    scene, localizer = trial.scene(material), trial.localizer(material)
+    # Processor time, because tasks share the machine.
+    recording = with_contact(material.recording, scene, mixture_of(localizer).map)
+    tracks = replay(localizer, recording, clock=time.thread_time)
+    return scene, tracks, replay(localizer, material.blank) if material.blank is not None else []

@@ -6,25 +6,19 @@ import time
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.offline.evaluation.comparison import (
-    as_array,
-    built,
-    kernel_widths,
-    learn_conditions,
-    localization_task,
-)
+from tactile_localizer.offline.evaluation.comparison import Trial, evaluate, trials
 from tactile_localizer.offline.evaluation.conditions import Condition
-from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
-from tactile_localizer.offline.evaluation.jobs import Progress, Task, Workers, run_tasks
+from tactile_localizer.offline.evaluation.confidence_interval import Interval
+from tactile_localizer.offline.evaluation.jobs import Progress, Workers, run_tasks
+from tactile_localizer.offline.evaluation.methods import Method
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import replay
 
@@ -134,41 +128,35 @@ def trade(
     ParameterError
         Unavailable workers.
     """
-    learned = learn_conditions(conditions, folder, workers, progress)
-    widths = kernel_widths(conditions, folder, workers, progress)
-    tasks = [
-        localization_task(condition, calibration, _measurement(one, own), one.configuration)
-        for one in tried
-        for condition, calibration, own in zip(conditions, learned, widths, strict=True)
-    ]
-    results = run_tasks(tasks, folder, workers, progress, "trying configurations")
-    n = len(conditions)
+    methods = [Method(str(number), one.configuration) for number, one in enumerate(tried)]
+    results = evaluate(conditions, methods, folder, workers, progress)
+    first = [own[0] for own in trials(conditions, methods, folder, workers, progress)]
     # One at a time: concurrent tasks would slow each other down.
-    costing = [Task(cost, task.arguments, task.identity) for task in tasks[::n]]
-    costs = run_tasks(costing, folder, Workers(), progress, "measuring time and memory")
-    return [_gather(one, results[i * n : (i + 1) * n], costs[i]) for i, one in enumerate(tried)]
+    tasks = [trial.task(cost) for trial in first]
+    costs = run_tasks(tasks, folder, Workers(), progress, "measuring time and memory")
+    quantity, _ = results.compared_error()
+    return [
+        Trade(
+            one,
+            results.interval(method.name, quantity) or Interval(np.nan, np.nan, np.nan),
+            coverage=float(np.nanmean(results.values(method.name, "coverage"))),
+            update_us=own["timing"]["update_median_us"],
+            update_p99_us=own["timing"]["update_p99_us"],
+            us_per_mm=own["timing"]["us_per_mm"],
+            memory_mb=own["peak_bytes"] / 1e6,
+        )
+        for one, method, own in zip(tried, methods, costs, strict=True)
+    ]
 
 
-def _measurement(candidate: Candidate, widths: dict[str, Any]) -> dict[str, Any]:
-    """Parameters of a candidate's model."""
-    return {} if candidate.configuration.model == SWEEP_MIXTURE else widths
-
-
-def cost(
-    condition: Condition,
-    calibration: dict[str, Any],
-    measurement: dict[str, Any],
-    configuration: Configuration,
-) -> dict[str, Any]:
+def cost(trial: Trial) -> dict[str, Any]:
     """Cost of a localizer: processor time of one thread, and peak memory beside the scan.
 
     The time of each strain is the least of several repetitions, which removes the load of other processes.
     """
-    material = condition.load()
+    material = trial.condition.load()
     few = replace(material.recording, sweeps=material.recording.sweeps[:_TIMED_SWEEPS])
-
-    build = partial(built, condition, material, calibration, measurement, configuration)
-    localizer = build()
+    localizer = trial.localizer(material)
     passes = [replay(localizer, few, clock=time.thread_time) for _ in range(_PASSES)]
     least = [
         replace(tracks[0], seconds=np.min([track.seconds for track in tracks], axis=0))
@@ -178,26 +166,11 @@ def cost(
     start = replace(few, sweeps=(few.sweeps[0].part(slice(_MEMORY_SAMPLES), 1),))
     tracemalloc.start()
     try:
-        replay(build(), start)
+        replay(trial.localizer(material), start)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
     return {"timing": timing(least), "peak_bytes": peak}
-
-
-def _gather(candidate: Candidate, results: Sequence[dict[str, Any]], cost: dict[str, Any]) -> Trade:
-    sweeps = [sweep for result in results for sweep in result["sweeps"]]
-    contact = as_array([sweep["error_contact_m"] for sweep in sweeps])
-    errors = contact if np.isfinite(contact).any() else as_array([sweep["error_m"] for sweep in sweeps])
-    return Trade(
-        candidate,
-        mean_interval(errors) or Interval(np.nan, np.nan, np.nan),
-        coverage=float(np.nanmean(as_array([sweep["coverage"] for sweep in sweeps]))),
-        update_us=cost["timing"]["update_median_us"],
-        update_p99_us=cost["timing"]["update_p99_us"],
-        us_per_mm=cost["timing"]["us_per_mm"],
-        memory_mb=cost["peak_bytes"] / 1e6,
-    )
 
 
 def pareto_front(trades: Sequence[Trade]) -> list[Trade]:

@@ -346,7 +346,7 @@ def test_namings_survive_writing_and_reading():
     content = {
         "stamp_s": "time * 0.001",
         "x": "position",
-        "index": "gauge1..8 * 0.001",
+        "index": ["a", "c"],
         "middle": {"columns": ["a", "b*c", "d"], "scale": 0.5},
         "strain_unit": "counts",
         "speed": {"y": 0.01},

@@ -93,13 +93,13 @@ def test_batches_bound_memory(tmp_path):
         store.drop_sweep(3)
         tracemalloc.start()
         try:
-            shapes = [(sweep, len(stamps), *states.shape) for sweep, stamps, states, _ in store.batches()]
+            shapes = [(batch.sweep, len(batch), *batch.states.shape) for batch in store.batches()]
             most = tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()
-        of_batches = zip(*store.batches(), strict=True)
-        _, _, states, strain = (
-            np.concatenate([np.atleast_1d(part) for part in parts]) for parts in of_batches
+        batches = list(store.batches())
+        states, strain = (
+            np.concatenate([getattr(b, name) for b in batches]) for name in ("states", "strain")
         )
         scan = store.load()
     assert shapes == [(sweep, 5000, 5000, 2) for sweep in range(1, 21) if sweep != 3]

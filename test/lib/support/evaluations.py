@@ -57,7 +57,6 @@ _SWEEP = {
     "converged": True,
     "travel_to_convergence_m": 0.002,
     "time_to_convergence_s": 0.3,
-    "error_at_convergence_m": 0.003,
     "error_converged_m": 0.0015,
     "lowest_trace_before_m2": 1e-4,
     "highest_marginal_before": 40.0,

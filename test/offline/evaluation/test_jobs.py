@@ -12,15 +12,13 @@ from support.evaluations import CALIBRATION, QUICK, condition
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.offline.evaluation import jobs
-from tactile_localizer.offline.evaluation.comparison import localize
+from tactile_localizer.offline.evaluation.comparison import Trial, localize
 from tactile_localizer.offline.evaluation.jobs import Task, Workers, configuration_identity, run_tasks
 from tactile_localizer.resources import PACKAGE
 
 
 def task(seed: int, configuration: Configuration = QUICK[0].configuration) -> Task:
-    tried = condition(seed)
-    identity = {"condition": tried.identity, "configuration": vars(configuration)}
-    return Task(localize, (tried, CALIBRATION, {}, configuration), identity)
+    return Trial(condition(seed), configuration, CALIBRATION).task(localize)
 
 
 def without_times(results: list[dict]) -> list[dict]:
