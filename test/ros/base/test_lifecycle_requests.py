@@ -64,7 +64,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     assert reports[0].status[0].name == "filter: map"
     probe.until(answer.done, "the end of the calibration", 180.0)
     assert answer.result().success
-    assert any("map built: 100%" in array.status[0].message for array in reports)
+    probe.until(lambda: any("map built: 100%" in array.status[0].message for array in reports), "100 %")
     assert process.stop() == 0
 
 
