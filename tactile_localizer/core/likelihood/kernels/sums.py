@@ -27,7 +27,7 @@ from tactile_localizer.errors import ParameterError
 EVALUATIONS = ("field", "truncated", "exact")
 _MARGIN = 3.0
 """Standard deviations that a block serves beyond the states it was made for, so that it lasts for updates."""
-_WORTH_SHRINKING = 0.3
+_WORTH_SHRINKING = 0.5
 """Share of the pairs that a smaller block must come down to, to be worth making."""
 _ROWS = 512
 """Strains transposed at once: they stay in the processor's cache."""
