@@ -35,16 +35,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR")
     add_seed_argument(parser)
     parser.add_argument(
-        "--speed", type=float, default=8.0, help="simulation speed relative to real time (default 8)"
+        "--speed", type=float, default=10.0, help="simulation speed relative to real time (default 10)"
     )
-    parser.add_argument("--sweeps", type=int, default=18, help="most sweeps to localize (default 18)")
+    parser.add_argument("--sweeps", type=int, default=18, help="sweeps to localize (default 18)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration; its summary has the error after contact and the limit."""
     _check(args)
     from tactile_localizer.demo.live_sweep import LIMIT_M, summarize
-    from tactile_localizer.demo.run import DemoSettings, run_demo
+    from tactile_localizer.demo.run import SCAN_SWEEPS, DemoSettings, run_demo
     from tactile_localizer.demo.view import demo_view
 
     begun_s = time.monotonic()
@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
         "feature": args.feature,
         "seed": args.seed,
         "speed": args.speed,
+        "training_sweeps": SCAN_SWEEPS,
         "limit_mm": LIMIT_M * 1e3,
         "frames_dropped": result.frames_dropped,
         **{name: float(result.filter[name]) for name in ("update_median_us", "update_p99_us")},
@@ -107,6 +108,7 @@ def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     shown = "no contact" if error is None else f"{error:.2f} mm, {inch:.3f} inch (limit 0.1 inch)"
     travel, duration = summary["travel_to_convergence_mm"], summary["time_to_convergence_s"]
     belief = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
+    table.add_row("training sweeps", f"{summary['training_sweeps']}, two along each line")
     converged, count = summary["error_converged_mm"], len(summary["sweeps"])
     table.add_row("mean error after contact", shown)
     table.add_row("mean error while converged", "never" if converged is None else f"{converged:.2f} mm")

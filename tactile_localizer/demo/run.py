@@ -25,8 +25,8 @@ from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.sim.sweep import SPEED_MPS
 
-_MIN_SWEEPS = 3
-"""Sweeps that are localized even if the time limit is exceeded."""
+SCAN_SWEEPS = 2 * TRAINING_SWEEPS
+"""Training sweeps: two along each line, because a single one repeats its own disturbances in the map."""
 
 _STARTUP_S = 60.0
 _LOADING_S = 120.0
@@ -46,15 +46,13 @@ class DemoSettings:
     seed : seed of all random processes
     speed : simulated time per real time
     sweeps : number of sweeps to localize
-    time_limit_s : no sweep begins that would end later than this after the start, s
     """
 
     feature: str
     folder: Path
     seed: int = 1
-    speed: float = 8.0
+    speed: float = 10.0
     sweeps: int = 18
-    time_limit_s: float = 80.0
 
 
 class View(Protocol):
@@ -135,7 +133,6 @@ class _Demo:
     ) -> None:
         self._settings, self._view, self._observations = settings, view, observations
         self._watcher, self._nodes = watcher, nodes
-        self._begun_s = time.monotonic()
         self._bus = {
             "interface": "udp_multicast",
             "channel": "239.74.163.2",
@@ -173,14 +170,14 @@ class _Demo:
 
     def scan(self) -> None:
         """Record the training sweeps."""
-        self._view.phase("scanning")
-        for number in range(TRAINING_SWEEPS):
-            self._view.progress(number, TRAINING_SWEEPS)
+        self._view.phase("scanning, two sweeps along each line")
+        for number in range(SCAN_SWEEPS):
+            self._view.progress(number, SCAN_SWEEPS)
             self._ask("simulator/prepare")
             self._ask("mapping/start_sweep")
             self._sweep()
             self._ask("mapping/end_sweep")
-        self._view.progress(TRAINING_SWEEPS, TRAINING_SWEEPS)
+        self._view.progress(SCAN_SWEEPS, SCAN_SWEEPS)
         self._nodes.stop(self._mapping)
 
     def localize(self) -> list[LiveSweep]:
@@ -194,8 +191,6 @@ class _Demo:
         self._view.phase("localizing")
         sweeps: list[LiveSweep] = []
         for number in range(self._settings.sweeps):
-            if self._out_of_time(len(sweeps)):
-                break
             self._view.progress(number, self._settings.sweeps)
             sweeps.append(self._localize_once(number))
             self._view.sweep(sweeps[-1])
@@ -224,16 +219,6 @@ class _Demo:
             self._simulator["load_cell_rate_hz"],
         )
         return self._observations.localized_sweep(number, end_ns, contact)
-
-    def _out_of_time(self, done: int) -> bool:
-        """Whether another sweep of average duration would exceed the time limit."""
-        now_s = time.monotonic()
-        if done == 0:
-            self._localizing_s = now_s
-        if done < _MIN_SWEEPS:
-            return False
-        each_s = (now_s - self._localizing_s) / done
-        return now_s + each_s - self._begun_s > self._settings.time_limit_s
 
     def _sweep(self) -> None:
         self._observations.active.clear()

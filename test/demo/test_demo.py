@@ -47,7 +47,7 @@ def test_the_demo_runs_to_its_end(process, tmp_path):
     assert summary["frames_dropped"] >= 0
     assert 0 < summary["update_median_us"] <= summary["update_p99_us"]
     with ScanStore.open(folder / "scan.db") as store:
-        assert len(store.sweeps()) == 21
+        assert len(store.sweeps()) == 42
         assert store.load().states[:, 0].max() > 0.045
     bag = read_messages(folder / "bag", {"/filter/posterior": lambda m: m, "/strain": lambda m: m})
     assert len(bag.by_topic["/filter/posterior"]) > 300
