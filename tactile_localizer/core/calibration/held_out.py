@@ -58,10 +58,14 @@ class Calibration(NamedTuple):
 
 
 class _Outcome(NamedTuple):
-    """Squared errors and variances (n, d), m^2 (yaw by its lever), along one held-out sweep."""
+    """Squared errors and variances (n, d), m^2 (yaw by its lever), along one held-out sweep.
+
+    ``felt`` (n,) bool is where the material has a signal.
+    """
 
     squared: np.ndarray
     variance: np.ndarray
+    felt: np.ndarray
 
     @property
     def error(self) -> float:
@@ -84,9 +88,9 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
     chosen = np.unique(np.linspace(0, sweeps - 1, min(sweeps, _MOST_SWEEPS)).round().astype(int)).tolist()
 
     def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
-        track = model.noise.recorded[index]
+        track, felt = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
         mixture = model.mixture(scene, _LINES_PER_CELL, lengths[0], without)
-        return [_localize(localizer(mixture.tempered(each)), track, scene) for each in lengths]
+        return [_localize(localizer(mixture.tempered(each)), track, felt, scene) for each in lengths]
 
     errors = [[outcome.error for outcome in localize(i, (i,), lengths)] for i in chosen]
     length = lengths[_longest(np.array(errors))]
@@ -108,27 +112,33 @@ def _longest(errors: np.ndarray) -> int:
     return int(np.flatnonzero(loss.mean(axis=0) <= tolerance)[-1])
 
 
-def _localize(localizer: Localizer, track: Track, scene: Scene) -> _Outcome:
+def _localize(localizer: Localizer, track: Track, felt: np.ndarray, scene: Scene) -> _Outcome:
     """Errors of a localizer along a sweep, from a uniform prior."""
     localizer.reset()
-    squared, variance = [], []
+    squared, variance, rows = [], [], []
     for index, (position, strain) in enumerate(zip(track.positions, track.strain, strict=True)):
         estimate = localizer.update(10_000_000 * index, position, strain)
         if estimate.updated:
             error = estimate.mean - position
             squared.append(np.where(scene.wraps, wrap_angle(error), error) ** 2)
             variance.append(np.diag(estimate.covariance))
-    return _Outcome(np.array(squared) * lever(scene) ** 2, np.array(variance) * lever(scene) ** 2)
+            rows.append(index)
+    scale = lever(scene) ** 2
+    return _Outcome(np.array(squared) * scale, np.array(variance) * scale, felt[rows])
 
 
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
-    """Most probable standard deviation (d,): one observation per sweep, beside those of the prior."""
+    """Most probable standard deviation (d,): one observation per sweep, beside those of the prior.
+
+    Before contact the position is open, which says nothing about registration.
+    """
     found = []
+    felt = [(each.squared[each.felt], each.variance[each.felt]) for each in outcomes if each.felt.any()]
     extent = (scene.upper - scene.lower) * lever(scene)
     for axis in range(scene.dimension):
         candidates = _PRIOR_STD * _CANDIDATES
         fit = -0.5 * _PRIOR_SWEEPS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-        for squared, variance in outcomes:
+        for squared, variance in felt:
             fit += [
                 _log_density(squared[:, axis], variance[:, axis] + each**2, extent[axis])
                 for each in candidates

@@ -1,5 +1,7 @@
 """Tempering and registration, from sweeps that are localized on the map of the others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,15 @@ def test_sweeps_that_are_shifted_give_the_registration() -> None:
     registration = {shift: float(learn(cloth(shift), SCENE).registration_std[0]) for shift in (0.0, 0.001)}
     assert registration[0.0] < 0.0005
     assert registration[0.001] == pytest.approx(0.001, rel=0.4)
+
+
+def test_a_featureless_approach_does_not_leave_the_registration_at_its_prior() -> None:
+    scan = cloth(0.002)
+    x, rng = scan.states[:, 0], np.random.default_rng(1)
+    featureless = np.abs(x - 0.085) > 0.015
+    strain = np.where(featureless[:, None], rng.standard_normal(scan.strain.shape), scan.strain)
+    calibration = learn(replace(scan, strain=strain), SCENE)
+    assert calibration.registration_std[0] > 0.0008
 
 
 def test_the_information_length_is_one_of_the_candidates() -> None:
