@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -25,6 +25,8 @@ _SPARE = 2
 _PRIOR_PER_LINE = 0.5
 """nats that a pair of tracks loses for each further line it spans: the nearest two need not be in the same
 deformation mode as the sweep that is to come. By judgement, not varied yet."""
+_AT_ONCE = 4096
+"""Places interpolated together, close to each other: memory does not grow with the scan."""
 _OUTSIDE = 16.0
 """nats that a pair loses at one line spacing from the place: it should lie between the two tracks."""
 
@@ -103,10 +105,71 @@ def expectation(
     On one axis tracks repeat each other: their mean is the one component. On more axes the components are
     pairs of tracks on either side of the place, each interpolated linearly.
     """
-    feet, strain, distance = _feet(tracks, scene, places)
-    if scene.dimension == 1 or len(tracks) == 1:
-        return _repeats(strain, distance)
-    return _pairs(feet, strain, distance, places * lever(scene), max(spacing, PITCH), components)
+    scale = lever(scene)
+    near = _NearTracks(tracks, scene)
+    tiles = list(_tiles(places * scale))
+    parts = []
+    for tile in tiles:
+        own, here = near.tracks(places[tile] * scale), places[tile]
+        feet, strain, distance = _feet(own, scene, here)
+        if scene.dimension == 1 or len(tracks) == 1:
+            parts.append(_repeats(strain, distance))
+        else:
+            parts.append(_pairs(feet, strain, distance, here * scale, max(spacing, PITCH), components))
+    if len(tiles) == 1:
+        return parts[0]
+    back = np.argsort(np.concatenate(tiles))
+    return Expectation(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
+
+
+def _tiles(points: np.ndarray) -> Iterator[np.ndarray]:
+    """Indices of points (M, d) that lie close together, at most :data:`_AT_ONCE` at a time."""
+    waiting = [np.arange(len(points))]
+    while waiting:
+        rows = waiting.pop()
+        if len(rows) <= _AT_ONCE:
+            yield rows
+            continue
+        along = points[rows, np.ptp(points[rows], axis=0).argmax()]
+        order, half = along.argsort(kind="stable"), len(rows) // 2
+        waiting += [rows[order[half:]], rows[order[:half]]]
+
+
+class _NearTracks:
+    """Finds the tracks among which the nearest ones of some places are, without a look at all of them."""
+
+    def __init__(self, tracks: Sequence[Track], scene: Scene) -> None:
+        self._tracks = tracks
+        # On one axis all tracks that reach a place count, on more axes the nearest ones.
+        one = scene.dimension == 1 or len(tracks) == 1
+        self._count = 1 if one else min(len(tracks), _NEAREST + _SPARE)
+        self._slack = 2.0 * PITCH if one else 0.0
+        self._every = bool(scene.wraps.any()) or len(tracks) <= 2 * self._count
+        if not self._every:
+            scale = lever(scene)
+            self._points = [track.positions * scale for track in tracks]
+            self._low = np.array([points.min(axis=0) for points in self._points])
+            self._high = np.array([points.max(axis=0) for points in self._points])
+
+    def tracks(self, places: np.ndarray) -> Sequence[Track]:
+        """Those that can be among the nearest of any of ``places`` (m, d), in metres."""
+        if self._every:
+            return self._tracks
+        centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+        reach = 2.0 * float(np.sqrt(np.square(places - centre).sum(axis=1).max())) + self._slack
+        beside = np.maximum(np.maximum(self._low - centre, centre - self._high), 0.0)
+        beyond = np.maximum(np.abs(self._low - centre), np.abs(self._high - centre))
+        least, most = (np.sqrt(np.square(each).sum(axis=1)) for each in (beside, beyond))
+        rows = np.flatnonzero(least <= self._nearest(most) + reach)
+        points = [self._points[row] for row in rows.tolist()]
+        starts = np.cumsum([0, *map(len, points[:-1])])
+        squared = np.square(np.concatenate(points) - centre).sum(axis=1)
+        distance = np.sqrt(np.minimum.reduceat(squared, starts))
+        return [self._tracks[row] for row in rows[distance <= self._nearest(distance) + reach].tolist()]
+
+    def _nearest(self, distances: np.ndarray) -> float:
+        """The last of the distances that count."""
+        return float(np.partition(distances, self._count - 1)[self._count - 1])
 
 
 def _stretches(positions: np.ndarray) -> np.ndarray:

@@ -108,3 +108,23 @@ def test_one_track_alone_is_its_own_expectation() -> None:
     track = tracks_of(lines(), PLANE)[3]
     expected = expectation([track], PLANE, track.positions, 0.0, 3)
     np.testing.assert_allclose(expected.mean[:, 0], track.strain)
+
+
+@pytest.mark.parametrize("dimension", [1, 2])
+def test_many_places_and_tracks_are_interpolated_in_parts_with_the_same_result(
+    monkeypatch: pytest.MonkeyPatch, dimension: int
+) -> None:
+    rng = np.random.default_rng(0)
+    axes = tuple(Axis(name, 0.0, 0.5, 0.003) for name in ("x", "y")[:dimension])
+    wide = Scene("wide", axes, (Phalanx("a", (0.0,) * dimension),))
+    starts = rng.uniform(0.0, 0.45, (60, 1, dimension))
+    along = np.linspace(0.0, 0.05, 40)[:, None] * np.eye(dimension)[-1]
+    tracks = [Track(start + along, rng.standard_normal((40, 8))) for start in starts]
+    places = rng.uniform(0.0, 0.5, (300, dimension))
+    whole = expectation(tracks, wide, places, 0.01, 3)
+    monkeypatch.setattr("tactile_localizer.core.scan.tracks._AT_ONCE", 20)
+    for part, found in zip(whole, expectation(tracks, wide, places, 0.01, 3), strict=True):
+        np.testing.assert_allclose(found, part, rtol=1e-12, atol=1e-15)
+    monkeypatch.setattr("tactile_localizer.core.scan.tracks._SPARE", 1000)  # every track is looked at
+    for part, found in zip(whole, expectation(tracks, wide, places, 0.01, 3), strict=True):
+        np.testing.assert_allclose(found, part, rtol=1e-12, atol=1e-15)
