@@ -30,6 +30,8 @@ _NODES_PER_CELL = 2
 MOST_CELLS_IN_SPACE = 25_000
 """Cells on three axes, by which a measurement update stays below 10 ms while the position is open: 50 mm x
 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
+_NODES_AT_ONCE = 2**16
+"""Nodes whose tables are made in double precision at a time."""
 _LONGEST_CORRELATION = 0.03
 """m; correlations of the residual are looked for up to here."""
 
@@ -167,11 +169,13 @@ def build_map(
     step = extent / np.array(shape)
     origin = scene.lower + 0.5 * step
     axes = [first + size * np.arange(count) for first, size, count in zip(origin, step, shape, strict=True)]
-    expected = expectation(tracks, scene, flatten_axes(axes), spacing, PAIRS)
-    mean, spread, prior = (
-        np.ascontiguousarray(table, dtype=np.float32)
-        for table in (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
-    )
+    places = flatten_axes(axes)
+    parts = []
+    for some in np.array_split(places, -(-len(places) // _NODES_AT_ONCE)):
+        expected = expectation(tracks, scene, some, spacing, PAIRS)
+        tables = (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
+        parts.append([table.astype(np.float32) for table in tables])
+    mean, spread, prior = (np.concatenate(table) for table in zip(*parts, strict=True))
     return StrainMap(origin, step, shape, mean, spread, prior, float(spread.min()) if featureless else None)
 
 
