@@ -30,7 +30,7 @@ def bump(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("bump")
     scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
     save_scene(scene, folder / "scene.yaml")
-    assert main(["simulate", "bump", "-o", str(folder), "--test", "2"]) == 0
+    assert main(["simulate", "bump", "-o", str(folder), "--train", "5", "--test", "2"]) == 0
     files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
     assert main(["import", "csv", *files]) == 0
     return folder

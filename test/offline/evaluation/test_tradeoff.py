@@ -6,16 +6,18 @@ from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 from support.browser import look_at
-from support.evaluations import QUICK, condition
+from support.evaluations import CALIBRATION, QUICK, condition
 
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
+from tactile_localizer.offline.evaluation import comparison
 from tactile_localizer.offline.evaluation.confidence_interval import Interval
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.tradeoff import (
@@ -76,7 +78,8 @@ def test_candidates_span_the_options_and_contain_the_presets() -> None:
     assert max(len(one.name) for one in tried) <= 60
 
 
-def test_candidates_are_measured(tmp_path: Path) -> None:
+def test_candidates_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(comparison, "learn_condition", lambda condition: CALIBRATION)
     few = [Candidate(QUICK[0].configuration), Candidate(replace(QUICK[0].configuration, particles=30))]
     found = trade([condition()], few, tmp_path, Workers(1))
     assert [one.candidate for one in found] == few
