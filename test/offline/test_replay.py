@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
@@ -46,8 +48,13 @@ def recording() -> Recording:
     return Recording("simulated", ("x", "y"), ("index", "middle"), sweeps)
 
 
+@cache
+def calibration() -> Calibration:
+    return learn(SCAN, SCENE)
+
+
 def localizer(seed: int = 1) -> Localizer:
-    return build_localizer(SCAN, SCENE, QUICK, np.random.default_rng(seed))
+    return build_localizer(SCAN, SCENE, QUICK, np.random.default_rng(seed), calibration=calibration())
 
 
 def test_a_track_equals_the_localizers_estimates(recording: Recording) -> None:
