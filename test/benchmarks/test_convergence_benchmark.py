@@ -15,6 +15,7 @@ from support.tracks import made_track
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.offline.evaluation import comparison
 from tactile_localizer.offline.evaluation.comparison import Trial, learn_condition
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
 from tactile_localizer.offline.evaluation.jobs import Workers
@@ -66,7 +67,8 @@ def test_a_higher_threshold_converges_later(calibration: dict) -> None:
         assert sum(higher["seam_strains"]) <= sum(lower["seam_strains"])
 
 
-def test_the_curve_has_units(tmp_path: Path) -> None:
+def test_the_curve_has_units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calibration: dict) -> None:
+    monkeypatch.setattr(comparison, "learn_condition", lambda condition: calibration)
     points = convergence.convergence_curve([CONDITION], CONFIGURATION, tmp_path, Workers(1))
     table = convergence.curve_table(points, 0.99)
     assert [row[0] for row in table.rows] == ["0.9", "0.95", "0.99 *", "0.999", "0.9999"]

@@ -23,11 +23,11 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identify")
     for feature in ("bump", "snap"):
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
-        train = simulate_scan(feature, 1, "train")
+        train = simulate_scan(feature, 1, "train", rate=40.0)
         write_csv(folder / "train.csv", train, train.odometry)
         recording = read_csv(folder / "train.csv", scene)
         import_recording(recording, scene, folder / f"{feature}.db", what="test", detail={})
-    test = simulate_scan("snap", 1, "test", sweeps=2)
+    test = simulate_scan("snap", 1, "test", sweeps=2, rate=40.0)
     write_csv(folder / "test.csv", test, test.truth)
     return folder
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import faulthandler
+import math
 import os
 import random
 import resource
@@ -48,7 +49,7 @@ _LONGEST_ERROR = 1000
 def main() -> int:
     """Fuzz for the time that is asked for; the exit status says whether everything held."""
     args = _arguments()
-    until = time.monotonic() + (args.seconds or 60.0 * args.minutes)
+    until = time.monotonic() + 60.0 * args.minutes
     folder = Path(tempfile.mkdtemp(prefix="fuzz_"))
     good = folder / "good"
     good.mkdir()
@@ -65,7 +66,7 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--seconds", type=float, help="in place of minutes")
+    parser.add_argument("--rounds", type=int, help="cases of each kind, in place of minutes")
     parser.add_argument("--seed", type=int, default=0, help="of the first case")
     parser.add_argument("--target", action="append", help="fuzz this kind of file only (repeatable)")
     parser.add_argument("--case", type=int, help="run this one case of a target and show what it prints")
@@ -86,7 +87,8 @@ def _fuzz(targets: list[Target], args: argparse.Namespace, good: Path, folder: P
     cases: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     failures = 0
-    while time.monotonic() < until and failures < args.most_failures:
+    last = math.inf if args.rounds is None else args.seed + args.rounds
+    while time.monotonic() < until and seed < last and failures < args.most_failures:
         for target in targets:
             with _case_folder(folder) as case:
                 status, reason, command = _run_case(target, seed, good, case)

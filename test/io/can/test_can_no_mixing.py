@@ -1,6 +1,6 @@
 """No strain vector holds samples of different cycles, whatever happens to the bus and to the receive times.
 
-``TACTILE_LOCALIZER_CASES=10000`` runs as many cases; the default is 400.
+``TACTILE_LOCALIZER_CASES=10000`` runs as many cases; the default is 200.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tactile_localizer.io.status import MISSING, OK
 
 pytestmark = pytest.mark.slow
 
-CASES = int(os.environ.get("TACTILE_LOCALIZER_CASES", "400"))
+CASES = int(os.environ.get("TACTILE_LOCALIZER_CASES", "200"))
 BLOCK = 100
 MS = 1_000_000
 QUIET = 80
