@@ -106,7 +106,7 @@ def _print_choice(request: str, found: Trade | None, nearest: Trade) -> bool:
     given = [f"-p {name}:={str(value).lower()}" for name, value in candidate.changes.items()]
     print(f"# {request}: {describe(found)}")
     print("# save this and give it as --config, or put it under ros__parameters in config/filter.yaml")
-    if candidate.preset:
+    if candidate.preset and given:
         print(f"# shipped: tactile-localizer replay --config {candidate.preset}")
     if given:
         print(f"# live: ros2 run tactile_localizer filter_node --ros-args {' '.join(given)}")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.offline.evaluation.comparison import Trial, evaluate, trials
 from tactile_localizer.offline.evaluation.conditions import Condition
@@ -30,6 +29,12 @@ _PASSES = 3
 """Repetitions of the sweeps in which time is measured."""
 
 
+DEFAULT = "default"
+"""Name of the configuration without changes, beside those of the presets."""
+BUDGETS_US = (100.0, 200.0, 300.0, 500.0, 1000.0)
+"""Times of a measurement update, us, for which the table of budgets names the most accurate configuration."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A configuration to try.
@@ -37,7 +42,7 @@ class Candidate:
     Parameters
     ----------
     configuration : of the localizer
-    preset : its name, where it is a preset
+    preset : its name, where it is a preset or the :data:`DEFAULT`
     """
 
     configuration: Configuration
@@ -84,8 +89,9 @@ class Trade:
 
 
 def candidates() -> list[Candidate]:
-    """Configurations over model, filter, evaluation, particles, cells and precision."""
-    found = [Candidate(load_configuration(preset), preset=preset) for preset in PRESETS]
+    """Configurations over model, filter, particles, cells, precision and travel between updates."""
+    found = [Candidate(Configuration(), preset=DEFAULT)]
+    found += [Candidate(load_configuration(preset), preset=preset) for preset in PRESETS]
     found += [Candidate(configuration) for configuration in _configurations()]
     unique: dict[Configuration, Candidate] = {}
     for candidate in found:
@@ -95,23 +101,19 @@ def candidates() -> list[Candidate]:
 
 def _configurations() -> Iterator[Configuration]:
     grid = Configuration()
-    particle = replace(grid, filter="particle", particles=300)
-    for step in (0.001, 0.002, 0.003):
+    particle = replace(grid, filter="particle")
+    for step in (0.0005, 0.001, 0.002):
         for cell in (0.15, 0.3, 0.6, 1.0):
             yield replace(grid, cell=cell, update_distance=step)
         for particles in (75, 150, 300, 1000):
             yield replace(particle, particles=particles, update_distance=step)
     few = replace(particle, model="sum_of_gaussians", particles=75)
-    for evaluation in EVALUATIONS:
-        yield replace(few, evaluation=evaluation)
+    yield few
     yield replace(few, precision="float64")
-    for one in (grid, particle):
-        for model in ("sum_of_gaussians", "featureless"):
-            yield replace(one, model=model)
-    for model in ("gaussian", "gaussian_independent"):
+    for model in ("sum_of_gaussians", "featureless"):
+        yield replace(grid, model=model)
+    for model in ("featureless", "gaussian", "gaussian_independent"):
         yield replace(particle, model=model)
-        # As many cells as particles; finer grids would take minutes.
-        yield replace(grid, model=model, cell=0.6)
 
 
 def trade(

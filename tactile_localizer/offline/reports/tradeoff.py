@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator
 
 from tactile_localizer.core.configuration import MODELS
 from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
-from tactile_localizer.offline.evaluation.tradeoff import Trade, pareto_front
+from tactile_localizer.offline.evaluation.tradeoff import BUDGETS_US, Trade, pareto_front, within_budget
 from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
@@ -28,7 +28,7 @@ _COLUMNS = (
 
 
 def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
-    """Tables of the Pareto front, the presets, and everything tried."""
+    """Tables of budgets, the Pareto front, the presets, and everything tried."""
     front = pareto_front(trades)
     presets = [one for one in trades if one.candidate.preset]
     everything = sorted(trades, key=lambda one: one.update_us)
@@ -37,6 +37,7 @@ def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
         "thread, least of three repetitions; peak memory beside the scan."
     )
     return [
+        _budgets(trades),
         Table(
             "Pareto front",
             _COLUMNS,
@@ -46,6 +47,34 @@ def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
         Table("Presets", _COLUMNS, [_row(one) for one in presets], note),
         Table("Everything tried", _COLUMNS, [_row(one) for one in everything], note),
     ]
+
+
+def _budgets(trades: Sequence[Trade]) -> Table:
+    """What is lost with a given time for an update, beside the most accurate configuration."""
+    best = min(one.error.mean for one in trades)
+    rows = []
+    for budget in BUDGETS_US:
+        found = within_budget(trades, budget)
+        if found is None:
+            rows.append((f"{budget:g}", "none", "", "", "", ""))
+            continue
+        rows.append(
+            (
+                f"{budget:g}",
+                found.candidate.name,
+                f"{found.error.mean * MM:.2f}",
+                f"{(found.error.mean - best) * MM:+.2f}",
+                f"{found.update_us:.0f}",
+                f"{found.us_per_mm:.0f}",
+            )
+        )
+    return Table(
+        "Budgets",
+        ("budget, µs", "most accurate configuration", "error, mm", "to the best, mm", "update, µs", "µs/mm"),
+        rows,
+        "Budget: processor time of one measurement update, median. Where it has to be less, updates can be "
+        "rarer: time per millimetre of travel.",
+    )
 
 
 def tradeoff_figure(trades: Sequence[Trade]) -> Figure:

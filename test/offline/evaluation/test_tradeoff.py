@@ -15,12 +15,13 @@ from support.browser import look_at
 from support.evaluations import CALIBRATION, QUICK, condition
 
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
-from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.offline.evaluation import comparison
 from tactile_localizer.offline.evaluation.confidence_interval import Interval
 from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.evaluation.tradeoff import (
+    BUDGETS_US,
+    DEFAULT,
     Candidate,
     Trade,
     candidates,
@@ -63,17 +64,27 @@ def test_a_budget_gives_the_most_accurate_and_a_target_the_fastest() -> None:
     assert for_target(trades, 0.0005) is None
 
 
+def test_a_table_says_what_a_budget_loses() -> None:
+    table = tradeoff_tables([made(500, 2.0), made(150, 4.0), made(250, 3.0)])[0]
+    assert [(row[0], row[2], row[3]) for row in table.rows] == [
+        ("100", "", ""),
+        ("200", "4.00", "+2.00"),
+        ("300", "3.00", "+1.00"),
+        ("500", "2.00", "+0.00"),
+        ("1000", "2.00", "+0.00"),
+    ]
+
+
 def test_candidates_span_the_options_and_contain_the_presets() -> None:
     tried = candidates()
     configurations = [one.configuration for one in tried]
     assert {c.model for c in configurations} == set(MODELS)
     assert {c.filter for c in configurations} == set(FILTERS)
-    assert {c.evaluation for c in configurations} == set(EVALUATIONS)
     assert {c.precision for c in configurations} == {"float64", "float32"}
     assert len({c.particles for c in configurations}) >= 4
     assert {one.preset: one.configuration for one in tried if one.preset} == {
         preset: load_configuration(preset) for preset in PRESETS
-    }
+    } | {DEFAULT: Configuration()}
     assert len({one.name for one in tried}) == len(tried)
     assert max(len(one.name) for one in tried) <= 60
 
@@ -94,7 +105,7 @@ def test_the_report_contains_figure_and_tables(tmp_path: Path) -> None:
     trades = [made(500, 2.0, preset="accurate"), made(100, 4.0, preset="fast"), made(200, 3.0)]
     trades.append(replace(made(150, 9.0), candidate=Candidate(Configuration(model="gaussian"))))
     tables, figure = tradeoff_tables(trades), tradeoff_figure(trades)
-    assert [len(table.rows) for table in tables] == [3, 2, 4]
+    assert [len(table.rows) for table in tables] == [len(BUDGETS_US), 3, 2, 4]
     assert {text.get_text() for text in figure.axes[0].texts} == {"accurate", "fast"}
     path = tmp_path / "report.html"
     write_report(path, "title", "Tried on bump.", {"tradeoff": figure}, tables, "tactile-localizer tradeoff")
