@@ -290,6 +290,7 @@ class FilterNode(ManagedNode):
             self._estimates.publish(self._online.latest, self._localizer, self._inputs.stale)
 
     def _on_diagnostics_due(self) -> None:
+        self._watch()  # in simulated time its timer may stand still
         if self._inputs.stale:
             self._repeat_as_stale()
         self._inputs.lost = self._reader.lost

@@ -75,6 +75,8 @@ def test_without_a_clock_stamps_determine_the_time(filter_in_simulated_time, pro
 
 
 def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe):
+    from diagnostic_msgs.msg import DiagnosticArray
+
     process, posteriors, hand = filter_in_simulated_time
     clock = Clock(probe)
     clock.show()
@@ -90,6 +92,9 @@ def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe
     clock.show()
     hand.offset_ns = clock.now_ns - int(hand.strain_ns[20])
     slide(probe, hand, posteriors, 20)
+    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    probe.until(lambda: len(reports) >= 2, "diagnostics while the clock stands still")
+    assert not posteriors[-1].stale, "a fresh estimate is not repeated as stale"
     clock.run(0.2)
     probe.until(lambda: "no longer stale" in process.output, "the log line")
     assert not posteriors[-1].stale
