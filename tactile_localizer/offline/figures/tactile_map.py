@@ -213,7 +213,6 @@ def _nearest_by_sweep(drawn: DrawnScan, values: np.ndarray, sweep: int) -> dict[
 def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> QuadMesh:
     """Draw the map of one channel and the feature's region; all channels have the same colour scale."""
     tactile_map = drawn.map
-    _outline(plot, drawn.scene, phalanx)
     x, y = (
         display_units(axis, nodes) for axis, nodes in zip(tactile_map.axes, tactile_map.nodes, strict=True)
     )
@@ -223,7 +222,9 @@ def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> Q
     plot.set_facecolor(_NO_DATA)
     if "yaw" not in tactile_map.axes:
         plot.set_aspect("equal")
-    return plot.pcolormesh(x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit)
+    mesh = plot.pcolormesh(x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit)
+    _outline(plot, drawn.scene, phalanx)
+    return mesh
 
 
 def _distinct_channels(tactile_map: TactileMap) -> list[tuple[str, int]]:

@@ -58,6 +58,9 @@ def test_the_region_is_outlined_in_palm_coordinates(scan):
     figure = scan_figures(DrawnScan(scan, scene))["map_index"]
     (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Polygon))
     np.testing.assert_allclose(box.get_path().get_extents().extents, [20.0, 5.0, 30.0, 25.0])
+    drawn = figure.axes[0].get_children()
+    (mesh,) = (artist for artist in drawn if isinstance(artist, QuadMesh))
+    assert drawn.index(box) > drawn.index(mesh), "what is drawn later lies above"
 
 
 def test_axes_have_millimetres_and_inches(scan):
