@@ -5,7 +5,7 @@ phalanx that is left knows something only of sweeps on which it comes by the fea
 25.4 mm apart, and the features are 10 to 12 mm wide. So those sweeps are told apart from the others, and on
 the others the error is compared with that of an observer who knows where it would have felt the feature.
 
-Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/hand.py [--seeds 51 52 53]``.
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/hand.py [--seeds 51 52] [--sweeps 18]``.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ def candidates(seed: int) -> dict[str, tuple[Any, Any]]:
     return {name: (simulate_scan(name, seed=seed).to_scan(), scene) for name, scene in scenes.items()}
 
 
-def name_features(identifier: FeatureIdentifier, seed: int, shares: Shares) -> None:
+def name_features(identifier: FeatureIdentifier, seed: int, sweeps: int, shares: Shares) -> None:
     """Sweep over each feature, over a foreign one and over none."""
     for material in FEATURES + FOREIGN:
-        test = simulate_scan(material, seed, "test")
+        test = simulate_scan(material, seed, "test", sweeps=sweeps)
         for number, part in enumerate(test.slices()):
             identifier.reset()
             right = []
@@ -89,9 +89,9 @@ def cost(identifier: FeatureIdentifier, localizers: Sequence[Localizer], seed: i
     return float(taken[0] / taken[1])
 
 
-def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, errors: Errors) -> None:
+def lose_a_phalanx(localizer: Localizer, feature: str, seed: int, sweeps: int, errors: Errors) -> None:
     """With one phalanx left, on all sweeps, on those that it comes by the feature on, and while converged."""
-    test = simulate_scan(feature, seed, "test")
+    test = simulate_scan(feature, seed, "test", sweeps=sweeps)
     both, both_converged, updated = _track(localizer, test, np.ones(2, dtype=bool))
     y = np.concatenate([np.full(len(k), test.truth[k, 1].mean()) for k in updated])
     for left in range(2):
@@ -153,7 +153,7 @@ def _of_one_who_felt_nothing(
     return np.array(errors)
 
 
-def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
+def measure(seeds: Sequence[int], sweeps: int) -> list[dict[str, Any]]:
     """All of it, one seed after the other."""
     shares: Shares = defaultdict(list)
     errors: Errors = defaultdict(list)
@@ -162,10 +162,10 @@ def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
         identifier, apart = (
             build_identifier(scans, Configuration(), np.random.default_rng(1)) for _ in range(2)
         )
-        name_features(identifier, seed, shares)
+        name_features(identifier, seed, sweeps, shares)
         for feature, (scan, scene) in scans.items():
             localizer = build_localizer(scan, scene, Configuration(), np.random.default_rng(1))
-            lose_a_phalanx(localizer, feature, seed, errors)
+            lose_a_phalanx(localizer, feature, seed, sweeps, errors)
     ratio = cost(identifier, list(apart.localizers.values()), seeds[0])
     named = [
         row(f"feature named right: {name}", 100 * np.mean(each), "%", ">= 95")
@@ -187,4 +187,6 @@ def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[51])
-    record(measure(parser.parse_args().seeds))
+    parser.add_argument("--sweeps", type=int, default=18, help="over each material")
+    args = parser.parse_args()
+    record(measure(args.seeds, args.sweeps))
