@@ -299,6 +299,7 @@ class Tares:
 
         client = self._probe.node.create_client(Trigger, f"driver/{service}")
         self._probe.until(client.service_is_ready, service)
+        self._probe.known_to("driver")
         future = client.call_async(Trigger.Request())
         self.sending(future.done, f"an answer of {service}")
         return future.result()

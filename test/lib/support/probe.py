@@ -55,10 +55,11 @@ class Probe:
         return publisher
 
     def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 30.0) -> Any:
-        """A service's answer, once the service is there."""
+        """The answer of a service of a node, once the service is there and the node knows its client."""
         client = self.node.create_client(kind, service)
         try:
             self.until(client.service_is_ready, f"service {service}", max(timeout_s, _STARTUP_S))
+            self.known_to(service.rpartition("/")[0])
             future = client.call_async(request if request is not None else kind.Request())
             self.until(future.done, f"an answer of {service}", timeout_s)
             return future.result()

@@ -55,6 +55,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     process = managed_filter(node_process, tmp_path, calibrated=False)
     client = probe.node.create_client(ChangeState, "filter/change_state")
     probe.until(client.service_is_ready, "the filter", 60.0)
+    probe.known_to("filter")
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     answer = client.call_async(configure)
     probe.until(lambda: state_of(probe, "filter") == "configuring", "the calibration")
