@@ -56,8 +56,7 @@ def run(args: argparse.Namespace) -> int:
     write_report(
         args.output / "report.html",
         "Tactile localization: evaluation",
-        f"{len(results.conditions)} conditions: {', '.join(results.condition_names)}; "
-        f"{len(methods)} methods.",
+        f"Tried on {', '.join(results.condition_names)}: {', '.join(results.methods)}.",
         figures,
         [*tables, configuration_table(results)],
         command,

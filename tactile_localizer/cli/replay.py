@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import (
@@ -25,6 +23,7 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import INCH, with_contact
@@ -33,6 +32,7 @@ from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import Track, mixture_of, replay
 from tactile_localizer.offline.reports.learned import learned_values
 from tactile_localizer.offline.reports.replay import replay_document
+from tactile_localizer.offline.table import Table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,7 +98,7 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
     if summary["contacts"]:
         console.print(f"travel is counted from contact, which {summary['contacts']} sweeps reach")
     if summary["error_m"]["count"]:
-        console.print(_table(summary))
+        print_tables([_table(summary)])
         if "error_rad" in summary and summary["error_rad"]["count"]:
             median, mean, largest = (
                 np.degrees(summary["error_rad"][name]) for name in ("median", "mean", "max")
@@ -129,35 +129,13 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
 
 
 def _table(summary: dict[str, Any]) -> Table:
-    table = Table(
-        "error",
-        "sweeps",
-        "median mm",
-        "in",
-        "mean mm",
-        "in",
-        "largest mm",
-        "in",
-        box=SIMPLE,
-        padding=(0, 1, 0, 0),
-    )
-    for column in table.columns:
-        column.no_wrap = True
-        column.justify = "left" if column.header == "error" else "right"
+    rows = []
     for mark, error in summary["error_after_travel_m"].items():
         place = f"after {float(mark) * 1e3:g} mm" if float(mark) else "at contact"
-        table.add_row(place, str(error["count"]), *_lengths(error))
-    table.add_section()
-    names = {
-        "error_m": "all strains",
-        "error_contact_m": "on the feature",
-        "error_converged_m": "converged",
-    }
-    for name, title in names.items():
-        error = summary[name]
-        if error is not None and error["count"]:
-            table.add_row(title, "", *_lengths(error))
-    return table
+        rows.append((place, str(error["count"]), *_lengths(error)))
+    names = {"error_m": "all strains", "error_contact_m": "on the feature", "error_converged_m": "converged"}
+    rows += [(title, "", *_lengths(summary[name])) for name, title in names.items() if summary[name]["count"]]
+    return Table("", ("error", "sweeps", "median mm", "in", "mean mm", "in", "largest mm", "in"), rows)
 
 
 def _lengths(error: dict[str, Any]) -> list[str]:

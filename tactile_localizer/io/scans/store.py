@@ -475,11 +475,15 @@ def take_place(renewed: Path, path: Path, kept: Path) -> None:
     OSError
         A file cannot be renamed.
     """
+    with suppress(OSError):  # on file systems with links there is a file under that name at every moment
+        kept.hardlink_to(path)
     # Processes that still read the old file need its log and shared memory under matching names.
-    for suffix in ("-wal", "-shm", ""):
+    for suffix in ("-wal", "-shm"):
         with suppress(FileNotFoundError):
             Path(f"{path}{suffix}").rename(f"{kept}{suffix}")
-    renewed.rename(path)
+    if not kept.exists():
+        path.rename(kept)
+    renewed.replace(path)
 
 
 def _migrate(path: Path) -> None:
