@@ -114,6 +114,7 @@ def _summary(result: SoakResult) -> dict[str, Any]:
         "load": os.getloadavg(),
         "late_for_want_of_a_processor": result.late,
         "memory_judged": result.is_warm,
+        "recorded_pairs_after_warm_up": result.recorded_pairs,
         "memory": {
             name: {"after_warm_up": one.first_bytes, "end": one.last_bytes, "most": max(one.samples)}
             for name, one in result.memory.items()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from harness.memory import Memory, resident_bytes
+from harness.soak_result import SoakResult
 from support.waiting import children
 
 pytestmark = pytest.mark.ros
@@ -79,6 +80,15 @@ def test_memory_growth_after_the_warm_up_is_reported():
     steady = Memory(warm_up=50, samples=[k * 1_000_000 for k in range(50)] + [50_000_000 + n for n in noise])
     assert growing.growth_bytes == pytest.approx(8_000_000, rel=0.1)
     assert abs(steady.growth_bytes) < 10
+
+
+@pytest.mark.parametrize(
+    ("name", "pairs", "fails"), [("mapping", 0, 1), ("mapping", 3000, 0), ("filter", 3000, 1)]
+)
+def test_only_mapping_may_grow_with_its_scan(name, pairs, fails):
+    grown = Memory(samples=[50_000_000] * 10 + [60_000_000] * 10)
+    result = SoakResult(memory={name: grown}, is_warm=True, recorded_pairs=pairs, sweeps=1, believed=1)
+    assert len(result.failures) == fails
 
 
 def test_process_memory_is_measured():

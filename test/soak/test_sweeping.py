@@ -29,7 +29,7 @@ class Mapping:
             self.after_it.append(self.is_recording)
         if service == "simulator/prepare" and not self.begun:
             self.begun, self.is_recording = True, True
-            self._tell(SimpleNamespace(sweep_active=True))
+            self._tell(SimpleNamespace(sweep_active=True, samples=1))
             raise LiveError("no answer")
         return SimpleNamespace(success=True)
 

@@ -132,6 +132,7 @@ class _Soak:
         self._processes, self._sweeping = processes, sweeping
         self._rng = np.random.default_rng(settings.seed)
         self._sampled_s = 0.0
+        self._pairs_when_warm = 0
 
     def run(self) -> None:
         """Fill the result."""
@@ -149,6 +150,7 @@ class _Soak:
                 self.result.ended = str(error)
         belief = self._system.belief
         self.result.sweeps, self.result.judged = self._sweeping.done, belief.judged
+        self.result.recorded_pairs = self._sweeping.pairs - self._pairs_when_warm
         self.result.believed, self.result.wrong = belief.believed, dict(belief.wrong)
         self.result.examples, self.result.errors_m = list(belief.examples), list(belief.errors_m)
 
@@ -159,6 +161,7 @@ class _Soak:
             warm = number >= _ROUNDS_OF_WARM_UP and self._sweeping.done >= _SWEEPS_OF_WARM_UP
             if warm and not self.result.is_warm:
                 self.result.is_warm = True
+                self._pairs_when_warm = self._sweeping.pairs
                 for memory in self.result.memory.values():
                     memory.warm_up = len(memory.samples)
             for index in self._rng.permutation(len(self._settings.faults)):

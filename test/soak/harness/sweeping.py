@@ -34,10 +34,11 @@ class Sweeping:
     Attributes
     ----------
     done : number of completed sweeps
+    pairs : number of pairs in the scan that is recorded
     """
 
     def __init__(self, watcher: Watcher, relay: Relay, belief: BeliefWatch) -> None:
-        self.done = 0
+        self.done = self.pairs = 0
         self._watcher, self._relay, self._belief = watcher, relay, belief
         self._stop = threading.Event()
         self._active: list[bool] = []
@@ -58,7 +59,7 @@ class Sweeping:
         self._thread.join()
 
     def _on_status(self, message: ScanStatus) -> None:
-        self._is_recording = message.sweep_active
+        self._is_recording, self.pairs = message.sweep_active, message.samples
 
     def _sweep_on(self) -> None:
         number = 0
