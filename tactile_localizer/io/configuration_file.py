@@ -42,7 +42,8 @@ def load_configuration(source: str | Path | None = None, **overrides: Any) -> Co
 
 
 def _read(source: str | Path) -> dict[str, Any]:
-    path = _path(source)
+    name = f"{source}.yaml" if str(source) in PRESETS else source
+    path = given_or_shipped(name, "config/presets")
     try:
         content = load_yaml(path, "a configuration file", ParameterError)
     except FileNotFoundError:
@@ -58,8 +59,3 @@ def _read(source: str | Path) -> dict[str, Any]:
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
     return values
-
-
-def _path(source: str | Path) -> Path:
-    name = str(source)
-    return given_or_shipped(f"{name}.yaml" if name in PRESETS else source, "config/presets")

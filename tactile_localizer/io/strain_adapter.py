@@ -26,6 +26,7 @@ import re
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,12 +67,19 @@ class FieldPath:
         if not all(_SEGMENT.fullmatch(segment) for segment in self.text.split(".")):
             raise ParameterError(f"field {self.text!r}: expected a path such as wrench.force.x or data[0:16]")
 
+    @cached_property
+    def _steps(self) -> list[tuple[str, int | slice | None]]:
+        """Names of nested fields, each with the index or the part of its array."""
+        steps: list[tuple[str, int | slice | None]] = []
+        for name, first, end in _SEGMENT.findall(self.text):
+            steps.append((name, slice(int(first), int(end)) if end else int(first) if first else None))
+        return steps
+
     @property
     def size(self) -> int | None:
         """Number of values at the path; ``None`` for a number or an array of unknown length."""
-        match = _SEGMENT.fullmatch(self.text.split(".")[-1])
-        assert match is not None
-        return int(match.group(3)) - int(match.group(2)) if match.group(3) else None
+        _, part = self._steps[-1]
+        return part.stop - part.start if isinstance(part, slice) else None
 
     def of(self, message: Any) -> Any:
         """Value at the path in a message.
@@ -83,14 +91,9 @@ class FieldPath:
         """
         value = message
         try:
-            for segment in self.text.split("."):
-                match = _SEGMENT.fullmatch(segment)
-                assert match is not None
-                value = getattr(value, match.group(1))
-                if match.group(3):
-                    value = value[int(match.group(2)) : int(match.group(3))]
-                elif match.group(2):
-                    value = value[int(match.group(2))]
+            for name, part in self._steps:
+                value = getattr(value, name)
+                value = value if part is None else value[part]
         except (AttributeError, IndexError, TypeError):
             raise MeasurementError(f"field {self.text}: expected it in the message, found none") from None
         return value

@@ -63,14 +63,9 @@ def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
     return np.sum(along**2 / np.maximum(values, _NARROWEST), axis=1)
 
 
-def calibration(
-    scene: Scene, tracks: Sequence[Track], keep: Sequence[np.ndarray] | None = None
-) -> dict[str, Any]:
-    """Normalized estimation error squared (NEES) per degree of freedom, and coverage of the 95 % region.
-
-    ``keep`` selects entries of each track; by default all with a known truth count.
-    """
-    squared = _pooled([squared_mahalanobis(scene, track) for track in tracks], keep)
+def calibration(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
+    """Normalized estimation error squared (NEES) per degree of freedom, and coverage of the 95 % region."""
+    squared = _pooled([squared_mahalanobis(scene, track) for track in tracks])
     if not len(squared):
         return {"nees": None, "coverage_95": None}
     limit = chdtri(scene.dimension, 1.0 - CONFIDENCE)

@@ -26,14 +26,12 @@ class TareAverage:
     ----------
     phalanges : names, in the order of the strain vector
     spread_limit : largest standard deviation of a gauge in a hand at rest, V
-    layout : channels of the strain vector by phalanx; ``None``: the default channels each
+    layout : channels of the strain vector by phalanx
     """
 
-    def __init__(
-        self, phalanges: Sequence[str], spread_limit: float, layout: ChannelLayout | None = None
-    ) -> None:
+    def __init__(self, phalanges: Sequence[str], spread_limit: float, layout: ChannelLayout) -> None:
         self._phalanges = phalanges
-        self._layout = layout or ChannelLayout.of((), len(phalanges))
+        self._layout = layout
         self._spread_limit = spread_limit
         self._vectors: list[np.ndarray] = []
 
@@ -71,10 +69,10 @@ class TareAverage:
         return np.asarray(np.nanmean(vectors, axis=0))
 
 
-def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout | None = None) -> np.ndarray:
+def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout) -> np.ndarray:
     """Read offsets (C,), V, from a file; zeros for phalanges without an entry, or without a file.
 
-    ``layout``: the channels by phalanx; ``None``: the default channels each.
+    ``layout``: the channels by phalanx.
 
     Raises
     ------
@@ -82,7 +80,6 @@ def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout | None
         The file cannot be read, was not written by :func:`store_tare`, or has other channels.
     """
     stored = _read(path)
-    layout = layout or ChannelLayout.of((), len(phalanges))
     offset = np.zeros(layout.size)
     for name, own, channels in zip(phalanges, layout.slices, layout.counts, strict=True):
         values = stored.get(name, [0.0] * channels)
@@ -94,9 +91,7 @@ def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout | None
     return offset
 
 
-def store_tare(
-    path: Path, phalanges: Sequence[str], offset: np.ndarray, layout: ChannelLayout | None = None
-) -> None:
+def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray, layout: ChannelLayout) -> None:
     """Write ``offset`` (C,), V, to a file, keeping the entries of other phalanges; zeros have no entry.
 
     ``layout`` as for :func:`load_tare`.
@@ -107,7 +102,6 @@ def store_tare(
         The file cannot be read or written.
     """
     stored = _read(path)
-    layout = layout or ChannelLayout.of((), len(phalanges))
     for name, values in zip(phalanges, layout.split(offset), strict=True):
         stored.pop(name, None)
         if values.any():

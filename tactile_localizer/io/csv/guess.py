@@ -22,13 +22,11 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ANGLES,
     LENGTHS,
-    SI_INSIDE_FRACTION,
     TIMES,
     ColumnNaming,
     Columns,
     channel_names,
     fitting_unit,
-    inside,
 )
 from tactile_localizer.io.csv.table import listed, read_table
 from tactile_localizer.scene import MOST_CHANNELS, Axis, Phalanx, Scene
@@ -254,9 +252,6 @@ def _is_position(plain: str, axis: str, alone: bool) -> bool:
 
 def _length_unit(axis: Axis, values: np.ndarray) -> tuple[float, str]:
     """Factor for positions without a stated unit: 1 if they fit the bounds, else that of a fitting unit."""
-    values = values[np.isfinite(values)]
-    if not len(values) or inside(axis, values) >= SI_INSIDE_FRACTION:
-        return 1.0, "name"
     found = fitting_unit(axis, values, ANGLES if axis.name == "yaw" else LENGTHS)
     return (found[1], f"fits the bounds in {found[0]}") if found else (1.0, "name")
 

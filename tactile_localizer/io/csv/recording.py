@@ -88,15 +88,14 @@ def read_csv(
 
 
 def _read_file(path: Path, scene: Scene, naming: ColumnNaming) -> Recording:
-    speed = naming.speed
-    rows = _read_rows(path, scene, naming, speed)
-    sweeps = tuple(_sweep(number, samples, scene, speed) for number, samples in rows.by_sweep.items())
+    rows = _read_rows(path, scene, naming)
+    sweeps = tuple(_sweep(number, samples, scene, naming) for number, samples in rows.by_sweep.items())
     return Recording(
         str(path),
         scene.axis_names,
         scene.phalanx_names,
         sweeps,
-        (*rows.notes(path), *_unit_notes(path, rows, scene, naming, speed)),
+        (*rows.notes(path), *_unit_notes(path, rows, scene, naming)),
         scene.layout.counts,
         rows.bad.total(),
     )
@@ -137,11 +136,11 @@ class _Rows:
             yield f"{path}: sorted {len(self.sorted_sweeps)} sweeps with backward stamps by their stamps"
 
 
-def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]) -> _Rows:
+def _read_rows(path: Path, scene: Scene, naming: ColumnNaming) -> _Rows:
     rows = _Rows()
     table = read_table(path)
     _, header = next(table, (0, []))
-    picker = _Picker.of(path, [name.strip() for name in header], scene, naming, speed)
+    picker = _Picker.of(path, [name.strip() for name in header], scene, naming)
     for line, cells in table:
         rows.total += 1
         try:
@@ -173,14 +172,12 @@ def _read_rows(path: Path, scene: Scene, naming: ColumnNaming, speed: Mapping[st
     return rows
 
 
-def _unit_notes(
-    path: Path, rows: _Rows, scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]
-) -> Iterator[str]:
+def _unit_notes(path: Path, rows: _Rows, scene: Scene, naming: ColumnNaming) -> Iterator[str]:
     """Hints at units that would bring positions inside the bounds, for axes with most positions outside."""
-    recorded = [axis for axis in scene.axis_names if axis not in speed]
+    recorded = [axis for axis in scene.axis_names if axis not in naming.speed]
     for axis in scene.axes:
-        if axis.name in speed:
-            parts = [_travelled(samples, speed[axis.name], axis) for samples in rows.by_sweep.values()]
+        if axis.name in naming.speed:
+            parts = [_travelled(samples, naming.speed[axis.name], axis) for samples in rows.by_sweep.values()]
             found = fitting_unit(axis, np.concatenate(parts), TIMES)
             quantity, name = "stamp_s", naming.of("stamp_s")
         else:
@@ -245,9 +242,7 @@ class _Picker:
     positions: int
 
     @classmethod
-    def of(
-        cls, path: Path, header: list[str], scene: Scene, naming: ColumnNaming, speed: Mapping[str, float]
-    ) -> _Picker:
+    def of(cls, path: Path, header: list[str], scene: Scene, naming: ColumnNaming) -> _Picker:
         channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
 
         def find(quantity: str, name: str) -> int:
@@ -260,7 +255,7 @@ class _Picker:
             return header.index(name)
 
         stamp = naming.of("stamp_s")
-        axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in speed}
+        axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in naming.speed}
         required = {**axes, **{phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}}
         sweep = naming.of("sweep").names[0]
         has_sweep = sweep in header or "sweep" in naming.columns
@@ -302,16 +297,14 @@ class _Picker:
         return ""
 
 
-def _sweep(
-    number: int, samples: Sequence[_Sample], scene: Scene, speed: Mapping[str, float]
-) -> RecordedSweep:
+def _sweep(number: int, samples: Sequence[_Sample], scene: Scene, naming: ColumnNaming) -> RecordedSweep:
     stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
     values = np.array([sample.values for sample in samples])
-    recorded = [axis for axis in scene.axis_names if axis not in speed]
+    recorded = [axis for axis in scene.axis_names if axis not in naming.speed]
     columns = dict(zip(recorded, values.T, strict=False))
     position = np.column_stack(
         [
-            columns[axis.name] if axis.name in columns else _travelled(samples, speed[axis.name], axis)
+            columns[axis.name] if axis.name in columns else _travelled(samples, naming.speed[axis.name], axis)
             for axis in scene.axes
         ]
     )

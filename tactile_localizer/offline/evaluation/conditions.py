@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -39,29 +39,6 @@ class Material:
     scene: Scene
     recording: Recording
     blank: Recording | None = None
-
-
-class Condition(Protocol):
-    """A named map and its sweeps, with a random seed."""
-
-    @property
-    def name(self) -> str:
-        """Name in tables and figures."""
-
-    @property
-    def seed(self) -> int:
-        """Seed of the filter and of the simulation."""
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """Values that identify this condition, as JSON can hold them."""
-
-    @property
-    def map_identity(self) -> dict[str, Any]:
-        """Values that identify its scan and scene: calibrations of equal maps are equal."""
-
-    def load(self) -> Material:
-        """The map and the sweeps."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +159,10 @@ class RecordedCondition:
         if any(sweep.truth is None for sweep in recording.sweeps):
             recording = with_odometry(recording, self.scene, rng, SIMULATED)
         return Material(self.scan, self.scene, recording)
+
+
+Condition: TypeAlias = SimulatedCondition | RecordedCondition
+"""A named map and its sweeps, with a random seed. Calibrations of equal ``map_identity`` are equal."""
 
 
 def _digest(arrays: Sequence[np.ndarray]) -> str:

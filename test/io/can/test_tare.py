@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.can.tare import TareAverage, load_tare, store_tare
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
 HAND = ("index", "middle")
+LAYOUT = ChannelLayout((8, 8))
 
 
 def average_of(vectors: np.ndarray, spread_limit: float = 0.02) -> np.ndarray:
-    average = TareAverage(HAND, spread_limit)
+    average = TareAverage(HAND, spread_limit, LAYOUT)
     for vector in vectors:
         average.add(vector, np.zeros(len(HAND)))
     return average.offset()
@@ -54,7 +56,7 @@ def test_values_that_are_not_finite_are_ignored() -> None:
 
 @pytest.mark.parametrize("status", [MISSING, SATURATED, FAULT])
 def test_phalanges_with_bad_status_are_refused(status: int) -> None:
-    average = TareAverage(HAND, 0.02)
+    average = TareAverage(HAND, 0.02, LAYOUT)
     for _ in range(20):
         average.add(np.zeros(16), np.array([0, status]))
     with pytest.raises(MeasurementError, match="samples of middle, got 0"):
@@ -63,12 +65,12 @@ def test_phalanges_with_bad_status_are_refused(status: int) -> None:
 
 def test_offsets_are_stored_by_phalanx(tmp_path: Path) -> None:
     path = tmp_path / "kept" / "tare.yaml"
-    assert not load_tare(path, HAND).any()
+    assert not load_tare(path, HAND, LAYOUT).any()
     both = np.arange(16) / 7
-    store_tare(path, HAND, both)
-    np.testing.assert_array_equal(load_tare(path, ("middle", "thumb")), [*both[8:], *np.zeros(8)])
-    store_tare(path, ("index",), np.zeros(8))  # cleared
-    np.testing.assert_array_equal(load_tare(path, HAND), [*np.zeros(8), *both[8:]])
+    store_tare(path, HAND, both, LAYOUT)
+    np.testing.assert_array_equal(load_tare(path, ("middle", "thumb"), LAYOUT), [*both[8:], *np.zeros(8)])
+    store_tare(path, ("index",), np.zeros(8), ChannelLayout((8,)))  # cleared
+    np.testing.assert_array_equal(load_tare(path, HAND, LAYOUT), [*np.zeros(8), *both[8:]])
     assert [file.name for file in path.parent.iterdir()] == ["tare.yaml"]
 
 
@@ -77,11 +79,11 @@ def test_other_files_than_tare_files_are_refused(tmp_path: Path, text: str) -> N
     path = tmp_path / "tare.yaml"
     path.write_text(text)
     with pytest.raises(ParameterError, match=r"tare\.yaml: expected ") as refusal:
-        load_tare(path, HAND)
+        load_tare(path, HAND, LAYOUT)
     assert "\n" not in str(refusal.value)
 
 
 def test_an_unwritable_tare_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ParameterError, match="tare file"):
-        store_tare(tmp_path / "file" / "tare.yaml", HAND, np.ones(16))
+        store_tare(tmp_path / "file" / "tare.yaml", HAND, np.ones(16), LAYOUT)
