@@ -124,8 +124,6 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._session = model.new_session
-        if self._session is not None:
-            bayes_filter.carry(self._session.width)
         self._presence = Presence((1.0,) if self._session is None else (1.0 - NEW_SESSION, NEW_SESSION))
         self._offset = SweepOffset(scene.layout, model.offset_variance)
         self._consistency = PhalanxConsistency(scene.layout)
@@ -256,13 +254,8 @@ class Localizer:
         evaluation = self.model.evaluate(states, whitened, used, self._offset.phalanx_variance())
 
         exponent = min(1.0, stretch / self._information_length())
-        position, evidence = evaluation.position, None
-        if self._session is not None and self._new_session_is_possible():
-            evidence, carried = self._session.evaluate(
-                self.filter.carried(), log_prior, evaluation, whitened, used, exponent, travel
-            )
-            self.filter.store(carried)
-            position = evidence.position
+        evidence = self._in_a_new_session(log_prior, evaluation, whitened, used, exponent, travel)
+        position = evaluation.position if evidence is None else evidence.position
         self.filter.update(exponent * position)
         self._belief = self.filter.belief()
 
@@ -281,17 +274,31 @@ class Localizer:
         used = present & self._consistency.consistent
         return used if used.any() else present
 
-    def _new_session_is_possible(self) -> bool:
-        """Whether another session is probable enough to be worth its evaluation."""
+    def _in_a_new_session(
+        self,
+        log_prior: np.ndarray,
+        evaluation: Evaluation,
+        whitened: np.ndarray,
+        used: np.ndarray,
+        exponent: float,
+        travel: float,
+    ) -> Evidence | None:
+        """What the strain says where the session is open; ``None`` where it is that of the scan."""
+        if self._session is None:
+            return None
         same, new = self._presence.maps
-        return bool(new > _NEGLIGIBLE_SESSION * (same + new))
+        if new <= _NEGLIGIBLE_SESSION * (same + new):
+            self._session.reset()
+            return None
+        ancestors = self.filter.ancestors()
+        return self._session.evaluate(ancestors, log_prior, evaluation, whitened, used, exponent, travel)
 
     def _information_length(self) -> float:
         """m of travel that make one independent measurement, over the kinds of session that are possible."""
-        lengths = [self.model.information_length]
-        if self._session is not None:
-            lengths.append(self._session.length)
-        return float(np.average(lengths, weights=self._presence.maps))
+        if self._session is None:
+            return self.model.information_length
+        same, new = self._presence.maps
+        return float((same * self.model.information_length + new * self._session.length) / (same + new))
 
     def _decide(
         self,
@@ -310,13 +317,13 @@ class Localizer:
         elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
         self._exponent = min(1.0, stretch / self.model.presence_length)
         self._explanations = np.array([here, elsewhere, evaluation.featureless])
-        log_likelihoods = self._exponent * self._explanations
+        log_likelihoods = [self._exponent * each for each in (here, elsewhere, evaluation.featureless)]
         if self._session is not None:
             # Against unknown material that is as free.
             log_ratio = 0.0 if evidence is None else evidence.log_ratio
             new = min(1.0, stretch / self._session.length) * log_ratio + log_likelihoods[1]
-            log_likelihoods = np.insert(log_likelihoods, 1, new)
-        self._presence.update(log_likelihoods)
+            log_likelihoods.insert(1, new)
+        self._presence.update(np.array(log_likelihoods))
         assert self._belief is not None
         near = self.filter.mass_near(self._belief.mean, self._convergence.criteria.radius)
         self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)

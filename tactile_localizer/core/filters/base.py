@@ -34,14 +34,14 @@ class BayesFilter(Protocol):
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) that have weight, and the logarithms (P,) of their normalised weights."""
 
-    def carry(self, width: int) -> None:
-        """Let each state carry ``width`` numbers along its trajectory; zeros where a trajectory begins."""
+    def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the states of :meth:`prior` come from.
 
-    def carried(self) -> np.ndarray:
-        """Numbers (P, width) that the states of :meth:`prior` carry."""
-
-    def store(self, carried: np.ndarray) -> None:
-        """Replace what the states of :meth:`prior` carry, (P, width)."""
+        Returns
+        -------
+        index : (P,) int, of the state before, in the order of the last :meth:`prior`
+        share : (P,) of a state's weight that has come along; the rest has just begun there
+        """
 
     def update(self, log_likelihood: np.ndarray) -> None:
         """Weight the states of :meth:`prior` by ``log_likelihood`` (P,).

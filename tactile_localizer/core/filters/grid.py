@@ -10,6 +10,7 @@ from scipy import ndimage
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
@@ -17,7 +18,7 @@ _THREE_POINT = 0.6
 """Variance, in cells squared, up to which three points represent a Gaussian step."""
 _WORTH_DIFFUSING = 0.02
 """Variance, in cells squared, below which diffusion is saved up: a step costs the same however small."""
-_NEGLIGIBLE = 1e-10
+_NEGLIGIBLE = 1e-7
 """Weight of a cell, relative to the largest, below which it is not evaluated."""
 
 
@@ -54,13 +55,15 @@ class GridFilter:
             low + size * (np.arange(count) + 0.5)
             for low, size, count in zip(scene.lower, self._cell, self._shape, strict=True)
         ]
+        self._unmoved_states = flatten_axes(self._unmoved)
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
         self._size = int(np.prod(self._shape))
         self._belief: np.ndarray
         self._offset: np.ndarray
         self._pending: np.ndarray
-        self._carried = np.zeros((*self._shape, 0))
+        self._alive: np.ndarray
+        self._shifted: np.ndarray
         self.reset()
 
     def reset(self) -> None:
@@ -89,6 +92,7 @@ class GridFilter:
         for axis in np.flatnonzero(cells):
             kept *= self._shift(int(axis), int(cells[axis]))
         self._offset -= cells * self._cell
+        self._shifted += cells
         self._pending = self._pending + self._motion.variance(travel) / self._cell**2
         for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
             kept *= self._diffuse(int(axis))
@@ -96,31 +100,28 @@ class GridFilter:
 
     def inject(self, fraction: float) -> None:
         """See :meth:`.BayesFilter.inject`."""
-        if fraction > _NEGLIGIBLE:
-            kept = (1.0 - fraction) * self._belief
-            self._belief = kept + fraction / self._size
-            # A cell's trajectory is the mean of those that it was and of those that begin there.
-            self._carried *= (kept / self._belief)[..., None]
+        self._injected = fraction / self._size if fraction > _NEGLIGIBLE else 0.0
+        if self._injected:
+            self._belief = (1.0 - fraction) * self._belief + self._injected
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.prior`."""
-        weights = self._find_alive()
-        self._log_prior = np.log(weights)
-        return self._states(), self._log_prior
+        self._before, self._shift_since = self._alive, self._shifted
+        self._shifted = np.zeros_like(self._shifted)
+        weights = self._belief.ravel()
+        self._alive = _alive(weights)
+        self._weights = weights[self._alive]
+        self._log_prior = np.log(self._weights)
+        return self._unmoved_states[self._alive] + self._offset, self._log_prior
 
-    def carry(self, width: int) -> None:
-        """See :meth:`.BayesFilter.carry`."""
-        self._carried = np.zeros((*self._shape, width))
-
-    def carried(self) -> np.ndarray:
-        """See :meth:`.BayesFilter.carried`."""
-        return self._carried.reshape(self._size, -1)[self._alive]
-
-    def store(self, carried: np.ndarray) -> None:
-        """See :meth:`.BayesFilter.store`."""
-        every = np.zeros((self._size, carried.shape[1]))
-        every[self._alive] = carried
-        self._carried = every.reshape(self._carried.shape)
+    def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`.BayesFilter.ancestors`; a cell's is where it was, and diffusion counts for nothing."""
+        rows = np.full(self._shape, -1)
+        rows.ravel()[self._before] = np.arange(len(self._before))
+        for axis in np.flatnonzero(self._shift_since):
+            rows = self._rolled(rows, int(axis), int(self._shift_since[axis]), -1)
+        index = rows.ravel()[self._alive]
+        return np.maximum(index, 0), np.where(index < 0, 0.0, 1.0 - self._injected / self._weights)
 
     def update(self, log_likelihood: np.ndarray) -> None:
         """See :meth:`.BayesFilter.update`."""
@@ -149,8 +150,7 @@ class GridFilter:
             for b in range(a):
                 covariance[a, b] = covariance[b, a] = deviations[b] @ self._marginal(b, a) @ deviations[a]
         weights = self._belief.ravel()
-        alive = int(np.count_nonzero(weights > _NEGLIGIBLE * weights.max()))
-        return Belief(mean, covariance, float(1.0 / (weights @ weights)), alive)
+        return Belief(mean, covariance, float(1.0 / (weights @ weights)), len(_alive(weights)))
 
     def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
         """See :meth:`.BayesFilter.mass_near`."""
@@ -163,27 +163,17 @@ class GridFilter:
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
-        weights = self._find_alive()
-        return self._states(), weights / weights.sum()
+        weights = self._belief.ravel()
+        alive = _alive(weights)
+        return self._unmoved_states[alive] + self._offset, weights[alive] / weights[alive].sum()
 
     def _place(self, belief: np.ndarray) -> None:
         self._belief = belief / belief.sum()
-        self._carried = np.zeros_like(self._carried)
         self._offset = np.zeros(len(self._shape))
         self._pending = np.zeros(len(self._shape))
-
-    def _find_alive(self) -> np.ndarray:
-        """Note which cells have weight, and return their weights (P,)."""
-        weights = self._belief.ravel()
-        self._alive = np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
-        return weights[self._alive]
-
-    def _states(self) -> np.ndarray:
-        """Centres of the cells that have weight, (P, d)."""
-        states = np.empty((len(self._alive), len(self._shape)))
-        for axis, index in enumerate(np.unravel_index(self._alive, self._shape)):
-            states[:, axis] = self._centres(axis)[index]
-        return states
+        self._alive = np.zeros(0, dtype=np.intp)
+        self._shifted = np.zeros(len(self._shape), dtype=int)
+        self._injected = 0.0
 
     def _centres(self, axis: int) -> np.ndarray:
         """Centres of the cells along an axis."""
@@ -201,14 +191,16 @@ class GridFilter:
 
     def _shift(self, axis: int, cells: int) -> float:
         """Move the cells along one axis; what leaves a scene that does not wrap is lost."""
-        moved, carried = (np.roll(each, cells, axis=axis) for each in (self._belief, self._carried))
+        return self._normalize(self._rolled(self._belief, axis, cells, 0.0))
+
+    def _rolled(self, values: np.ndarray, axis: int, cells: int, empty: float) -> np.ndarray:
+        """Values of the cells that were there before the cells moved, ``empty`` where there were none."""
+        moved = np.roll(values, cells, axis=axis)
         if not self._wraps[axis]:
             emptied = [slice(None)] * moved.ndim
             emptied[axis] = slice(None, cells) if cells > 0 else slice(cells, None)
-            moved[tuple(emptied)] = 0.0
-            carried[tuple(emptied)] = 0.0
-        self._carried = carried
-        return self._normalize(moved)
+            moved[tuple(emptied)] = empty
+        return moved
 
     def _diffuse(self, axis: int) -> float:
         """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
@@ -228,3 +220,8 @@ class GridFilter:
         total = float(belief.sum())
         self._belief = belief / total if total > 0.0 else np.full(belief.shape, 1.0 / self._size)
         return total
+
+
+def _alive(weights: np.ndarray) -> np.ndarray:
+    """Indices of the cells that have weight."""
+    return np.flatnonzero(weights > _NEGLIGIBLE * weights.max())

@@ -58,7 +58,7 @@ class ParticleFilter:
         self._bounds = Region(tuple(self._lower), tuple(self._upper))
         self._states: np.ndarray
         self._log_weights: np.ndarray
-        self._carried = np.zeros((particles, 0))
+        self._ancestors: np.ndarray
         self.reset()
 
     def reset(self) -> None:
@@ -96,19 +96,12 @@ class ParticleFilter:
         """See :meth:`.BayesFilter.prior`."""
         if self._random:
             self._replace_lightest(self._random)
+        self._before, self._ancestors = self._ancestors, np.arange(self._count)
         return self._states, self._log_weights
 
-    def carry(self, width: int) -> None:
-        """See :meth:`.BayesFilter.carry`."""
-        self._carried = np.zeros((self._count, width))
-
-    def carried(self) -> np.ndarray:
-        """See :meth:`.BayesFilter.carried`."""
-        return self._carried
-
-    def store(self, carried: np.ndarray) -> None:
-        """See :meth:`.BayesFilter.store`."""
-        self._carried = carried
+    def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`.BayesFilter.ancestors`."""
+        return np.maximum(self._before, 0), np.where(self._before < 0, 0.0, 1.0)
 
     def update(self, log_likelihood: np.ndarray) -> None:
         """See :meth:`.BayesFilter.update`."""
@@ -136,7 +129,7 @@ class ParticleFilter:
     def _place(self, states: np.ndarray) -> None:
         count = len(states)
         self._states = states
-        self._carried = np.zeros_like(self._carried)
+        self._ancestors = np.full(count, -1)
         self._log_weights = np.full(count, -math.log(count))
 
     def _spread(self, count: int) -> np.ndarray:
@@ -149,7 +142,7 @@ class ParticleFilter:
         order = self._rng.permutation(len(self._states))
         lightest = order[np.argpartition(self._log_weights[order], count - 1)[:count]]
         self._states[lightest] = self._spread(count)
-        self._carried[lightest] = 0.0
+        self._ancestors[lightest] = -1
         self._log_weights[lightest] = -math.log(len(self._states))
         self._log_weights, _ = normalize(self._log_weights)
 
@@ -164,7 +157,7 @@ class ParticleFilter:
         ancestors = self._resample(weights, self._count, self._rng)
         jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
         self._states = self._states[ancestors] + jitter
-        self._carried = self._carried[ancestors]
+        self._ancestors = self._ancestors[ancestors]
         self._log_weights = np.full(self._count, -math.log(self._count))
 
     def _regularization(self, weights: np.ndarray) -> np.ndarray:

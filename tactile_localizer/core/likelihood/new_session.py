@@ -87,10 +87,6 @@ class NewSession:
     strain_map : tables of expectation and variance; of pairs of sweeps the nearest one is used
     length : m of travel that make one independent observation: neighbouring places feel alike, so on a
         shorter way any material can be fitted with an offset and a gain
-
-    Attributes
-    ----------
-    width : how many numbers a trajectory carries
     """
 
     def __init__(self, noise: NoiseModel, strain_map: StrainMap, length: float) -> None:
@@ -100,41 +96,42 @@ class NewSession:
         # A product with these columns sums over the channels of each phalanx, several times faster.
         self._columns = self._layout.expand(np.eye(len(self._counts))).T
         sizes = [self._layout.size] * 2 + [len(self._counts)] * 5 + [1]
-        self.width = sum(sizes)
-        self._ends = np.cumsum(sizes)[:-1]
+        self._width, self._ends = sum(sizes), np.cumsum(sizes)[:-1]
         self._unknown = _UnknownMaterial(self._layout, float(strain_map.variance.mean()))
+        self._carried: np.ndarray | None = None
 
     def reset(self) -> None:
-        """Forget the unknown material; the filter forgets the trajectories."""
+        """Forget the trajectories and the unknown material."""
+        self._carried = None
         self._unknown.reset()
 
     def evaluate(
         self,
-        carried: np.ndarray,
+        ancestors: tuple[np.ndarray, np.ndarray],
         log_prior: np.ndarray,
         same: Evaluation,
         strain: np.ndarray,
         used: np.ndarray,
         exponent: float,
         travel: float,
-    ) -> tuple[Evidence, np.ndarray]:
+    ) -> Evidence:
         """Compare the two kinds of session, and learn offset and gain in the other one.
 
         Parameters
         ----------
-        carried : (P, width) sums of each trajectory; zeros where it has just begun
+        ancestors : of the states, see :meth:`.BayesFilter.ancestors`
         log_prior : (P,) of the states
         same : the strain's evaluation in the session of the scan
         strain : (C,) whitened
         used : (F,) bool, phalanges that count
         exponent : share of an independent measurement that this strain makes
         travel : m since the last strain
-
-        Returns
-        -------
-        evidence : of the strain
-        carried : (P, width) with the strain
         """
+        index, share = ancestors
+        if self._carried is None:
+            carried = np.zeros((len(index), self._width))
+        else:
+            carried = self._carried[index] * share[:, None]
         sums = _Sums(*np.split(carried, self._ends, axis=1))
         volume = float(self._noise.log_volume[used].sum())
         mean = self._map.mean[same.nodes, 0].astype(np.float64)
@@ -167,7 +164,8 @@ class NewSession:
         )
         carried = (carried + np.concatenate(new, axis=1)) * math.exp(-travel / _MEMORY)
         carried[:, -1:] = carried[:, -1:].clip(-_MOST_LOG_ODDS, _MOST_LOG_ODDS)
-        return evidence, carried
+        self._carried = carried
+        return evidence
 
     def _densities(
         self, sums: _Sums, mean: np.ndarray, variance: np.ndarray, residual: np.ndarray, used: np.ndarray

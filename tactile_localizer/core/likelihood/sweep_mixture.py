@@ -83,10 +83,10 @@ class SweepMixture:
         """See :meth:`.StrainModel.evaluate`."""
         nodes = self.map.nearest(states)
         rows = self._tables.take(np.concatenate([nodes, self._places]))
-        plain, inflated = self._densities(rows, strain, used, offset_variance)
-        volume = float(self.noise.log_volume[used].sum())
         count = len(nodes)
-        position = _mixed(plain[:count]) + volume
+        plain, inflated = self._densities(rows, count, strain, used, offset_variance)
+        volume = float(self.noise.log_volume[used].sum())
+        position = _mixed(plain) + volume
         wide = _mixed(inflated) + volume
         other, elsewhere = wide[:count], log_mean(wide[count:])
         featureless = self._featureless(strain, used, offset_variance) + volume
@@ -103,9 +103,9 @@ class SweepMixture:
         return Expected(strain - mean, spread, weights @ self.map.variance[nodes, 0])
 
     def _densities(
-        self, rows: _Rows, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
+        self, rows: _Rows, count: int, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Log-densities (P, K) of a strain at rows of the tables, with priors; and of larger variance."""
+        """Log-densities (P, K) of a strain with priors: of the first ``count`` places, wider of all."""
         strain = strain.astype(np.float32)
         columns = self._phalanges * strain[:, None]
         # |z - m|^2 by one product with the table instead of differences channel by channel.
@@ -118,11 +118,12 @@ class SweepMixture:
         heads = np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32)
         wide = np.float32(INFLATION) * variance
         wide += squared
-        squared += variance
+        first = count * self._components
+        narrow = squared[:first] + variance[:first]
         common = np.log(variance, out=variance) @ heads
         common += rows.log_prior
-        plain = np.log(squared, out=squared) @ tails
-        plain += common
+        plain = np.log(narrow, out=narrow) @ tails
+        plain += common[:first]
         inflated = np.log(wide, out=wide) @ tails
         inflated += common
         inflated += heads.sum() * np.float32(np.log(INFLATION))

@@ -21,6 +21,11 @@ NODES, CHANNELS, VARIANCE = 20, 4, 1.5
 ONE = np.ones(1, bool)
 
 
+def unmoved(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ancestors of ``count`` states that stay where they are."""
+    return np.arange(count), np.ones(count)
+
+
 def session(seed: int = 0) -> tuple[NewSession, np.ndarray]:
     """A session of one phalanx, and the strains (NODES, CHANNELS) that its map expects."""
     mean = 3.0 * np.random.default_rng(seed).standard_normal((NODES, 1, CHANNELS)).astype(np.float32)
@@ -55,9 +60,8 @@ def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
     rng = np.random.default_rng(1)
     offset = 5.0 * rng.standard_normal(CHANNELS)
     felt = [offset + means[5] + 0.5, offset + means[6] - 0.5]
-    carried = np.zeros((3, model.width))
-    _, carried = model.evaluate(carried, log_prior, nowhere(first), felt[0], ONE, 1.0, 0.0)
-    evidence, _ = model.evaluate(carried, log_prior, nowhere(second), felt[1], ONE, 1.0, 0.0)
+    model.evaluate(unmoved(3), log_prior, nowhere(first), felt[0], ONE, 1.0, 0.0)
+    evidence = model.evaluate(unmoved(3), log_prior, nowhere(second), felt[1], ONE, 1.0, 0.0)
     for index in range(3):
         m0, m1 = means[first[index]], means[second[index]]
         start = OFFSET_VARIANCE * np.eye(CHANNELS) + GAIN_STD**2 * np.outer(m0, m0)
@@ -75,27 +79,35 @@ def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
 def test_before_any_strain_another_session_has_its_prior_probability() -> None:
     model, means = session()
     same = Evaluation(*[np.zeros(1)] * 3, 0.0, -np.inf, np.array([4]))
-    evidence, _ = model.evaluate(np.zeros((1, model.width)), np.zeros(1), same, means[4], ONE, 1.0, 0.0)
+    evidence = model.evaluate(unmoved(1), np.zeros(1), same, means[4], ONE, 1.0, 0.0)
     # The scan's session is certain of the strain; the other has next to no density there.
     assert evidence.position[0] == pytest.approx(np.log(1.0 - NEW_SESSION), abs=1e-3)
 
 
-def test_a_strain_that_does_not_count_teaches_nothing() -> None:
+def second_position(exponent: float, share: float = 1.0) -> float:
+    """Log-likelihood of a strain after one with an offset that counted with ``exponent``."""
     model, means = session()
-    carried = np.ones((1, model.width))
-    same = Evaluation(*[np.zeros(1)] * 3, 0.0, -np.inf, np.array([4]))
-    _, after = model.evaluate(carried, np.zeros(1), same, means[4], ONE, 0.0, 0.0)
-    np.testing.assert_allclose(after, carried)
+    here = nowhere(np.array([4]))
+    model.evaluate(unmoved(1), np.zeros(1), here, means[4] + 8.0, ONE, exponent, 0.0)
+    ancestors = np.zeros(1, dtype=int), np.full(1, share)
+    return float(model.evaluate(ancestors, np.zeros(1), here, means[4] + 8.0, ONE, 1.0, 0.0).position[0])
+
+
+def test_only_a_strain_that_counts_teaches_the_offset() -> None:
+    assert second_position(1.0) > second_position(0.0) + 5.0
+
+
+def test_a_trajectory_that_begins_anew_knows_no_offset() -> None:
+    assert second_position(1.0, share=0.0) == pytest.approx(second_position(0.0))
 
 
 def test_no_material_is_explained_by_a_map_of_no_gain() -> None:
     """Strains that do not vary: a map that varies does not explain them, whatever the offset."""
     model, _ = session()
-    carried, ratio = np.zeros((1, model.width)), 0.0
+    ratio = 0.0
     for node in range(NODES):
         felt = 0.1 * np.random.default_rng(node).standard_normal(CHANNELS)
-        evidence, carried = model.evaluate(
-            carried, np.zeros(1), nowhere(np.array([node])), felt, ONE, 1.0, 0.001
-        )
+        here = nowhere(np.array([node]))
+        evidence = model.evaluate(unmoved(1), np.zeros(1), here, felt, ONE, 1.0, 0.001)
         ratio += evidence.log_ratio
     assert ratio < -10.0
