@@ -39,7 +39,7 @@ def test_it_is_the_weight_of_the_states_in_the_ellipsoid_also_across_the_turn(ki
     deviation = states - mean
     deviation[:, 2] = wrap_angle(deviation[:, 2])
     inside = np.sum((deviation / radius) ** 2, axis=1) <= 1.0
-    assert made.mass_near(mean, radius) == pytest.approx(weights[inside].sum(), abs=1e-5)
+    assert made.mass_near(mean, radius) == pytest.approx(weights[inside].sum(), abs=1e-9)
 
 
 def test_nothing_is_near_a_place_outside() -> None:
