@@ -155,8 +155,7 @@ class Localizer:
 
     def explanations(self) -> tuple[float, float, float]:
         """Probabilities of the map, of unknown material and of featureless material off the map."""
-        on_map, unknown = self._presence.probability, self._presence.unknown
-        return on_map, unknown, max(0.0, 1.0 - on_map - unknown)
+        return self._presence.probability, self._presence.unknown, self._presence.featureless
 
     def update(
         self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None

@@ -51,7 +51,12 @@ class Presence:
     @property
     def unknown(self) -> float:
         """Of being on unknown material."""
-        return self._weights[len(self._shares)]
+        return self._weights[-2]
+
+    @property
+    def featureless(self) -> float:
+        """Of being on featureless material off the maps."""
+        return self._weights[-1]
 
     def predict(self, travel: float, left: float) -> float:
         """Advance by ``travel`` metres, on which the share ``left`` of the belief left the scene.

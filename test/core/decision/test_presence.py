@@ -11,8 +11,8 @@ FOR_MAP, FOR_UNKNOWN, FOR_FEATURELESS = 20.0 * np.eye(3)
 
 
 def total(presence: Presence) -> float:
-    """Sum of all probabilities, the one of featureless material by what it would return."""
-    return float(sum(presence._weights))
+    """Sum of all probabilities."""
+    return presence.probability + presence.unknown + presence.featureless
 
 
 def test_at_first_the_map_is_as_probable_as_not() -> None:
