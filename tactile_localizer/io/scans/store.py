@@ -11,7 +11,7 @@ import itertools
 import json
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -287,9 +287,8 @@ class ScanStore(ScanReader):
             There is no such sweep, or the file cannot be written.
         """
         if number not in self._entries:
-            raise ScanError(
-                f"{self.path}: expected a sweep of {_ranges(sorted(self._entries))}, got {number}"
-            )
+            known = f"{min(self._entries)} to {max(self._entries)}" if self._entries else "none"
+            raise ScanError(f"{self.path}: expected a sweep of {known}, got {number}")
         self._write([], f"sweep {number}", replace(self._entries[number], dropped=dropped))
         self.note("drop sweep" if dropped else "restore sweep", {"sweep": number})
 
@@ -399,10 +398,6 @@ class ScanStore(ScanReader):
         self._entries = entries
 
 
-def _ranges(numbers: list[int]) -> str:
-    return f"{numbers[0]} to {numbers[-1]}" if numbers else "none"
-
-
 def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
     """Require that pairs of both scenes can share one file: same axes, bounds, phalanges and name.
 
@@ -411,25 +406,20 @@ def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
     ScanError
         The scenes differ; the message names the difference.
     """
-    for what, found_values, expected_values in (
-        ("axes", found.axis_names, expected.axis_names),
-        ("lower bounds", tuple(found.lower), tuple(expected.lower)),
-        ("upper bounds", tuple(found.upper), tuple(expected.upper)),
-        ("phalanges", found.phalanx_names, expected.phalanx_names),
-        ("channels", found.layout.counts, expected.layout.counts),
-        ("phalanx offsets", _offsets(found), _offsets(expected)),
-        ("name", (found.name,), (expected.name,)),
-    ):
-        if found_values != expected_values:
-            raise ScanError(f"{where}: expected {what} {_text(expected_values)}, found {_text(found_values)}")
-
-
-def _offsets(scene: Scene) -> tuple[tuple[float, ...], ...]:
-    return tuple(phalanx.offset for phalanx in scene.phalanges)
-
-
-def _text(values: tuple[Any, ...]) -> str:
-    return ", ".join(value if isinstance(value, str) else f"{value}" for value in values)
+    values: dict[str, Callable[[Scene], Iterable[object]]] = {
+        "axes": lambda scene: scene.axis_names,
+        "lower bounds": lambda scene: scene.lower,
+        "upper bounds": lambda scene: scene.upper,
+        "phalanges": lambda scene: scene.phalanx_names,
+        "channels": lambda scene: scene.layout.counts,
+        "phalanx offsets": lambda scene: [phalanx.offset for phalanx in scene.phalanges],
+        "name": lambda scene: [scene.name],
+    }
+    for what, of in values.items():
+        own, other = list(of(found)), list(of(expected))
+        if own != other:
+            wanted, given = (", ".join(map(str, each)) for each in (other, own))
+            raise ScanError(f"{where}: expected {what} {wanted}, found {given}")
 
 
 @contextmanager
