@@ -33,6 +33,9 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
+_COARSE = 0.6
+"""Spacings of the scan's lines that a block of cells may take up where the belief has no detail: the cells of
+the preset ``balanced``, which loses next to nothing (docs/tradeoff.md)."""
 
 
 def build_localizer(
@@ -170,7 +173,7 @@ def _built(
         kernels = build_model(without, scene, configuration, parameters)
         length = parameters.correlation_length or mixture.presence_length
         model = KernelPosition(kernels, mixture, length)
-    bayes_filter = _build_filter(scene, configuration, mixture.cell, rng)
+    bayes_filter = _build_filter(scene, configuration, model, mixture.cell, rng)
     return _assembled(scene, configuration, bayes_filter, model, calibration.registration_std)
 
 
@@ -195,10 +198,12 @@ def _assembled(
 
 
 def _build_filter(
-    scene: Scene, configuration: Configuration, cell: np.ndarray, rng: np.random.Generator
+    scene: Scene, configuration: Configuration, model: StrainModel, cell: np.ndarray, rng: np.random.Generator
 ) -> BayesFilter:
     if configuration.filter == "grid":
-        return GridFilter(scene, cell)
+        if scene.dimension != 2 or model.new_session is not None:
+            return GridFilter(scene, cell)
+        return GridFilter(scene, cell, coarse=cell * (_COARSE / configuration.cell))
     return ParticleFilter(
         scene,
         rng,

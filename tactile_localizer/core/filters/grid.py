@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.filters.blocks import MOST_APART, Blocks
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import flatten_axes
@@ -35,6 +36,8 @@ class GridFilter:
     ----------
     scene : bounds and motion noise
     cell : (d,) largest size of a cell, m (yaw: rad)
+    coarse : (d,) largest size of a block of cells that is one hypothesis where the belief has no detail;
+        ``None``: every cell is one, as :meth:`ancestors` needs
 
     Raises
     ------
@@ -44,7 +47,7 @@ class GridFilter:
 
     MOST_CELLS = 4_000_000
 
-    def __init__(self, scene: Scene, cell: np.ndarray) -> None:
+    def __init__(self, scene: Scene, cell: np.ndarray, coarse: np.ndarray | None = None) -> None:
         extent = scene.upper - scene.lower
         counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
         if float(np.prod(counts)) > self.MOST_CELLS:
@@ -61,6 +64,10 @@ class GridFilter:
         self._motion = MotionModel(scene)
         self._wraps = scene.wraps
         self._size = int(np.prod(self._shape))
+        self._blocks: Blocks | None = None
+        if coarse is not None and self._size > MOST_APART:
+            self._blocks = Blocks(self._unmoved, np.maximum((coarse / self._cell + 1e-9).astype(int), 1))
+        self._in_blocks = False
         self._belief: np.ndarray
         self._offset: np.ndarray
         self._pending: np.ndarray
@@ -107,14 +114,20 @@ class GridFilter:
             self._belief = (1.0 - fraction) * self._belief + self._injected
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`.BayesFilter.prior`."""
+        """See :meth:`.BayesFilter.prior`; a state is a cell, or a block of them."""
         self._before, self._shift_since = self._alive, self._shifted
         self._shifted = np.zeros_like(self._shifted)
         weights = self._belief.ravel()
         self._alive = _alive(weights)
-        self._weights = weights[self._alive]
+        self._in_blocks = self._blocks is not None and len(self._alive) > MOST_APART
+        if self._blocks is not None and self._in_blocks:
+            self._alive = self._blocks.divide(weights)
+            states = np.concatenate([self._unmoved_states[self._alive], self._blocks.centres])
+            self._weights = np.concatenate([weights[self._alive], self._blocks.masses])
+        else:
+            states, self._weights = self._unmoved_states[self._alive], weights[self._alive]
         self._log_prior = np.log(self._weights)
-        return self._unmoved_states[self._alive] + self._offset, self._log_prior
+        return states + self._offset, self._log_prior
 
     def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.ancestors`; a cell's is where it was, and diffusion counts for nothing."""
@@ -131,8 +144,11 @@ class GridFilter:
         peak = log_posterior.max()
         if peak > -math.inf:
             posterior = np.exp(log_posterior - peak)
-            belief = np.zeros(self._size)
-            belief[self._alive] = posterior / posterior.sum()
+            posterior /= posterior.sum()
+            apart, belief = len(self._alive), np.zeros(self._size)
+            if self._blocks is not None and self._in_blocks:
+                belief = self._blocks.spread(posterior[apart:])
+            belief[self._alive] = posterior[:apart]
             self._belief = belief.reshape(self._shape)
 
     def belief(self) -> Belief:
