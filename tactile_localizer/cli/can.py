@@ -77,8 +77,12 @@ def run(args: argparse.Namespace) -> int:
     """Read the bus or the log; 1 where ``check`` found a problem."""
     if args.seconds is not None and not args.seconds > 0:
         raise ParameterError(f"--seconds: expected more than 0, got {args.seconds:g}")
-    parameters = DEFAULTS | _read_config(args.config)
-    parameters |= {
+    parameters = DEFAULTS
+    if args.config is not None:
+        parameters = parameters | load_yaml(
+            args.config, "driver parameters", ParameterError, _driver_parameters
+        )
+    parameters = parameters | {
         name: value for name, value in vars(args).items() if name in DEFAULTS and value is not None
     }
     protocol = _protocol(parameters)
@@ -94,22 +98,15 @@ def run(args: argparse.Namespace) -> int:
     return _report(console, check)
 
 
-def _read_config(path: Path | None) -> dict[str, Any]:
-    if path is None:
-        return {}
+def _driver_parameters(content: Any) -> dict[str, Any]:
     try:
-        (node,) = load_yaml(path, "driver parameters", ParameterError).values()
+        (node,) = content.values()
         parameters = dict(node["ros__parameters"])
-    except FileNotFoundError:
-        raise ParameterError(f"{path}: expected driver parameters, found none") from None
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"{path}: expected ros__parameters of one node, found none") from None
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise ParameterError("expected ros__parameters of one node, found none") from None
     for name, value in parameters.items():
-        expected = _kind_missed(name, value)
-        if expected:
-            raise ParameterError(f"{path}: {name}: expected {expected}, got {reprlib.repr(value)}")
+        if expected := _kind_missed(name, value):
+            raise ParameterError(f"{name}: expected {expected}, got {reprlib.repr(value)}")
     return parameters
 
 

@@ -44,18 +44,13 @@ def load_configuration(source: str | Path | None = None, **overrides: Any) -> Co
 def _read(source: str | Path) -> dict[str, Any]:
     name = f"{source}.yaml" if str(source) in PRESETS else source
     path = given_or_shipped(name, "config/presets")
-    try:
-        content = load_yaml(path, "a configuration file", ParameterError)
-    except FileNotFoundError:
-        raise ParameterError(
-            f"{path}: expected a configuration file or one of {', '.join(PRESETS)}, found none"
-        ) from None
+    what = f"a configuration file or one of {', '.join(PRESETS)}"
+    return load_yaml(path, what, ParameterError, _checked)
+
+
+def _checked(content: Any) -> dict[str, Any]:
     content = {} if content is None else content
     if not isinstance(content, Mapping):
-        raise ParameterError(f"{path}: expected a mapping of names to values, got {reprlib.repr(content)}")
-    values = dict(content)
-    try:
-        Configuration.from_mapping(values)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from None
-    return values
+        raise ParameterError(f"expected a mapping of names to values, got {reprlib.repr(content)}")
+    Configuration.from_mapping(content)
+    return dict(content)

@@ -40,18 +40,11 @@ def load_scene(path: str | Path) -> Scene:
     SceneError
         The file is missing, is not YAML, or describes an invalid scene.
     """
-    path = Path(path)
+    shipped = sorted(file.name for file in resource_path("config/scenes").iterdir())
+    scene = load_yaml(path, f"a scene file or one of {', '.join(shipped)}", SceneError, scene_from_dict)
     try:
-        content = load_yaml(path, "a scene file", SceneError)
-    except FileNotFoundError:
-        shipped = sorted(file.name for file in resource_path("config/scenes").iterdir())
-        raise SceneError(
-            f"{path}: expected a scene file or one of {', '.join(shipped)}, found none"
-        ) from None
-    try:
-        scene = scene_from_dict(content)
         ModelParameters.of_scene(scene)
-    except (SceneError, ParameterError) as error:
+    except ParameterError as error:
         raise SceneError(f"{path}: {error}") from None
     return scene
 

@@ -230,14 +230,7 @@ def load_adapter(path: str | Path) -> StrainAdapter:
     ParameterError
         The file is missing or invalid.
     """
-    try:
-        content = load_yaml(path, "a strain adapter", ParameterError)
-    except FileNotFoundError:
-        raise ParameterError(f"{path}: expected a strain adapter in YAML, found none") from None
-    try:
-        return adapter_from_dict(content)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from None
+    return load_yaml(path, "a strain adapter in YAML", ParameterError, adapter_from_dict)
 
 
 def adapter_from_dict(content: Any) -> StrainAdapter:

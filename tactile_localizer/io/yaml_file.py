@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -25,6 +25,8 @@ _MAX_DEPTH = 16
 
 _MAX_VALUES = 20_000
 """Most values, with aliases expanded."""
+
+_Converted = TypeVar("_Converted")
 
 _PREFIX = "tag:yaml.org,2002:"
 _TAGS = {_PREFIX + kind for kind in ("null", "bool", "int", "float", "str", "seq", "map")}
@@ -77,7 +79,9 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(_PREFIX + _tag, re.compile(rf"(?:{_pattern})\Z", re.ASCII), _first)
 
 
-def load_yaml(path: str | Path, what: str, error: type[TactileLocalizerError]) -> Any:
+def load_yaml(
+    path: str | Path, what: str, error: type[TactileLocalizerError], convert: Callable[[Any], _Converted]
+) -> _Converted:
     """Read a YAML file.
 
     Parameters
@@ -85,18 +89,14 @@ def load_yaml(path: str | Path, what: str, error: type[TactileLocalizerError]) -
     path : the file
     what : the expected kind of file for messages, such as ``a scene file``
     error : class of the exception to raise
-
-    Returns
-    -------
-    Any
-        Mappings with strings as keys, lists, strings, numbers, booleans, ``None``.
+    convert : makes the result of the content: mappings with strings as keys, lists, strings, numbers,
+        booleans, ``None``
 
     Raises
     ------
-    FileNotFoundError
-        There is no such file; the caller can add which files exist.
     TactileLocalizerError
-        As ``error``: the file cannot be read, is not YAML, or exceeds the limits above.
+        As ``error``: the file is missing, cannot be read, is not YAML, exceeds the limits above, or cannot
+        be converted.
     """
     path = Path(path)
     try:
@@ -105,7 +105,7 @@ def load_yaml(path: str | Path, what: str, error: type[TactileLocalizerError]) -
         with path.open("rb") as file:
             content = file.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
-        raise
+        raise error(f"{path}: expected {what}, found none") from None
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or "invalid path"
         raise error(f"{str(path)[:80]}: expected {what}, could not read it: {reason}") from None
@@ -116,9 +116,11 @@ def load_yaml(path: str | Path, what: str, error: type[TactileLocalizerError]) -
     except UnicodeDecodeError:
         raise error(f"{path}: expected {what}, could not read it: not UTF-8") from None
     try:
-        return parse_yaml(text)
+        return convert(parse_yaml(text))
     except yaml.YAMLError as problem:
         raise error(f"{path}: expected YAML, {in_one_line(problem)}") from None
+    except TactileLocalizerError as problem:
+        raise error(f"{path}: {problem}") from None
 
 
 def parse_yaml(text: str) -> Any:

@@ -12,7 +12,7 @@ from tactile_localizer.io.yaml_file import MAX_FILE_BYTES, load_yaml, parse_yaml
 
 
 def load(path):
-    return load_yaml(path, "a scene file", SceneError)
+    return load_yaml(path, "a scene file", SceneError, lambda content: content)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_other_paths_than_files_are_refused(tmp_path):
     (tmp_path / "text").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(SceneError, match="not UTF-8"):
         load(tmp_path / "text")
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(SceneError, match="expected a scene file, found none"):
         load(tmp_path / "none")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -116,12 +117,13 @@ def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray, layout:
 
 
 def _read(path: Path) -> dict[str, list[float]]:
-    try:
-        stored = load_yaml(path, "a tare file", ParameterError) or {}
-    except FileNotFoundError:
-        return {}
+    return load_yaml(path, "a tare file", ParameterError, _offsets) if path.exists() else {}
+
+
+def _offsets(content: Any) -> dict[str, list[float]]:
+    stored = content or {}
     if not isinstance(stored, dict) or not all(_is_offset(values) for values in stored.values()):
-        raise ParameterError(f"tare file {path}: expected voltages for each phalanx, found something else")
+        raise ParameterError("expected voltages for each phalanx, found something else")
     return stored
 
 

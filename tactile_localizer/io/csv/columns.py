@@ -120,26 +120,19 @@ def load_naming(path: str | Path) -> ColumnNaming:
     ScanError
         The file is missing or does not hold a naming.
     """
-    try:
-        content = load_yaml(path, "a column naming", ScanError)
-    except FileNotFoundError:
-        raise ScanError(f"{path}: expected a column naming in YAML, found none") from None
-    if not isinstance(content, Mapping):
-        raise ScanError(f"{path}: expected a mapping of names, got {content!r}")
-    try:
-        return naming_from_dict(content)
-    except ScanError as error:
-        raise ScanError(f"{path}: {error}") from None
+    return load_yaml(path, "a column naming in YAML", ScanError, naming_from_dict)
 
 
-def naming_from_dict(content: Mapping[Any, Any]) -> ColumnNaming:
+def naming_from_dict(content: Any) -> ColumnNaming:
     """Make a naming from its YAML form.
 
     Raises
     ------
     ScanError
-        An entry is neither a name nor a list of names.
+        It is not a mapping, or an entry is neither a name nor a list of names.
     """
+    if not isinstance(content, Mapping):
+        raise ScanError(f"expected a mapping of names, got {content!r}")
     entries = {str(quantity): value for quantity, value in content.items()}
     unit = str(entries.pop("strain_unit", "V"))
     speed = _speed(entries.pop("speed", {}))
