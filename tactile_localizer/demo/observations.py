@@ -121,8 +121,9 @@ class Observations:
 
     def localized_sweep(self, number: int, end_ns: int, contact: Contact | None) -> LiveSweep:
         """The finished sweep: estimates up to ``end_ns``, and the interpolated truth at their stamps."""
-        truths = np.array(self.truths, dtype=np.float64)
-        known_ns = np.array([stamp_ns for stamp_ns, _, _ in self.truths], dtype=np.int64)
+        known = list(self.truths)  # the watcher's thread may append
+        truths = np.array(known, dtype=np.float64)
+        known_ns = np.array([stamp_ns for stamp_ns, _, _ in known], dtype=np.int64)
         estimates = [one for one in self.posteriors if known_ns[0] <= one.stamp_ns <= end_ns]
         stamp_ns = np.array([one.stamp_ns for one in estimates], dtype=np.int64)
         since = known_ns[0]

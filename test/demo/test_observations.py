@@ -19,6 +19,22 @@ def test_truth_is_interpolated_at_the_stamps():
     np.testing.assert_allclose(sweep.truth, [[0.0025, 0.005], [0.005, 0.01], [0.01, 0.02]])
 
 
+def test_truth_may_arrive_while_a_sweep_is_evaluated():
+    from tactile_localizer.demo.observations import Observations, PosteriorSample
+
+    class Growing(list):
+        def __iter__(self):
+            read = list(self[:])
+            self.append((100 * len(self), 0.01, 0.02))
+            return iter(read)
+
+    observations = Observations()
+    observations.truths = Growing([(0, 0.0, 0.0), (100, 0.01, 0.02)])
+    observations.posteriors = [PosteriorSample(50, np.zeros(2), np.eye(2), False, "", 0.0)]
+    sweep = observations.localized_sweep(0, 100, None)
+    np.testing.assert_allclose(sweep.truth, [[0.005, 0.01]])
+
+
 def test_mapping_is_ready_when_it_receives_strain_and_poses():
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
