@@ -57,7 +57,7 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
     Parameters
     ----------
     value : of types that :func:`plain` accepts
-    rows : name of a list to be written with one entry per line
+    rows : name of a list to be written with one entry per line, as it is iterated
 
     Raises
     ------
@@ -65,13 +65,16 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
         The file cannot be written.
     """
     text = json.dumps(plain({name: entry for name, entry in value.items() if name != rows}), indent=1)
-    if rows is not None:
-        lines = ",\n".join(map(_line, value[rows]))
-        text = f'{text[:-2]},\n "{rows}": [\n{lines}\n]\n}}'
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as unfinished:
-            unfinished.write_text(text + "\n", encoding="utf-8")
+        with whole_file(path) as unfinished, unfinished.open("w", encoding="utf-8") as file:
+            if rows is None:
+                file.write(text + "\n")
+                return
+            file.write(f'{text[:-2]},\n "{rows}": [\n')
+            for number, row in enumerate(value[rows]):
+                file.write((",\n" if number else "") + _line(row))
+            file.write("\n]\n}\n")
     except OSError as error:
         raise ScanError(f"{path}: expected to write results, {error.strerror}") from None

@@ -20,6 +20,7 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import plain, plain_columns, write_json
 from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.reports.replay import Updates
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
@@ -144,3 +145,11 @@ def test_unwritable_results_leave_no_file(tmp_path: Path) -> None:
         with pytest.raises(ScanError, match=f"{path}: expected to write results, {reason}"):
             write_json(path, {"n": 1})
     assert [path.name for path in tmp_path.iterdir()] == ["out.json"]
+
+
+def test_updates_are_rows_made_some_at_a_time(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    tracks = replay(localizer(), recording)
+    whole = list(Updates(SCENE, tracks))
+    assert len(whole) == len(Updates(SCENE, tracks)) == len(recording)
+    monkeypatch.setattr(Updates, "_AT_ONCE", 7)
+    assert list(Updates(SCENE, tracks)) == whole

@@ -42,37 +42,60 @@ def replay_document(
         "learned": dict(learned),
         "scene": scene_to_dict(scene),
         "axes": scene.axis_names,
-        "updates": [update for track in tracks for update in _updates(scene, track)],
+        "updates": Updates(scene, tracks),
     }
 
 
-def _updates(scene: Scene, track: Track) -> Iterator[dict[str, Any]]:
-    columns: dict[str, Any] = {
-        "stamp_s": [stamp_ns / 1e9 for stamp_ns in track.stamp_ns.tolist()],
-        "stamp_ns": track.stamp_ns,
-        "sweep": [track.number] * len(track),
-        "mean": track.mean,
-        "covariance": track.covariance,
-        "trace": track.trace,
-        "converged": track.converged,
-        "state": [state.value for state in track.state],
-        "reason": list(track.reason),
-        "probability": track.probability,
-        "on_map": track.on_map,
-        "log_marginal": track.log_marginal,
-        "updated": track.updated,
-        "travel_m": track.travel,
-        "truth": _known(track),
-        "error_m": position_error(scene, track),
-    }
-    if "yaw" in scene.axis_names:
-        columns["error_rad"] = yaw_error(scene, track)
-    return plain_columns(columns)
+class Updates:
+    """Every update of some tracks as rows by name, made some at a time: an hour's take more than a gigabyte.
+
+    Parameters
+    ----------
+    scene : of the localizer
+    tracks : whose updates they are
+    """
+
+    _AT_ONCE = 4096
+
+    def __init__(self, scene: Scene, tracks: Sequence[Track]) -> None:
+        self._scene, self._tracks = scene, tracks
+
+    def __len__(self) -> int:
+        return sum(map(len, self._tracks))
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        for track in self._tracks:
+            for begin in range(0, len(track), self._AT_ONCE):
+                yield from self._rows(track, slice(begin, begin + self._AT_ONCE))
+
+    def _rows(self, track: Track, part: slice) -> Iterator[dict[str, Any]]:
+        columns: dict[str, Any] = {
+            "stamp_s": [stamp_ns / 1e9 for stamp_ns in track.stamp_ns[part].tolist()],
+            "stamp_ns": track.stamp_ns[part],
+            "sweep": [track.number] * len(track.stamp_ns[part]),
+            "mean": track.mean[part],
+            "covariance": track.covariance[part],
+            "trace": track.trace[part],
+            "converged": track.converged[part],
+            "state": [state.value for state in track.state[part]],
+            "reason": list(track.reason[part]),
+            "probability": track.probability[part],
+            "on_map": track.on_map[part],
+            "log_marginal": track.log_marginal[part],
+            "updated": track.updated[part],
+            "travel_m": track.travel[part],
+            "truth": _known(track, part),
+            "error_m": position_error(self._scene, track)[part],
+        }
+        if "yaw" in self._scene.axis_names:
+            columns["error_rad"] = yaw_error(self._scene, track)[part]
+        return plain_columns(columns)
 
 
-def _known(track: Track) -> list[list[float] | None]:
+def _known(track: Track, part: slice) -> list[list[float] | None]:
     """True positions; ``None`` where an axis is unknown."""
     if track.truth is None:
-        return [None] * len(track)
-    known = np.isfinite(track.truth).all(axis=1).tolist()
-    return [place if is_known else None for place, is_known in zip(track.truth.tolist(), known, strict=True)]
+        return [None] * len(track.stamp_ns[part])
+    truth = track.truth[part]
+    known = np.isfinite(truth).all(axis=1).tolist()
+    return [place if is_known else None for place, is_known in zip(truth.tolist(), known, strict=True)]
