@@ -96,7 +96,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
     _draw_presets(plot, [one for one in trades if one.candidate.preset])
     plot.axhline(TENTH_INCH_MM, color="0.6", ls="--", lw=0.8)
     plot.set_axisbelow(True)
-    plot.margins(x=0.1)
+    plot.margins(x=0.3)
     plot.set_xscale("log")
     plot.set_yscale("log")
     plot.set_ylim(bottom=0.85 * front[-1].error.mean * MM)
@@ -117,7 +117,7 @@ def _places(trades: Sequence[Trade]) -> tuple[list[float], list[float]]:
 
 
 def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
-    """Circle the presets and put their names below, in a row without overlaps."""
+    """Circle the presets and put their names below, in two rows without overlaps."""
     in_order = sorted(presets, key=lambda one: one.update_us)
     for row, one in enumerate(in_order):
         place = (one.update_us, one.error.mean * MM)
@@ -125,7 +125,7 @@ def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
         plot.annotate(
             one.candidate.preset,
             place,
-            xytext=(48 * (row - (len(in_order) - 1) / 2), -34),
+            xytext=(30 * (row - (len(in_order) - 1) / 2), -34 - 16 * (row % 2)),
             textcoords="offset points",
             fontsize=9,
             ha="center",
