@@ -13,6 +13,7 @@ from tactile_localizer.cli.conditions import (
     add_worker_arguments,
     conditions_from_arguments,
 )
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.errors import ParameterError
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print the tables, write figures, report and numbers."""
+    end_as_by_interrupt()
     methods = methods_of(args.methods)
     conditions = conditions_from_arguments(args)
     workers = Workers(args.jobs, args.dask)

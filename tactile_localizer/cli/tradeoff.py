@@ -14,6 +14,7 @@ from tactile_localizer.cli.conditions import (
     add_worker_arguments,
     conditions_from_arguments,
 )
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.errors import ParameterError
@@ -58,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Try all candidates and write figure, report and numbers; 1 where none meets the budget or target."""
+    end_as_by_interrupt()
     for name in ("budget_us", "target_mm"):
         value = getattr(args, name)
         if value is not None and not value > 0:
