@@ -6,41 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.tracks import made_track
+from support.tracks import SAMPLES, SHEET, sheet_track
 
 from tactile_localizer.offline.evaluation.outcome import sweep_outcome
-from tactile_localizer.offline.replay import Track
-from tactile_localizer.scene import Axis, Phalanx, Scene
-
-SCENE = Scene("sheet", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)), (Phalanx("index", (0.0, 0.0)),))
-N = 50
-
-
-def track(contact: tuple[int, int] = (20, 39)) -> Track:
-    """50 samples 1 mm apart along x, 10 ms each: off by 10 mm until sample 20, by 1 mm from then on."""
-    truth = np.column_stack([0.0005 + 0.001 * np.arange(N), np.full(N, 0.02)])
-    error = np.where(np.arange(N) < 20, 0.010, 0.001)
-    return made_track(
-        truth + np.column_stack([np.zeros(N), error]),
-        error,
-        truth,
-        converged=(np.arange(N) >= 25) & (np.arange(N) < 45),
-        contact=contact,
-        stamp_ns=np.arange(N, dtype=np.int64) * 10**7,
-        log_marginal=np.linspace(10.0, 59.0, N),
-    )
 
 
 def test_errors_are_separated_by_contact() -> None:
-    outcome = sweep_outcome(SCENE, track())
+    outcome = sweep_outcome(SHEET, sheet_track())
     assert outcome["error_contact_m"] == pytest.approx(0.001)
-    assert outcome["error_m"] == pytest.approx((20 * 0.010 + 30 * 0.001) / N)
+    assert outcome["error_m"] == pytest.approx((20 * 0.010 + 30 * 0.001) / SAMPLES)
     assert outcome["nees_contact"] == pytest.approx(0.5)
     assert outcome["coverage"] == 1.0
 
 
 def test_convergence_is_counted_from_contact() -> None:
-    outcome = sweep_outcome(SCENE, track())
+    outcome = sweep_outcome(SHEET, sheet_track())
     assert outcome["converged"]
     assert not outcome["converged_before"]
     assert outcome["travel_to_convergence_m"] == pytest.approx(0.005)
@@ -48,29 +28,29 @@ def test_convergence_is_counted_from_contact() -> None:
 
 
 def test_convergence_counts_between_contact_and_feature_end() -> None:
-    early = sweep_outcome(SCENE, track((30, 39)))
+    early = sweep_outcome(SHEET, sheet_track((30, 39)))
     assert early["converged_before"]
     assert early["travel_to_convergence_m"] == pytest.approx(-0.005)
-    late = sweep_outcome(SCENE, track((5, 20)))
+    late = sweep_outcome(SHEET, sheet_track((5, 20)))
     assert not late["converged"]
     assert late["travel_to_convergence_m"] is None
 
 
 def test_a_sweep_without_contact_lies_before_it() -> None:
-    outcome = sweep_outcome(SCENE, track((-1, -1)))
+    outcome = sweep_outcome(SHEET, sheet_track((-1, -1)))
     assert outcome["error_contact_m"] is None
     assert not outcome["converged_before"]
 
 
 def test_a_sweep_without_usable_strain_has_no_numbers() -> None:
-    whole = track()
+    whole = sheet_track()
     of_none = {
         name: value[:0]
         for name, value in vars(whole).items()
         if isinstance(value, np.ndarray | tuple) and name != "contact"
     }
-    nothing = replace(whole, **of_none, refused=N)
+    nothing = replace(whole, **of_none, refused=SAMPLES)
     for contact in ((20, 39), (-1, -1)):
-        outcome = sweep_outcome(SCENE, replace(nothing, contact=contact))
+        outcome = sweep_outcome(SHEET, replace(nothing, contact=contact))
         assert not outcome["converged"]
         assert outcome["error_contact_m"] is None
