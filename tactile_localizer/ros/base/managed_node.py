@@ -25,6 +25,8 @@ from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
 
+_BETWEEN_TRANSITIONS_S = 0.2
+"""How long a request waits for the end of the transition before; one that takes longer refuses it."""
 _AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false leaves both to a lifecycle manager"
 )
@@ -212,18 +214,27 @@ class ManagedNode(LifecycleNodeMixin, Node):
     ) -> ChangeState.Response:
         """Change the state, or log why that is impossible; with rclpy alone the node would terminate."""
         wanted = request.transition
-        if not self._in_transition.acquire(blocking=False):
+        # Whoever waits for the event that ends a transition may ask for the next one before it has returned.
+        if not self._in_transition.acquire(timeout=_BETWEEN_TRANSITIONS_S):
             text = "expected no transition in progress, found one"
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
             return response
+        change = partial(self._change_and_release, request, response)
         try:
-            change = partial(self._change_state, request, response)
             if wanted.label == "configure" or wanted.id == Transition.TRANSITION_CONFIGURE:
                 return await run_in_thread(self, change)
             return change()
         except RuntimeError as error:  # from rclpy: the present state does not have this transition
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {str(error).splitlines()[0]}")
             return response
+
+    def _change_and_release(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Change the state, in any thread; the executor may be waiting for the end."""
+        try:
+            answer: ChangeState.Response = self._change_state(request, response)
+            return answer
         finally:
             self._in_transition.release()
 
