@@ -7,7 +7,7 @@ import numpy as np
 from tactile_localizer.core.likelihood.base import flatten_axes
 
 MOST_APART = 1500
-"""Cells with weight up to which each is a hypothesis of its own: fewer are not worth the blocks."""
+"""Number of cells with weight up to which each is evaluated individually; blocks do not pay for fewer."""
 _LITTLE = 1e-4
 """Weight of a cell, relative to the largest, below which it counts with its neighbours. By judgement; on
 three simulated features, two seeds each, errors and convergence are those of every cell on its own."""

@@ -101,9 +101,10 @@ class NewSession:
         self._carried: np.ndarray | None = None
 
     def reset(self) -> None:
-        """Forget the trajectories and the unknown material."""
-        self._carried = None
-        self._unknown.reset()
+        """Forget the trajectories and the unknown material, if anything was learned."""
+        if self._carried is not None:
+            self._carried = None
+            self._unknown.reset()
 
     def evaluate(
         self,

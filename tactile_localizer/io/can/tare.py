@@ -123,7 +123,7 @@ def _read(path: Path) -> dict[str, list[float]]:
 def _offsets(content: Any) -> dict[str, list[float]]:
     stored = content or {}
     if not isinstance(stored, dict) or not all(_is_offset(values) for values in stored.values()):
-        raise ParameterError("expected voltages for each phalanx, found something else")
+        raise ParameterError("expected a list of voltages for each phalanx")
     return stored
 
 
