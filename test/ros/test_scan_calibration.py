@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from support.hand import Hand
 from support.sweeps import scene_of, write_scan
+from support.waiting import children, paused_child, wait_until
 
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.scans.learned import KEY, load_learned
@@ -38,13 +39,14 @@ def test_calibration_blocks_no_service_and_loses_no_pair(node_process, probe, fi
     process = node_process("mapping_node", files)
     hand = Hand(probe, phalanges=("index", "middle"))
     process.wait_for_line("calibrating", timeout_s=30.0)
-    assert hand.service("start_sweep").success
-    hand.send_pose(0)
-    for _ in range(50):  # 4 strain vectors each, at about 200 Hz
-        hand.slide(20)
-        probe.executor.spin_once(timeout_sec=0.02)
-    hand.wait_for_stamp(1000)
-    assert hand.service("end_sweep").success
+    with paused_child(process.pid):
+        assert hand.service("start_sweep").success
+        hand.send_pose(0)
+        for _ in range(50):  # 4 strain vectors each, at about 200 Hz
+            hand.slide(20)
+            probe.executor.spin_once(timeout_sec=0.02)
+        hand.wait_for_stamp(1000)
+        assert hand.service("end_sweep").success
     assert "calibration stored" not in process.output, "recorded during the calibration"
     probe.until(lambda: "calibration stored" in process.output, "the calibration", 120.0)
     assert levels(arrays, "mapping: calibration"), "its progress is in the diagnostics"
@@ -72,8 +74,6 @@ def test_a_scan_that_cannot_be_calibrated_is_a_warning(node_process, probe, file
 
 
 def test_an_interrupt_ends_a_calibrating_node(node_process, files):
-    from support.waiting import children, wait_until
-
     write_scan(files["scan_file"], calibrated=False)
     process = node_process("mapping_node", files)
     process.wait_for_line("calibrating", timeout_s=60.0)
