@@ -24,7 +24,6 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import INCH, with_contact
 from tactile_localizer.offline.misfit import misfit
@@ -62,8 +61,12 @@ def run(args: argparse.Namespace) -> int:
     mismatch = misfit(scan, scene, recorded, tracks, odometry != RECORDED)
     if mismatch.line is not None:
         print(mismatch.line)
-    if configuration.uses_kernel_widths and (unfit := describe_unfit_widths(scan, scene)):
-        print(unfit)
+    if configuration.uses_kernel_widths:
+        # Takes half a second to import, which the default model saves.
+        from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
+
+        if unfit := describe_unfit_widths(scan, scene):
+            print(unfit)
     _print(document, positions_fit=mismatch.positions_fit)
     for line in _unconverged(tracks):
         print(line)

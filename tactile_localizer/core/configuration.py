@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactile_localizer.core.filters.resampling import RESAMPLERS
-from tactile_localizer.core.likelihood.kernels.sums import EVALUATIONS
+from tactile_localizer.core.likelihood.kernels import EVALUATIONS
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number

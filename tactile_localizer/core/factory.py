@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, Calibration, calibrate
-from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
@@ -19,16 +18,12 @@ from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.evaluation import StrainModel
-from tactile_localizer.core.likelihood.featureless import Featureless
-from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.kernel_position import KernelPosition
 from tactile_localizer.core.likelihood.noise_model import common_whitening
-from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan.between_sweeps import with_interpolated_sweeps
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
@@ -126,6 +121,12 @@ def build_model(
     scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
 ) -> MeasurementModel:
     """The kernel, Gaussian or user-defined measurement model that ``configuration`` names."""
+    # Imported here because they take half a second, which the default model saves.
+    from tactile_localizer.core.likelihood.featureless import Featureless
+    from tactile_localizer.core.likelihood.gaussian import Gaussian
+    from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+    from tactile_localizer.core.scan.between_sweeps import with_interpolated_sweeps
+
     if SEPARATOR in configuration.model:
         return build_own_model(configuration.model, scan, scene, parameters)
     if configuration.model in ("gaussian", "gaussian_independent"):
@@ -169,6 +170,8 @@ def _built(
         without = _without_offsets(scan, scene, learned.noise.offsets)
         parameters = ModelParameters.from_mapping(scene.measurement)
         if parameters.position_std is None or parameters.strain_std is None:
+            from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths  # as above
+
             parameters = choose_kernel_widths(without, scene, parameters)
         kernels = build_model(without, scene, configuration, parameters)
         length = parameters.correlation_length or mixture.presence_length

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria, State
 from tactile_localizer.core.decision.presence import Presence
@@ -75,8 +74,8 @@ class FeatureIdentifier:
         self._presence.predict(travel - self._travel, 0.0)
         self._travel = travel
         count = np.log(len(estimates))
-        unknown = float(logsumexp([estimate.log_elsewhere for estimate in estimates])) - count
-        featureless = float(logsumexp([estimate.log_featureless for estimate in estimates])) - count
+        unknown = float(np.logaddexp.reduce([estimate.log_elsewhere for estimate in estimates])) - count
+        featureless = float(np.logaddexp.reduce([estimate.log_featureless for estimate in estimates])) - count
         log_likelihoods = [*(estimate.log_marginal for estimate in estimates), unknown, featureless]
         exponent = min(estimate.exponent for estimate in estimates)
         self._presence.update(exponent * np.array(log_likelihoods))

@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
@@ -105,6 +104,8 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
 
 def _longest(errors: np.ndarray) -> int:
     """The last candidate whose mean of the errors (S, L) is within one standard error of the least."""
+    from scipy.special import stdtrit  # takes a third of a second to import, which a calibrated scan saves
+
     best = int(errors.mean(axis=0).argmin())
     loss = errors - errors[:, best : best + 1]
     # Of two sweeps the standard error is hardly known: Student's t is as wide as that deserves.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import ndimage
 
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.blocks import MOST_APART, Blocks
@@ -222,14 +221,12 @@ class GridFilter:
 
     def _diffuse(self, axis: int) -> float:
         """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
-        mode = "wrap" if self._wraps[axis] else "constant"
         # A spread as wide as the axis is as good as any wider one.
         variance = min(float(self._pending[axis]), float(self._shape[axis]) ** 2)
         if variance <= _THREE_POINT:
-            kernel = [0.5 * variance, 1.0 - variance, 0.5 * variance]
-            spread = ndimage.correlate1d(self._belief, kernel, axis=axis, mode=mode)
+            spread = _three_point(self._belief, variance, axis, bool(self._wraps[axis]))
         else:
-            spread = ndimage.gaussian_filter1d(self._belief, math.sqrt(variance), axis=axis, mode=mode)
+            spread = _gaussian(self._belief, variance, axis, bool(self._wraps[axis]))
         self._pending[axis] = 0.0
         return self._normalize(spread)
 
@@ -238,6 +235,28 @@ class GridFilter:
         total = float(belief.sum())
         self._belief = belief / total if total > 0.0 else np.full(belief.shape, 1.0 / self._size)
         return total
+
+
+def _three_point(belief: np.ndarray, variance: float, axis: int, wraps: bool) -> np.ndarray:
+    """Spread along an axis over the neighbouring cells, by a variance in cells squared."""
+    spread = (1.0 - variance) * belief
+    beside = 0.5 * variance * belief
+    to, moved = spread.swapaxes(0, axis), beside.swapaxes(0, axis)
+    to[1:] += moved[:-1]
+    to[:-1] += moved[1:]
+    if wraps:
+        to[0] += moved[-1]
+        to[-1] += moved[0]
+    return spread
+
+
+def _gaussian(belief: np.ndarray, variance: float, axis: int, wraps: bool) -> np.ndarray:
+    """Spread along an axis by a Gaussian of four standard deviations to either side."""
+    reach = int(4.0 * math.sqrt(variance) + 0.5)
+    kernel = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2 / variance)
+    widths = [(reach, reach) if each == axis else (0, 0) for each in range(belief.ndim)]
+    padded = np.pad(belief, widths, mode="wrap" if wraps else "constant")
+    return np.apply_along_axis(np.convolve, axis, padded, kernel / kernel.sum(), "valid")
 
 
 def _alive(weights: np.ndarray) -> np.ndarray:

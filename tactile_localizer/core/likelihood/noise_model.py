@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
@@ -256,7 +255,10 @@ def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Tr
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    return np.asarray(uniform_filter1d(values, max(1, round(_SMOOTHING / PITCH)), axis=0, mode="nearest"))
+    """Moving averages of values (n, C) along a track; beyond its ends it feels as at them."""
+    width = max(1, round(_SMOOTHING / PITCH))
+    padded = np.pad(values, ((width // 2, (width - 1) // 2), (0, 0)), mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).mean(axis=-1))
 
 
 def _means(layout: ChannelLayout, values: np.ndarray) -> np.ndarray:

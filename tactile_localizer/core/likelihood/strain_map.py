@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import YAW_LEVER
@@ -111,7 +110,9 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
 
 def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     """The variance model under which each sweep of the scan is most likely, given the others."""
-    from scipy.optimize import minimize  # takes a tenth of a second, which a scan that was fitted saves
+    # Takes half a second to import, which a scan that was fitted before saves.
+    from scipy.optimize import minimize
+    from scipy.special import logsumexp
 
     if len(estimate.tracks) < 2:
         return VarianceModel()

@@ -8,7 +8,6 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import YAW_LEVER
@@ -27,6 +26,10 @@ _PRIOR_PER_LINE = 0.5
 deformation mode as the sweep that is to come. By judgement, not varied yet."""
 _AT_ONCE = 4096
 """Places interpolated together, close to each other: memory does not grow with the scan."""
+_SPACED_TRACKS = 50
+"""Tracks from which the spacing is found, spread over the scan."""
+_DISTANCES_AT_ONCE = 2**17
+"""Distances that are held at a time: a megabyte, which stays in the processor's cache."""
 _OUTSIDE = 16.0
 """nats that a pair loses at one line spacing from the place: it should lie between the two tracks."""
 
@@ -88,13 +91,18 @@ def line_spacing(tracks: Sequence[Track], scene: Scene) -> float:
     if len(tracks) < 2:
         return 0.0
     scale = lever(scene)
-    trees = [cKDTree(track.positions * scale) for track in tracks]
+    points = [track.positions * scale for track in tracks]
     nearest = []
-    for index, track in enumerate(tracks):
-        points = track.positions[:: max(1, len(track.positions) // 20)] * scale
-        others = [tree.query(points)[0] for other, tree in enumerate(trees) if other != index]
-        nearest.append(np.min(others, axis=0))
+    for index in evenly(len(tracks), _SPACED_TRACKS):
+        own = points[index][:: max(1, len(points[index]) // 20)]
+        others = np.concatenate(points[:index] + points[index + 1 :])
+        nearest.append(nearest_points(others, own)[0])
     return float(np.median(np.concatenate(nearest)))
+
+
+def evenly(count: int, most: int) -> list[int]:
+    """At most ``most`` numbers below ``count``, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
 def expectation(
@@ -194,7 +202,7 @@ def _feet(
     """
     queries = places * lever(scene)
     points = [_unwrapped(track.positions, scene, places) * lever(scene) for track in tracks]
-    found = [cKDTree(each).query(queries) for each in points]
+    found = [nearest_points(each, queries) for each in points]
     distance, index = (np.stack(each, axis=1) for each in zip(*found, strict=True))
     starts = np.cumsum([0, *map(len, points)])
     first, last = starts[:-1], starts[1:] - 1
@@ -232,6 +240,28 @@ def _feet(
     return foot, strain, np.sqrt(best)
 
 
+def nearest_points(points: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance from each of ``queries`` (M, d) to the nearest of ``points`` (n, d), and its index, (M,) each.
+
+    All distances are computed: for the few hundred points of a track that is as fast as a k-d tree, whose
+    import takes half a second.
+    """
+    centre = queries.mean(axis=0)
+    away, own = points - centre, queries - centre
+    squared = np.square(away).sum(axis=1)
+    distance = np.sqrt(squared)
+    # Points further away than this are nearest to no query.
+    kept = np.flatnonzero(distance <= distance.min() + 2.0 * np.sqrt(np.square(own).sum(axis=1).max()))
+    away, squared = away[kept], squared[kept]
+    index = np.empty(len(queries), dtype=np.intp)
+    rows = max(1, _DISTANCES_AT_ONCE // len(kept))
+    for begin in range(0, len(queries), rows):
+        part = slice(begin, begin + rows)
+        index[part] = (squared - 2.0 * (own[part] @ away.T)).argmin(axis=1)
+    left = own - away[index]
+    return np.sqrt(np.square(left).sum(axis=1)), kept[index]
+
+
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Scalar products of vectors (d, ...), (...)."""
     return np.asarray(np.einsum("d...,d...->...", first, second))
@@ -242,7 +272,7 @@ def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.nd
     wraps = scene.wraps
     if not wraps.any():
         return positions
-    near = places[cKDTree(places * lever(scene)).query(positions * lever(scene))[1]]
+    near = places[nearest_points(places * lever(scene), positions * lever(scene))[1]]
     return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 

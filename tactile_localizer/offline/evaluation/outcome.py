@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from tactile_localizer.offline.metrics import (
-    CONFIDENCE,
     MARKS,
+    SQUARED_95,
     error_at,
     position_error,
     squared_mahalanobis,
@@ -22,7 +21,7 @@ def sweep_outcome(scene: Scene, track: Track) -> dict[str, Any]:
     """Outcome of a sweep over a feature, whose truth is known."""
     during = track.on_contact
     errors, squared = position_error(scene, track), squared_mahalanobis(scene, track)
-    covered = (squared <= chdtri(scene.dimension, 1.0 - CONFIDENCE)).astype(float)
+    covered = (squared <= SQUARED_95[scene.dimension]).astype(float)
     return {
         "number": track.number,
         "error_m": mean(errors),

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_localizer.core.calibration.held_out import Calibration
-from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.table import Table
 from tactile_localizer.scene import Scene
+
+if TYPE_CHECKING:
+    from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 
 FEATURELESS, TEXTURED = "featureless between features", "textured everywhere"
 """Kinds of material."""

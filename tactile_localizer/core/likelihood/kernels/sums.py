@@ -20,11 +20,11 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.base import flatten_axes
+from tactile_localizer.core.likelihood.kernels import EVALUATIONS
 from tactile_localizer.core.likelihood.kernels.grid import REACH, box
 from tactile_localizer.core.likelihood.kernels.pair_block import PairBlock
 from tactile_localizer.errors import ParameterError
 
-EVALUATIONS = ("field", "truncated", "exact")
 _MARGIN = 3.0
 """Standard deviations that a block serves beyond the states it was made for, so that it lasts for updates."""
 _WORTH_SHRINKING = 0.5
