@@ -37,20 +37,20 @@ class Blocks:
 
     def divide(self, weights: np.ndarray) -> np.ndarray:
         """Which cells of ``weights`` (N,) are hypotheses of their own, (n,) int; others count by block."""
-        apart = np.flatnonzero(weights > _LITTLE * weights.max())
+        apart = (weights > _LITTLE * weights.max()).nonzero()[0]
         if len(apart) > MOST_APART:
             apart = apart[:0]
         self._rest = weights.copy()
         self._rest[apart] = 0.0
         masses = np.bincount(self._block, self._rest, minlength=len(self._centres))
-        self._kept = np.flatnonzero(masses)
-        self.masses = masses[self._kept]
+        self._kept = masses.nonzero()[0]
+        self.masses = masses.take(self._kept)
         return apart
 
     @property
     def centres(self) -> np.ndarray:
         """Centres (B, d) of the blocks that have weight."""
-        return self._centres[self._kept]
+        return self._centres.take(self._kept, axis=0)
 
     def spread(self, masses: np.ndarray) -> np.ndarray:
         """New ``masses`` (B,) of the blocks, shared among their cells in proportion to weight, (N,)."""

@@ -11,6 +11,7 @@ from tactile_localizer.core.filters.blocks import MOST_APART, Blocks
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import flatten_axes
+from tactile_localizer.core.likelihood.weights import moments
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
@@ -61,7 +62,8 @@ class GridFilter:
         ]
         self._unmoved_states = flatten_axes(self._unmoved)
         self._motion = MotionModel(scene)
-        self._wraps = scene.wraps
+        self._wraps, self._turns = scene.wraps, bool(scene.wraps.any())
+        self._extent = extent
         self._size = int(np.prod(self._shape))
         self._blocks: Blocks | None = None
         if coarse is not None and self._size > MOST_APART:
@@ -72,6 +74,7 @@ class GridFilter:
         self._pending: np.ndarray
         self._alive: np.ndarray
         self._shifted: np.ndarray
+        self._weighted: np.ndarray | None  # of the states, where these are cells and nothing moved since
         self.reset()
 
     def reset(self) -> None:
@@ -90,30 +93,34 @@ class GridFilter:
 
     def predict(self, displacement: np.ndarray, travel: float) -> float:
         """See :meth:`.BayesFilter.predict`."""
-        displacement = np.where(self._wraps, wrap_angle(displacement), displacement)
-        if (np.abs(displacement) > self._cell * self._shape).any():
+        if self._turns:
+            displacement = np.where(self._wraps, wrap_angle(displacement), displacement)
+        if (np.abs(displacement) > self._extent).any():
             self.reset()
             return 1.0
+        self._weighted = None
         self._offset = self._offset + displacement
-        cells = np.rint(self._offset / self._cell).astype(int)
         kept = 1.0
-        for axis in np.flatnonzero(cells):
-            kept *= self._shift(int(axis), int(cells[axis]))
-        self._offset -= cells * self._cell
-        self._shifted += cells
+        for axis, cells in enumerate(np.rint(self._offset / self._cell).tolist()):
+            if cells:
+                kept *= self._shift(axis, int(cells))
         self._pending = self._pending + self._motion.variance(travel) / self._cell**2
-        for axis in np.flatnonzero(self._pending >= _WORTH_DIFFUSING):
-            kept *= self._diffuse(int(axis))
+        for axis, variance in enumerate(self._pending.tolist()):
+            if variance >= _WORTH_DIFFUSING:
+                kept *= self._diffuse(axis, variance)
         return 1.0 - kept
 
     def inject(self, fraction: float) -> None:
         """See :meth:`.BayesFilter.inject`."""
         self._injected = fraction / self._size if fraction > _NEGLIGIBLE else 0.0
         if self._injected:
-            self._belief = (1.0 - fraction) * self._belief + self._injected
+            self._weighted = None
+            self._belief = (1.0 - fraction) * self._belief
+            self._belief += self._injected
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.prior`; a state is a cell, or a block of them."""
+        self._weighted = None
         self._before, self._shift_since = self._alive, self._shifted
         self._shifted = np.zeros_like(self._shifted)
         weights = self._belief.ravel()
@@ -124,9 +131,11 @@ class GridFilter:
             states = np.concatenate([self._unmoved_states[self._alive], self._blocks.centres])
             self._weights = np.concatenate([weights[self._alive], self._blocks.masses])
         else:
-            states, self._weights = self._unmoved_states[self._alive], weights[self._alive]
+            states = self._unmoved_states.take(self._alive, axis=0)
+            self._weights = weights.take(self._alive)
         self._log_prior = np.log(self._weights)
-        return states + self._offset, self._log_prior
+        self._states = states + self._offset
+        return self._states, self._log_prior
 
     def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.ancestors`; a cell's is where it was, and diffusion counts for nothing."""
@@ -142,8 +151,10 @@ class GridFilter:
         log_posterior = self._log_prior + log_likelihood
         peak = log_posterior.max()
         if peak > -math.inf:
-            posterior = np.exp(log_posterior - peak)
+            log_posterior -= peak
+            posterior = np.exp(log_posterior, out=log_posterior)
             posterior /= posterior.sum()
+            self._weighted = None if self._in_blocks else posterior
             apart, belief = len(self._alive), np.zeros(self._size)
             if self._blocks is not None and self._in_blocks:
                 belief = self._blocks.spread(posterior[apart:])
@@ -152,6 +163,11 @@ class GridFilter:
 
     def belief(self) -> Belief:
         """See :meth:`.BayesFilter.belief`; the spread within a cell counts."""
+        within = self._cell**2 / 12.0 + self._pending * self._cell**2
+        if self._weighted is not None:
+            mean, covariance = moments(self._states, self._weighted, self._wraps)
+            covariance.ravel()[:: len(within) + 1] += within
+            return _belief(mean, covariance, self._weighted)
         dimension = len(self._shape)
         marginals = [self._marginal(axis) for axis in range(dimension)]
         mean = np.empty(dimension)
@@ -161,16 +177,21 @@ class GridFilter:
             if self._wraps[axis]:
                 mean[axis] = math.atan2(weights @ np.sin(centres), weights @ np.cos(centres))
         deviations = [self._deviation(axis, mean[axis]) for axis in range(dimension)]
-        covariance = np.diag(self._cell**2 / 12.0 + self._pending * self._cell**2)
+        covariance = np.diag(within)
         for a in range(dimension):
             covariance[a, a] += marginals[a] @ deviations[a] ** 2
             for b in range(a):
                 covariance[a, b] = covariance[b, a] = deviations[b] @ self._marginal(b, a) @ deviations[a]
-        weights = self._belief.ravel()
-        return Belief(mean, covariance, float(1.0 / (weights @ weights)), len(_alive(weights)))
+        return _belief(mean, covariance, self._belief.ravel())
 
     def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
         """See :meth:`.BayesFilter.mass_near`."""
+        if self._weighted is not None:
+            away = self._states - mean
+            if self._turns:
+                away = np.where(self._wraps, wrap_angle(away), away)
+            away /= radius
+            return float(self._weighted[np.square(away, out=away).sum(axis=1) <= 1.0].sum())
         squared, near = np.zeros(()), []
         for axis, half in enumerate(radius):
             along = (self._deviation(axis, mean[axis]) / half) ** 2
@@ -191,6 +212,7 @@ class GridFilter:
         self._alive = np.zeros(0, dtype=np.intp)
         self._shifted = np.zeros(len(self._shape), dtype=int)
         self._injected = 0.0
+        self._weighted = None
 
     def _centres(self, axis: int) -> np.ndarray:
         """Centres of the cells along an axis."""
@@ -208,21 +230,25 @@ class GridFilter:
 
     def _shift(self, axis: int, cells: int) -> float:
         """Move the cells along one axis; what leaves a scene that does not wrap is lost."""
+        self._offset[axis] -= cells * self._cell[axis]
+        self._shifted[axis] += cells
         return self._normalize(self._rolled(self._belief, axis, cells, 0.0))
 
     def _rolled(self, values: np.ndarray, axis: int, cells: int, empty: float) -> np.ndarray:
         """Values of the cells that were there before the cells moved, ``empty`` where there were none."""
-        moved = np.roll(values, cells, axis=axis)
-        if not self._wraps[axis]:
-            emptied = [slice(None)] * moved.ndim
-            emptied[axis] = slice(None, cells) if cells > 0 else slice(cells, None)
-            moved[tuple(emptied)] = empty
+        if self._wraps[axis]:
+            return np.roll(values, cells, axis=axis)
+        moved = np.full_like(values, empty)
+        to, of = slice(cells, None), slice(None, -cells)
+        if cells < 0:
+            to, of = slice(None, cells), slice(-cells, None)
+        moved.swapaxes(0, axis)[to] = values.swapaxes(0, axis)[of]
         return moved
 
-    def _diffuse(self, axis: int) -> float:
+    def _diffuse(self, axis: int, variance: float) -> float:
         """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
         # A spread as wide as the axis is as good as any wider one.
-        variance = min(float(self._pending[axis]), float(self._shape[axis]) ** 2)
+        variance = min(variance, float(self._shape[axis]) ** 2)
         if variance <= _THREE_POINT:
             spread = _three_point(self._belief, variance, axis, bool(self._wraps[axis]))
         else:
@@ -259,6 +285,12 @@ def _gaussian(belief: np.ndarray, variance: float, axis: int, wraps: bool) -> np
     return np.apply_along_axis(np.convolve, axis, padded, kernel / kernel.sum(), "valid")
 
 
+def _belief(mean: np.ndarray, covariance: np.ndarray, weights: np.ndarray) -> Belief:
+    """A belief with these moments and weights (P,)."""
+    held = np.count_nonzero(weights > _NEGLIGIBLE * weights.max())
+    return Belief(mean, covariance, 1.0 / float(weights @ weights), held)
+
+
 def _alive(weights: np.ndarray) -> np.ndarray:
     """Indices of the cells that have weight."""
-    return np.flatnonzero(weights > _NEGLIGIBLE * weights.max())
+    return (weights > _NEGLIGIBLE * weights.max()).nonzero()[0]

@@ -22,26 +22,21 @@ def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     log_total : logarithm of the sum that was divided by; ``-inf`` where every weight was zero, in
         which case the weights come back equal, because nothing was learned
     """
-    peak = float(np.max(log_weights))
+    peak = float(log_weights.max())
     if peak == -math.inf:
         return np.full_like(log_weights, -math.log(len(log_weights))), -math.inf
     # Peak first: with log-weights of a million, subtracting their sum's logarithm would round off ten digits.
     scaled = log_weights - peak
-    log_sum = math.log(float(np.sum(np.exp(scaled))))
+    log_sum = math.log(float(np.exp(scaled).sum()))
     return scaled - log_sum, peak + log_sum
 
 
 def log_sum(log_values: np.ndarray) -> float:
     """Logarithm of the sum of values (P,) given by their logarithms."""
-    peak = float(np.max(log_values))
+    peak = float(log_values.max())
     if peak == -math.inf:
         return -math.inf
-    return peak + math.log(float(np.sum(np.exp(log_values - peak))))
-
-
-def log_mean(log_values: np.ndarray) -> float:
-    """Logarithm of the mean of values (P,) given by their logarithms."""
-    return normalize(log_values)[1] - math.log(len(log_values))
+    return peak + math.log(float(np.exp(log_values - peak).sum()))
 
 
 def effective_sample_size(log_weights: np.ndarray) -> float:

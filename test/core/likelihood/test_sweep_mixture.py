@@ -18,15 +18,17 @@ STATES = (np.arange(NODES) + 0.5)[:, None] * 0.001
 ONE, NONE = np.ones(1, bool), np.zeros(1)
 
 
-def mixture(counts: tuple[int, ...], featureless: float | None = 1.3, seed: int = 0) -> SweepMixture:
-    """Random tables on a line of 30 mm, in volts that are scaled by 4."""
+def mixture(
+    counts: tuple[int, ...], featureless: float | None = 1.3, seed: int = 0, nodes: int = NODES
+) -> SweepMixture:
+    """Random tables on a line of 1 mm a node, in volts that are scaled by 4."""
     rng = np.random.default_rng(seed)
     layout, size = ChannelLayout(counts), sum(counts)
-    mean = 3.0 * rng.standard_normal((NODES, COMPONENTS, size))
-    variance = rng.uniform(1.0, 4.0, (NODES, COMPONENTS, len(counts)))
-    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
+    mean = 3.0 * rng.standard_normal((nodes, COMPONENTS, size))
+    variance = rng.uniform(1.0, 4.0, (nodes, COMPONENTS, len(counts)))
+    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), nodes))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
-    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), *tables, featureless)
+    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless)
     volume = np.array(counts) * np.log(0.25)
     noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, np.zeros(size))
     return SweepMixture(noise, strain_map, np.array([0.001]), 0.002, 0.006, None)
@@ -83,6 +85,13 @@ def test_elsewhere_is_the_mean_over_all_places() -> None:
     strain, used = np.random.default_rng(2).standard_normal(8), np.ones(2, bool)
     found = model.evaluate(STATES, strain, used, np.zeros(2))
     assert found.elsewhere == pytest.approx(logsumexp(found.other_material) - np.log(NODES), abs=1e-4)
+
+
+def test_a_sample_stands_for_a_map_that_is_too_large() -> None:
+    model, strain = mixture((3, 5), nodes=4_000), np.random.default_rng(2).standard_normal(8)
+    states = 0.001 * np.arange(0.5, 4_000.0)[:, None]
+    found = model.evaluate(states, strain, np.ones(2, bool), np.zeros(2))
+    assert found.elsewhere == pytest.approx(logsumexp(found.other_material) - np.log(4_000), abs=0.2)
 
 
 def test_an_absent_phalanx_drops_out() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.likelihood.weights import effective_sample_size, log_mean, moments, normalize
+from tactile_localizer.core.likelihood.weights import effective_sample_size, log_sum, moments, normalize
 
 LOG_WEIGHTS = arrays(
     np.float64, st.integers(1, 60), elements=st.floats(-1e15, 1e15) | st.just(-math.inf), fill=st.nothing()
@@ -119,6 +119,6 @@ def test_the_mean_of_angles_on_both_sides_of_the_turn_is_at_the_turn() -> None:
 
 
 def test_the_mean_of_values_is_that_of_their_logarithms_however_small():
-    assert log_mean(np.log([1.0, 2.0, 6.0])) == pytest.approx(math.log(3.0))
-    assert log_mean(np.array([-1e6, -1e6])) == -1e6
-    assert log_mean(np.full(3, -math.inf)) == -math.inf
+    assert log_sum(np.log([1.0, 2.0, 6.0])) == pytest.approx(math.log(9.0))
+    assert log_sum(np.array([-1e6, -1e6])) == pytest.approx(-1e6 + math.log(2.0))
+    assert log_sum(np.full(3, -math.inf)) == -math.inf
