@@ -287,7 +287,7 @@ def _gaussian(belief: np.ndarray, variance: float, axis: int, wraps: bool) -> np
 
 def _belief(mean: np.ndarray, covariance: np.ndarray, weights: np.ndarray) -> Belief:
     """A belief with these moments and weights (P,)."""
-    held = np.count_nonzero(weights > _NEGLIGIBLE * weights.max())
+    held = int(np.count_nonzero(weights > _NEGLIGIBLE * weights.max()))
     return Belief(mean, covariance, 1.0 / float(weights @ weights), held)
 
 
