@@ -156,9 +156,17 @@ class ParticleFilter:
         spread = self._regularization(weights)
         ancestors = self._resample(weights, self._count, self._rng)
         jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
-        self._states = self._states[ancestors] + jitter
+        self._states = self._reflected(self._states[ancestors] + jitter)
         self._ancestors = self._ancestors[ancestors]
         self._log_weights = np.full(self._count, -math.log(self._count))
+
+    def _reflected(self, states: np.ndarray) -> np.ndarray:
+        """States (P, d) with those beyond a bound mirrored at it: nothing leaves the scene by jitter."""
+        lower = np.where(self._wraps, -math.inf, self._lower)
+        upper = np.where(self._wraps, math.inf, self._upper)
+        mirrored = np.where(states < lower, 2.0 * lower - states, states)
+        mirrored = np.where(mirrored > upper, 2.0 * upper - mirrored, mirrored)
+        return np.where(self._wraps, states, np.clip(mirrored, self._lower, self._upper))
 
     def _regularization(self, weights: np.ndarray) -> np.ndarray:
         """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.

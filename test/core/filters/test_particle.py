@@ -219,6 +219,17 @@ def test_copies_of_one_ancestor_are_kept_apart_by_less_than_the_belief_is_wide()
     assert (grown < 1.2).all()
 
 
+def test_copies_of_one_ancestor_stay_within_the_bounds():
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 1000, resample_below=1.0)
+    for _ in range(20):
+        assert particles.predict(np.zeros(2), 0.0) == 0.0
+        weight(particles, FlatModel(), STRAIN)
+    states, weights = particles.hypotheses()
+    for axis in range(2):
+        near_a_bound = np.abs(states[:, axis] - 0.025) > 0.022
+        assert weights[near_a_bound].sum() == pytest.approx(0.12, abs=0.03)
+
+
 def test_yaw_wraps_around_as_the_belief_moves_on():
     turning = scene(3, full_turn=True)
     particles = ParticleFilter(turning, np.random.default_rng(0), 500)
