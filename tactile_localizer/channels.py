@@ -44,6 +44,11 @@ class ChannelLayout:
         return sum(self.counts)
 
     @cached_property
+    def widths(self) -> np.ndarray:
+        """Channels of each phalanx, (F,) int."""
+        return np.array(self.counts)
+
+    @cached_property
     def slices(self) -> tuple[slice, ...]:
         """The elements of each phalanx."""
         ends = np.cumsum(self.counts).tolist()

@@ -216,7 +216,8 @@ class Localizer:
         pending = self._motion.displacement(origin, positions)
         travel = self._motion.travels(pending)
         stops = (travel >= self._update_distance) & (stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS)
-        stops |= np.diff(stamp_ns, prepend=self._stamp_ns) < 0
+        stops[:1] |= stamp_ns[:1] < self._stamp_ns
+        stops[1:] |= stamp_ns[1:] < stamp_ns[:-1]
         count = int(stops.argmax()) if stops.any() else len(stops)
         if count:
             self._stamp_ns = int(stamp_ns[count - 1])

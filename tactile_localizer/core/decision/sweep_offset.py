@@ -38,7 +38,7 @@ class SweepOffset:
 
     def phalanx_variance(self) -> np.ndarray:
         """Mean variance of each phalanx's channels, (F,)."""
-        return self._layout.sum(self.variance) / np.array(self._layout.counts)
+        return self._layout.sum(self.variance) / self._layout.widths
 
     def update(self, expected: Expected, used: np.ndarray, exponent: float) -> None:
         """Take in one strain, compared with its expectation.
@@ -48,7 +48,7 @@ class SweepOffset:
         used : (F,) bool, phalanges that count
         exponent : share of an independent measurement that this strain makes
         """
-        counts = np.array(self._layout.counts)
+        counts = self._layout.widths
         noise = self._layout.expand(expected.noise)
         total = self.variance + expected.spread + noise
         surprise = self._layout.sum(expected.residual**2 / total)

@@ -28,7 +28,7 @@ class Blocks:
         firsts = [np.arange(0, len(axis), size) for axis, size in zip(axes, cells.tolist(), strict=True)]
         lasts = [np.append(first[1:], len(axis)) - 1 for first, axis in zip(firsts, axes, strict=True)]
         middles = [0.5 * (x[a] + x[b]) for x, a, b in zip(axes, firsts, lasts, strict=True)]
-        self._centres = flatten_axes(middles)
+        self._centres = np.ascontiguousarray(flatten_axes(middles).T)
         of_axis = [np.arange(len(axis)) // size for axis, size in zip(axes, cells.tolist(), strict=True)]
         shape = tuple(len(middle) for middle in middles)
         self._block = np.ravel_multi_index(tuple(np.meshgrid(*of_axis, indexing="ij")), shape).ravel()
@@ -42,18 +42,18 @@ class Blocks:
             apart = apart[:0]
         self._rest = weights.copy()
         self._rest[apart] = 0.0
-        masses = np.bincount(self._block, self._rest, minlength=len(self._centres))
+        masses = np.bincount(self._block, self._rest, minlength=self._centres.shape[1])
         self._kept = masses.nonzero()[0]
         self.masses = masses.take(self._kept)
         return apart
 
     @property
     def centres(self) -> np.ndarray:
-        """Centres (B, d) of the blocks that have weight."""
-        return self._centres.take(self._kept, axis=0)
+        """Centres (d, B) of the blocks that have weight."""
+        return self._centres.take(self._kept, axis=1)
 
     def spread(self, masses: np.ndarray) -> np.ndarray:
         """New ``masses`` (B,) of the blocks, shared among their cells in proportion to weight, (N,)."""
-        factors = np.zeros(len(self._centres))
+        factors = np.zeros(self._centres.shape[1])
         factors[self._kept] = masses / self.masses
         return self._rest * factors.take(self._block)

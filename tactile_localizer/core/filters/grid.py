@@ -60,7 +60,8 @@ class GridFilter:
             low + size * (np.arange(count) + 0.5)
             for low, size, count in zip(scene.lower, self._cell, self._shape, strict=True)
         ]
-        self._unmoved_states = flatten_axes(self._unmoved)
+        # An axis at a time: arrays with a short last axis take several times longer.
+        self._unmoved_states = np.ascontiguousarray(flatten_axes(self._unmoved).T)
         self._motion = MotionModel(scene)
         self._wraps, self._turns = scene.wraps, bool(scene.wraps.any())
         self._extent = extent
@@ -128,13 +129,15 @@ class GridFilter:
         self._in_blocks = self._blocks is not None and len(self._alive) > MOST_APART
         if self._blocks is not None and self._in_blocks:
             self._alive = self._blocks.divide(weights)
-            states = np.concatenate([self._unmoved_states[self._alive], self._blocks.centres])
+            own = self._unmoved_states.take(self._alive, axis=1)
+            states = np.concatenate([own, self._blocks.centres], axis=1)
             self._weights = np.concatenate([weights[self._alive], self._blocks.masses])
         else:
-            states = self._unmoved_states.take(self._alive, axis=0)
+            states = self._unmoved_states.take(self._alive, axis=1)
             self._weights = weights.take(self._alive)
         self._log_prior = np.log(self._weights)
-        self._states = states + self._offset
+        states += self._offset[:, None]
+        self._states = states.T
         return self._states, self._log_prior
 
     def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -187,11 +190,11 @@ class GridFilter:
     def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
         """See :meth:`.BayesFilter.mass_near`."""
         if self._weighted is not None:
-            away = self._states - mean
+            away = (self._states - mean).T
             if self._turns:
-                away = np.where(self._wraps, wrap_angle(away), away)
-            away /= radius
-            return float(self._weighted[np.square(away, out=away).sum(axis=1) <= 1.0].sum())
+                away = np.where(self._wraps[:, None], wrap_angle(away), away)
+            away /= radius[:, None]
+            return float(self._weighted[np.square(away, out=away).sum(axis=0) <= 1.0].sum())
         squared, near = np.zeros(()), []
         for axis, half in enumerate(radius):
             along = (self._deviation(axis, mean[axis]) / half) ** 2
@@ -203,7 +206,8 @@ class GridFilter:
         """See :meth:`.BayesFilter.hypotheses`."""
         weights = self._belief.ravel()
         alive = _alive(weights)
-        return self._unmoved_states[alive] + self._offset, weights[alive] / weights[alive].sum()
+        states = self._unmoved_states.take(alive, axis=1).T + self._offset
+        return states, weights[alive] / weights[alive].sum()
 
     def _place(self, belief: np.ndarray) -> None:
         self._belief = belief / belief.sum()

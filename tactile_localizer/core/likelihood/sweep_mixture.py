@@ -53,14 +53,14 @@ class SweepMixture:
         self._featureless_variance = strain_map.featureless_variance
         counts = np.array(noise.layout.counts, dtype=np.float32)
         self._tails = np.float32(DEGREES_OF_FREEDOM) + counts
-        # Columns by which a product with strains sums over the channels of each phalanx.
-        self._phalanges = noise.layout.expand(np.eye(len(counts), dtype=np.float32)).T
+        # Rows by which a product with strains sums over the channels of each phalanx.
+        self._phalanges = noise.layout.expand(np.eye(len(counts), dtype=np.float32))
         _, self._components, channels = strain_map.mean.shape
         mean = strain_map.mean.reshape(-1, channels)
         self._tables = _Rows(
             mean,
-            np.square(mean) @ self._phalanges / np.float32(DEGREES_OF_FREEDOM),
-            strain_map.variance.reshape(len(mean), -1),
+            self._phalanges @ np.square(mean).T / np.float32(DEGREES_OF_FREEDOM),
+            np.ascontiguousarray(strain_map.variance.reshape(len(mean), -1).T),
             strain_map.log_prior.ravel(),
         )
         self._elsewhere, self._elsewhere_prior = _sample(self._tables.log_prior, _ELSEWHERE)
@@ -106,32 +106,32 @@ class SweepMixture:
         mean = weights @ means
         means -= mean
         spread = weights @ np.square(means, out=means)
-        return Expected(strain - mean, spread, weights @ self._tables.variance.take(rows, axis=0))
+        return Expected(strain - mean, spread, self._tables.variance.take(rows, axis=1) @ weights)
 
     def _densities(
         self, rows: _Rows, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Log-densities (N,) of a strain: with priors, of all but the unknown's components; wider, of all."""
         strain = strain.astype(np.float32)
-        columns = self._phalanges * (strain / np.float32(DEGREES_OF_FREEDOM))[:, None]
+        own = self._phalanges * (strain / np.float32(DEGREES_OF_FREEDOM))
         # |z - m|^2 by one product with the table instead of differences channel by channel.
-        squared = rows.mean @ (np.float32(-2.0) * columns)
+        squared = (np.float32(-2.0) * own) @ rows.mean.T
         squared += rows.squares
-        squared += strain @ columns
+        squared += (own @ strain)[:, None]
         np.maximum(squared, 0.0, out=squared)
-        variance = rows.variance + offset_variance.astype(np.float32)
+        variance = rows.variance + offset_variance.astype(np.float32)[:, None]
         tails = np.float32(-0.5) * self._tails * used
         heads = np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32)
         first = len(self._elsewhere)
         broad = np.float32(INFLATION) * variance
         broad += squared
-        narrow = squared[first:]
-        narrow += variance[first:]
-        common = np.log(variance, out=variance) @ heads
-        plain = np.log(narrow, out=narrow) @ tails
+        narrow = squared[:, first:]
+        narrow += variance[:, first:]
+        common = heads @ np.log(variance, out=variance)
+        plain = tails @ np.log(narrow, out=narrow)
         plain += common[first:]
         plain += rows.log_prior[first:]
-        wide = np.log(broad, out=broad) @ tails
+        wide = tails @ np.log(broad, out=broad)
         wide += common
         wide += heads.sum() * _LOG_INFLATION
         return plain, wide
@@ -140,23 +140,20 @@ class SweepMixture:
         if self._featureless_variance is None:
             return -np.inf
         layout = self.noise.layout
-        squared = layout.sum(strain**2)
-        return float(
-            sum(
-                log_density(squared[f], self._featureless_variance + offset_variance[f], layout.counts[f])
-                for f in np.flatnonzero(used)
-            )
-        )
+        variance = self._featureless_variance + offset_variance
+        return float(log_density(layout.sum(strain**2), variance, layout.widths)[used].sum())
 
 
 class _Rows(NamedTuple):
-    """Tables for N components, those of a place one below the other, best first.
+    """Tables for N components, those of a place one after another, best first.
+
+    A phalanx at a time, because arrays with a short last axis take several times longer.
 
     Parameters
     ----------
     mean : (N, C)
-    squares : (N, F) squared length of each phalanx's mean, in degrees of freedom
-    variance : (N, F)
+    squares : (F, N) squared length of each phalanx's mean, in degrees of freedom
+    variance : (F, N)
     log_prior : (N,)
     """
 
@@ -167,7 +164,13 @@ class _Rows(NamedTuple):
 
     def take(self, rows: np.ndarray) -> _Rows:
         """Some of the components, by index."""
-        return _Rows(*(table.take(rows, axis=0) for table in self))
+        mean, squares, variance, log_prior = self
+        return _Rows(
+            mean.take(rows, axis=0),
+            squares.take(rows, axis=1),
+            variance.take(rows, axis=1),
+            log_prior.take(rows),
+        )
 
 
 def _sample(log_weights: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:

@@ -63,7 +63,7 @@ def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple
     if wraps.any():
         angles = states[:, wraps]
         mean[wraps] = np.arctan2(weights @ np.sin(angles), weights @ np.cos(angles))
-    deviation = states - mean
+    deviation = states.T - mean[:, None]
     if wraps.any():
-        deviation[:, wraps] = wrap_angle(deviation[:, wraps])
-    return mean, (deviation * weights[:, None]).T @ deviation
+        deviation[wraps] = wrap_angle(deviation[wraps])
+    return mean, (deviation * weights) @ deviation.T
