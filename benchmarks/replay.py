@@ -1,6 +1,7 @@
 """How fast a bag is replayed, and in how much memory: 10 minutes at 200 Hz, two phalanges, on one core.
 
-Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/replay.py [--minutes 10]``.
+Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/replay.py [--minutes 10]``; with
+``--command`` it is replayed by ``tactile-localizer replay``, whose time and memory are printed.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from command import run_command
+from first_estimate import store
 from record import record, row
 
 from tactile_localizer.core.configuration import Configuration
@@ -25,6 +28,7 @@ from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import replay
@@ -105,7 +109,27 @@ def measure(minutes: float) -> list[dict[str, Any]]:
     return rows
 
 
+def measure_command(minutes: float) -> list[dict[str, Any]]:
+    """The command from its start to its end, with every update written, on a scan that was learned from."""
+    scan, scene = simulate_scan("bump", 1).to_scan(), load_scene(resource_path("config/scenes/bump.yaml"))
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        store(folder / "scan.db", scan, scene)
+        learned_calibration(folder / "scan.db", scan, scene)
+        write_bag(folder / "bag", minutes)
+        for options in ([], ["--json", "out.json"]):
+            arguments = ["replay", "bag", "--scan", "scan.db", *options]
+            cost = run_command(arguments, folder, os.environ)
+            title = " ".join(["command: replay", *options[:1], f"of {minutes:g} minutes"])
+            rows.append(row(title, cost.cpu_s, "s", minutes=minutes, wall_s=cost.wall_s))
+            rows.append(row(f"{title}: most memory", cost.peak_mb, "MB", minutes=minutes))
+    return rows
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    record(measure(parser.parse_args().minutes))
+    parser.add_argument("--command", action="store_true")
+    given = parser.parse_args()
+    record((measure_command if given.command else measure)(given.minutes))

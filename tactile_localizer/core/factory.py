@@ -149,9 +149,9 @@ def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
     """What held-out sweeps say, by the exact filter with one update per shortest information length."""
     configuration = Configuration(update_distance=INFORMATION_LENGTHS[0])
 
-    def exact(mixture: SweepMixture) -> Localizer:
-        grid = GridFilter(scene, mixture.cell)
-        return _assembled(scene, configuration, grid, mixture, np.zeros(scene.dimension))
+    def exact(near: Scene, mixture: SweepMixture) -> Localizer:
+        grid = GridFilter(near, mixture.cell)
+        return _assembled(near, configuration, grid, mixture, np.zeros(scene.dimension))
 
     return calibrate(scene, learned, exact)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.tracks import PITCH, Track, lever
+from tactile_localizer.core.scan.tracks import PITCH, Track, evenly, lever
 from tactile_localizer.scene import Scene
 
 INFORMATION_LENGTHS = (0.001, 0.0017, 0.003, 0.005)
@@ -35,6 +36,9 @@ _PRIOR_SWEEPS = 2.0
 judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
 _MISTAKE = 0.02
 """Error, m, beyond which a sweep was mistaken for another place: how far does not matter."""
+_SURROUNDINGS = 0.05
+"""m around a sweep within which it is localized: more than twice what counts as mistaken. The rest of a large
+scan would take minutes."""
 _ONE_SIGMA = 0.8413
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Registrations that are tried, in units of the prior's."""
@@ -72,24 +76,27 @@ class _Outcome(NamedTuple):
         return float(np.minimum(np.sqrt(self.squared.sum(axis=1)), _MISTAKE).mean())
 
 
-def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture], Localizer]) -> Calibration:
-    """Localize sweeps on the map of the others.
+def calibrate(
+    scene: Scene, model: SweepModel, localizer: Callable[[Scene, SweepMixture], Localizer]
+) -> Calibration:
+    """Localize sweeps on the map of the others, of a large scan on the surroundings of each sweep.
 
     Parameters
     ----------
     model : learned from the scan
-    localizer : makes one of a mixture, without registration
+    localizer : makes one of a scene and a mixture, without registration
     """
     lengths = INFORMATION_LENGTHS
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
         return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene), model.variance)
-    chosen = np.unique(np.linspace(0, sweeps - 1, min(sweeps, _MOST_SWEEPS)).round().astype(int)).tolist()
+    chosen = evenly(sweeps, _MOST_SWEEPS)
 
     def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
         track, felt = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
-        mixture = model.mixture(scene, _LINES_PER_CELL, lengths[0], without)
-        return [_localize(localizer(mixture.tempered(each)), track, felt, scene) for each in lengths]
+        near = surroundings(scene, track.positions)
+        mixture = model.mixture(near, _LINES_PER_CELL, lengths[0], without)
+        return [_localize(localizer(near, mixture.tempered(each)), track, felt, near) for each in lengths]
 
     errors = [[outcome.error for outcome in localize(i, (i,), lengths)] for i in chosen]
     length = lengths[_longest(np.array(errors))]
@@ -100,6 +107,19 @@ def calibrate(scene: Scene, model: SweepModel, localizer: Callable[[SweepMixture
     # A sweep against the mean of all of them, from sweeps against the mean of the others.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
     return Calibration(length, scale * _registration(outcomes, scene), model.variance)
+
+
+def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
+    """The scene as far as :data:`_SURROUNDINGS` around positions (n, d); axes that wrap remain whole."""
+    low = positions.min(axis=0) - _SURROUNDINGS / lever(scene)
+    high = positions.max(axis=0) + _SURROUNDINGS / lever(scene)
+    axes = tuple(
+        axis
+        if wraps
+        else replace(axis, lower=float(max(axis.lower, least)), upper=float(min(axis.upper, most)))
+        for axis, wraps, least, most in zip(scene.axes, scene.wraps, low, high, strict=True)
+    )
+    return replace(scene, axes=axes)
 
 
 def _longest(errors: np.ndarray) -> int:

@@ -20,6 +20,7 @@ from tactile_localizer.core.scan.tracks import (
     PITCH,
     Expectation,
     Track,
+    evenly,
     expectation,
     line_spacing,
     tracks_of,
@@ -40,20 +41,25 @@ _NEW_SESSION_VARIANCE_RATIO = 4.0
 """Variance of a new sweep's offset to that of the scan's own: another session differs twice as much. On two
 simulated scans ten noise widths instead let 45 of 100 sweeps that began on the feature converge falsely,
 because the feature was taken for an offset; with this none did."""
+_JUDGED = 100
+"""Most sweeps that are compared with the others, spread over the scan: what is learned from them are a few
+dozen numbers."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
 
 class Residuals(NamedTuple):
-    """What a track felt less what the other tracks let one expect: (n, K, C), and that expectation."""
+    """What a track felt, that less what the other tracks let one expect, (n, K, C), and that expectation."""
 
+    visit: Track
     residual: np.ndarray
     expected: Expectation
 
     def thinned(self, most: int = 400) -> Residuals:
         """At most ``most`` of them, evenly spread."""
         rows = np.arange(0, len(self.residual), max(1, len(self.residual) // most))
-        return Residuals(self.residual[rows], Expectation(*(part[rows] for part in self.expected)))
+        visit = Track(*(part[rows] for part in self.visit))
+        return Residuals(visit, self.residual[rows], Expectation(*(part[rows] for part in self.expected)))
 
 
 @dataclass(frozen=True)
@@ -161,12 +167,12 @@ def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
 def held_out(
     tracks: Sequence[Track], visits: Sequence[Track], scene: Scene, spacing: float, components: int
 ) -> list[Residuals]:
-    """Each visit less what the *other* tracks let one expect of it, in the order of the tracks."""
+    """At most :data:`_JUDGED` of the visits, less what the *other* tracks let one expect of them."""
     found = []
-    for index, visit in enumerate(visits):
-        others = [track for other, track in enumerate(tracks) if other != index]
+    for index in evenly(len(visits), _JUDGED):
+        others, visit = [*tracks[:index], *tracks[index + 1 :]], visits[index]
         expected = expectation(others, scene, visit.positions, spacing, components)
-        found.append(Residuals(visit.strain[:, None] - expected.mean, expected))
+        found.append(Residuals(visit, visit.strain[:, None] - expected.mean, expected))
     return found
 
 
@@ -178,7 +184,7 @@ def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centr
             return [np.zeros_like(strain)]
         return [(strain[1:-1] - 0.5 * (strain[2:] + strain[:-2])) / np.sqrt(1.5)]
     found = []
-    for residual, expected in held_out(tracks, tracks, scene, spacing, 1):
+    for _, residual, expected in held_out(tracks, tracks, scene, spacing, 1):
         inside = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH)
         rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
         difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows])
@@ -232,7 +238,7 @@ def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene
     """Whether most places feel alike: their deviations do not recur in the neighbouring sweeps."""
     whitened = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
     shares = []
-    for visit, (residual, _) in zip(whitened, held_out(whitened, whitened, scene, spacing, 1), strict=True):
+    for visit, residual, _ in held_out(whitened, whitened, scene, spacing, 1):
         product = visit.strain * (visit.strain - residual[:, 0])
         shares.append(_means(scene.layout, _smoothed(product)) < _REPRODUCIBLE)
     return bool(np.mean(np.concatenate(shares)) > _MOSTLY_FEATURELESS)

@@ -29,7 +29,7 @@ _NODES_PER_CELL = 2
 MOST_CELLS_IN_SPACE = 25_000
 """Cells on three axes, by which a measurement update stays below 10 ms while the position is open: 50 mm x
 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
-_NODES_AT_ONCE = 2**16
+_NODES_AT_ONCE = 2**15
 """Nodes whose tables are made in double precision at a time."""
 _LONGEST_CORRELATION = 0.03
 """m; correlations of the residual are looked for up to here."""
@@ -144,9 +144,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
         for r in residuals
     ]
     # The noise of a visit and of the others' mean is independent: their product has only the signal.
-    signals = [
-        (visit.strain, r.expected.mean[:, 0]) for visit, r in zip(estimate.visits, residuals, strict=True)
-    ]
+    signals = [(r.visit.strain, r.expected.mean[:, 0]) for r in residuals]
     return replace(
         fitted,
         summed_correlation=_summed_correlation([(each, each) for each in scaled], fitted.summed_correlation),
@@ -171,12 +169,16 @@ def build_map(
     origin = scene.lower + 0.5 * step
     axes = [first + size * np.arange(count) for first, size, count in zip(origin, step, shape, strict=True)]
     places = flatten_axes(axes)
-    parts = []
-    for some in np.array_split(places, -(-len(places) // _NODES_AT_ONCE)):
-        expected = expectation(tracks, scene, some, spacing, PAIRS)
-        tables = (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
-        parts.append([table.astype(np.float32) for table in tables])
-    mean, spread, prior = (np.concatenate(table) for table in zip(*parts, strict=True))
+    tables: list[np.ndarray] = []
+    for begin in range(0, len(places), _NODES_AT_ONCE):
+        part = slice(begin, begin + _NODES_AT_ONCE)
+        expected = expectation(tracks, scene, places[part], spacing, PAIRS)
+        found = (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
+        if not tables:
+            tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
+        for table, each in zip(tables, found, strict=True):
+            table[part] = each
+    mean, spread, prior = tables
     return StrainMap(origin, step, shape, mean, spread, prior, float(spread.min()) if featureless else None)
 
 

@@ -59,7 +59,8 @@ class SweepMixture:
         mean = strain_map.mean.reshape(-1, channels)
         self._tables = _Rows(
             mean,
-            self._phalanges @ np.square(mean).T / np.float32(DEGREES_OF_FREEDOM),
+            np.stack([np.einsum("nc,nc->n", own, own) for own in noise.layout.split(mean)])
+            / np.float32(DEGREES_OF_FREEDOM),
             np.ascontiguousarray(strain_map.variance.reshape(len(mean), -1).T),
             strain_map.log_prior.ravel(),
         )

@@ -24,7 +24,7 @@ _SPARE = 2
 _PRIOR_PER_LINE = 0.5
 """nats that a pair of tracks loses for each further line it spans: the nearest two need not be in the same
 deformation mode as the sweep that is to come. By judgement, not varied yet."""
-_AT_ONCE = 4096
+_AT_ONCE = 2048
 """Places interpolated together, close to each other: memory does not grow with the scan."""
 _SPACED_TRACKS = 50
 """Tracks from which the spacing is found, spread over the scan."""
@@ -74,8 +74,8 @@ def tracks_of(scan: Scan, scene: Scene) -> list[Track]:
     positions = scan.states[:, scene.columns(scan.axes)] * lever(scene)
     strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
     tracks = []
-    for number in scan.sweep_numbers:
-        rows = np.flatnonzero(scan.sweep == number)
+    order = np.argsort(scan.sweep, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(scan.sweep[order])) + 1):
         stretch = _stretches(positions[rows])
         count = np.bincount(stretch)[:, None]
         means = [
@@ -96,7 +96,7 @@ def line_spacing(tracks: Sequence[Track], scene: Scene) -> float:
     for index in evenly(len(tracks), _SPACED_TRACKS):
         own = points[index][:: max(1, len(points[index]) // 20)]
         others = np.concatenate(points[:index] + points[index + 1 :])
-        nearest.append(nearest_points(others, own)[0])
+        nearest.append(NearestPoints(own).among(others)[0])
     return float(np.median(np.concatenate(nearest)))
 
 
@@ -154,10 +154,11 @@ class _NearTracks:
         self._slack = 2.0 * PITCH if one else 0.0
         self._every = bool(scene.wraps.any()) or len(tracks) <= 2 * self._count
         if not self._every:
-            scale = lever(scene)
-            self._points = [track.positions * scale for track in tracks]
-            self._low = np.array([points.min(axis=0) for points in self._points])
-            self._high = np.array([points.max(axis=0) for points in self._points])
+            points = np.concatenate([track.positions for track in tracks]) * lever(scene)
+            starts = np.cumsum([0, *(len(track.positions) for track in tracks[:-1])])
+            self._points = np.split(points, starts[1:])
+            self._low = np.minimum.reduceat(points, starts, axis=0)
+            self._high = np.maximum.reduceat(points, starts, axis=0)
 
     def tracks(self, places: np.ndarray) -> Sequence[Track]:
         """Those that can be among the nearest of any of ``places`` (m, d), in metres."""
@@ -202,7 +203,8 @@ def _feet(
     """
     queries = places * lever(scene)
     points = [_unwrapped(track.positions, scene, places) * lever(scene) for track in tracks]
-    found = [nearest_points(each, queries) for each in points]
+    near = NearestPoints(queries)
+    found = [near.among(each) for each in points]
     distance, index = (np.stack(each, axis=1) for each in zip(*found, strict=True))
     starts = np.cumsum([0, *map(len, points)])
     first, last = starts[:-1], starts[1:] - 1
@@ -240,26 +242,34 @@ def _feet(
     return foot, strain, np.sqrt(best)
 
 
-def nearest_points(points: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distance from each of ``queries`` (M, d) to the nearest of ``points`` (n, d), and its index, (M,) each.
+class NearestPoints:
+    """Finds the nearest of some points to each of ``queries`` (M, d).
 
     All distances are computed: for the few hundred points of a track that is as fast as a k-d tree, whose
     import takes half a second.
     """
-    centre = queries.mean(axis=0)
-    away, own = points - centre, queries - centre
-    squared = np.square(away).sum(axis=1)
-    distance = np.sqrt(squared)
-    # Points further away than this are nearest to no query.
-    kept = np.flatnonzero(distance <= distance.min() + 2.0 * np.sqrt(np.square(own).sum(axis=1).max()))
-    away, squared = away[kept], squared[kept]
-    index = np.empty(len(queries), dtype=np.intp)
-    rows = max(1, _DISTANCES_AT_ONCE // len(kept))
-    for begin in range(0, len(queries), rows):
-        part = slice(begin, begin + rows)
-        index[part] = (squared - 2.0 * (own[part] @ away.T)).argmin(axis=1)
-    left = own - away[index]
-    return np.sqrt(np.square(left).sum(axis=1)), kept[index]
+
+    def __init__(self, queries: np.ndarray) -> None:
+        self._centre = queries.mean(axis=0)
+        self._queries = queries - self._centre
+        self._diameter = 2.0 * math.sqrt(float(_dot(self._queries.T, self._queries.T).max()))
+
+    def among(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance to the nearest of ``points`` (n, d), and its index, (M,) each."""
+        away = (points - self._centre).T
+        squared = _dot(away, away)
+        # Points further away than this are nearest to no query.
+        kept = (squared <= (math.sqrt(squared.min()) + self._diameter) ** 2).nonzero()[0]
+        away, squared = away[:, kept], squared[kept]
+        doubled = 2.0 * away
+        index = np.empty(len(self._queries), dtype=np.intp)
+        rows = max(1, _DISTANCES_AT_ONCE // len(kept))
+        for begin in range(0, len(index), rows):
+            part = slice(begin, begin + rows)
+            compared = self._queries[part] @ doubled
+            index[part] = np.subtract(squared, compared, out=compared).argmin(axis=1)
+        left = self._queries.T - away[:, index]
+        return np.sqrt(_dot(left, left)), kept[index]
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -272,7 +282,7 @@ def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.nd
     wraps = scene.wraps
     if not wraps.any():
         return positions
-    near = places[nearest_points(places * lever(scene), positions * lever(scene))[1]]
+    near = places[NearestPoints(positions * lever(scene)).among(places * lever(scene))[1]]
     return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, _longest
+from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, _longest, surroundings
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -61,3 +61,11 @@ def test_among_equals_the_longest_is_taken_and_never_a_clearly_worse_one() -> No
     assert _longest(base + jitter + np.array([0.0, 1e-6, 2e-6, 0.002])) == 2
     assert _longest(np.tile(base, 4)) == 3
     assert _longest(base + np.array([0.0, 0.001, 0.001, 0.001])) == 0
+
+
+def test_a_sweep_is_localized_in_its_surroundings() -> None:
+    axes = (Axis("x", -1.0, 1.0), Axis("y", 0.0, 0.1), Axis("yaw", -np.pi, np.pi))
+    scene = Scene("large", axes, (Phalanx("index", (0.0, 0.0, 0.0)),))
+    near = surroundings(scene, np.array([[0.3, 0.02, 0.0], [0.4, 0.03, 0.0]]))
+    np.testing.assert_allclose(near.lower, [0.25, 0.0, -np.pi])
+    np.testing.assert_allclose(near.upper, [0.45, 0.08, np.pi])

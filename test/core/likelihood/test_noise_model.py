@@ -54,7 +54,9 @@ def test_whitened_residuals_between_visits_have_unit_covariance() -> None:
     residuals = np.concatenate(
         [
             residual[:, 0] / np.sqrt(1.0 + expected.noise)
-            for residual, expected in held_out(estimate.tracks, estimate.visits, CLOTH, estimate.spacing, 1)
+            for _, residual, expected in held_out(
+                estimate.tracks, estimate.visits, CLOTH, estimate.spacing, 1
+            )
         ]
     )
     np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
@@ -139,3 +141,13 @@ def test_the_common_noise_is_the_mean_of_the_covariances() -> None:
     common = np.linalg.inv(common_whitening([one, other]))
     covariances = [np.linalg.inv(m.whitening) @ np.linalg.inv(m.whitening).T for m in (one, other)]
     np.testing.assert_allclose(common @ common.T, np.mean(covariances, axis=0), rtol=1e-6, atol=1e-9)
+
+
+def test_of_many_sweeps_some_are_compared_and_the_noise_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    scan = cloth(12)
+    every = estimate_noise(scan, CLOTH)
+    monkeypatch.setattr("tactile_localizer.core.likelihood.noise_model._JUDGED", 5)
+    some = estimate_noise(scan, CLOTH)
+    assert len(held_out(some.tracks, some.visits, CLOTH, some.spacing, 1)) == 5
+    change = some.model.whitening @ np.linalg.inv(every.model.whitening)
+    np.testing.assert_allclose(change, np.eye(8), atol=0.1)

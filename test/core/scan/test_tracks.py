@@ -9,10 +9,10 @@ from scipy.spatial import cKDTree
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
     PITCH,
+    NearestPoints,
     Track,
     expectation,
     line_spacing,
-    nearest_points,
     tracks_of,
 )
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -143,7 +143,7 @@ def test_many_places_and_tracks_are_interpolated_in_parts_with_the_same_result(
 def test_the_nearest_points_are_those_of_a_tree(dimension: int, spread: float) -> None:
     rng = np.random.default_rng(0)
     points, queries = 5.0 + rng.random((400, dimension)), 5.3 + spread * rng.random((1000, dimension))
-    distance, index = nearest_points(points, queries)
+    distance, index = NearestPoints(queries).among(points)
     expected = cKDTree(points).query(queries)
     assert distance == pytest.approx(expected[0], rel=1e-9)
     assert np.mean(index == expected[1]) > 0.999
