@@ -31,6 +31,7 @@ _CHOICES = {
 
 RANGES: dict[str, tuple[float, float]] = {
     "particles": (1, 1_000_000),
+    "max_particles": (1, 1_000_000),
     "cell": (0.01, 10.0),
     "resample_below": (0.01, 1.0),
     "random_particles": (0, 1_000_000),
@@ -52,7 +53,8 @@ class Configuration:
     model : measurement model, one of :data:`MODELS`, :data:`SWEEP_MIXTURE`, or one's own as
         ``module:Class`` (:mod:`.own_model`)
     filter : ``particle``, or ``grid``, the exact recursion on cells
-    particles : how many particles
+    particles : how many particles when the belief has converged
+    max_particles : how many while it is wide, if more than ``particles``; the paper has 75 always
     cell : size of the grid's cells in spacings of the scan's lines; on one axis they are 0.5 mm, on three so
         large that there are at most 25,000
     evaluation : how kernel sums are evaluated (:mod:`.kernel_sum`)
@@ -76,6 +78,7 @@ class Configuration:
     model: str = "sweep_mixture"
     filter: str = "grid"
     particles: int = 300
+    max_particles: int = 1500
     cell: float = 0.3
     evaluation: str = "field"
     precision: str = "float32"

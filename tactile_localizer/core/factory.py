@@ -214,4 +214,5 @@ def _build_filter(
         resampling=configuration.resampling,
         resample_below=configuration.resample_below,
         random_particles=configuration.random_particles,
+        max_particles=configuration.max_particles,
     )

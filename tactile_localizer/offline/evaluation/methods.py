@@ -14,6 +14,7 @@ _SQUARE_INCH = 0.0254**2
 PAPER_FILTER: dict[str, Any] = {
     "filter": "particle",
     "particles": 75,
+    "max_particles": 75,
     "random_particles": 10,
     "resample_below": 1.0,
     "conditional": False,

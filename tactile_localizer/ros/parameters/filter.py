@@ -42,7 +42,14 @@ CONFIGURATION = (
         "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
     ),
     _choice("filter", "Bayes filter: particle filter, or exact recursion on a grid", FILTERS),
-    _number("particles", "Number of particles, 75 in the paper; for filter particle"),
+    _number(
+        "particles",
+        "Number of particles when the estimate has converged, 75 in the paper; for filter particle",
+    ),
+    _number(
+        "max_particles",
+        "Number of particles while the belief is wide, if larger; 75 in the paper; for filter particle",
+    ),
     _number(
         "cell",
         "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis use "

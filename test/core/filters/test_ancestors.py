@@ -43,7 +43,7 @@ def test_resampled_states_come_from_what_they_copy(either: BayesFilter) -> None:
     before = before.copy()
     either.update(-0.5 * ((before[:, 0] - 0.05) / 0.005) ** 2)
     either.predict(np.array([0.01]), 0.01)
-    np.testing.assert_allclose(travelled(either, before), 0.01, atol=0.003)  # particles are jittered
+    np.testing.assert_allclose(travelled(either, before), 0.01, atol=0.008)  # particles are jittered
 
 
 def test_after_a_reset_no_state_has_an_ancestor(either: BayesFilter) -> None:

@@ -207,6 +207,35 @@ def test_injection_spreads_its_fraction_uniformly(fraction):
     assert np.mean(spread) == pytest.approx(fraction, abs=0.03)
 
 
+def test_a_narrow_likelihood_of_a_wide_belief_is_followed_by_a_few_particles():
+    model = LinearModel(np.eye(16, 2) / 0.0005, 1.0)
+    truth = np.array([0.021, 0.032])
+    errors = []
+    for seed in range(20):
+        particles = ParticleFilter(scene(), np.random.default_rng(seed), 75, max_particles=1500)
+        for _ in range(5):
+            particles.predict(np.zeros(2), 0.0)
+            weight(particles, model, model.gain @ truth, 0.2)
+        belief = particles.belief()
+        errors.append(np.linalg.norm(belief.mean - truth) / 0.0005)
+    assert np.mean(errors) < 0.4
+
+
+def test_a_wide_belief_has_more_particles_than_a_converged_one():
+    model = linear(std=0.05)
+    particles = ParticleFilter(scene(), np.random.default_rng(0), 75, max_particles=1500)
+    assert particles.belief().hypotheses == 1500
+    for _ in range(3):
+        weight(particles, model, model.gain @ [0.02, 0.03])
+        particles.predict(np.zeros(2), 0.0)
+    assert particles.belief().hypotheses == 75
+    particles.inject(1.0)
+    particles.predict(np.zeros(2), 0.0)
+    weight(particles, FlatModel(), STRAIN)
+    particles.predict(np.array([0.06, 0.0]), 0.06)
+    assert particles.belief().hypotheses == 1500
+
+
 def test_copies_of_one_ancestor_are_kept_apart_by_less_than_the_belief_is_wide():
     model = linear()
     particles = ParticleFilter(scene(), np.random.default_rng(0), 300, resample_below=1.0)
