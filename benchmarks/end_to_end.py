@@ -7,8 +7,8 @@ ways back between the sweeps, not while the nodes start.
 
 All four nodes run: the mapping node records what the filter node localizes on. The latency
 is divided into its parts by the times that DDS records for each message: when it was sent, and when this
-process received it. For comparison, how late the machine wakes a process that only sleeps is measured in the
-same minute.
+process received it. For comparison, two things are measured in the same minute: how late the machine wakes a
+process that only sleeps, and how long a node takes that does nothing but send each strain message back.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/end_to_end.py [--sweeps 8] [--worst 10]``.
 """
@@ -113,10 +113,12 @@ def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
             "filter": nodes.start_node("filter_node", {"scan_file": scan}),
             "mapping": nodes.start_node("mapping_node", recording),
         }
+        nodes.start(Path(__file__).parent / "echo.py")
         reliable = QoSProfile(depth=1000)
         posteriors = Way(nodes, Posterior, "filter/posterior", reliable)
         strains = Way(nodes, StrainVectors, "strain", BEST_EFFORT)
         poses = Way(nodes, PoseStamped, "palm_pose", reliable)
+        echoes = Way(nodes, StrainVectors, "echo", reliable)
         nodes.watch_sweeps()
         nodes.until(lambda: len(posteriors), "the first posterior", 300)
         with Machine() as machine:
@@ -128,9 +130,16 @@ def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
             cores = {name: (cpu_s(process) - cpu[name]) / elapsed_s for name, process in started.items()}
     told = posteriors.since(begin_ns)
     parts = parts_ms(strains.since(begin_ns), poses.since(begin_ns), told)
+    echo_ms = echoed_ms(strains.since(begin_ns), echoes.since(begin_ns))
     late = [machine.during(*one) for one in told[:, [STAMP, RECEIVED]]]
     print_worst(parts | {"machine late": np.array(late)}, (told[:, STAMP] - begin_ns) * 1e-9, worst)
-    return rows(parts, machine, elapsed_s, cores)
+    return rows(parts, echo_ms, machine, elapsed_s, cores)
+
+
+def echoed_ms(strains: np.ndarray, echoes: np.ndarray) -> np.ndarray:
+    """Time from the sending of a strain message to the receipt of its echo, ms."""
+    _, sent, back = np.intersect1d(strains[:, STAMP], echoes[:, STAMP], return_indices=True)
+    return (echoes[back, RECEIVED] - strains[sent, SENT]) * 1e-6
 
 
 def print_worst(parts: dict[str, np.ndarray], at_s: np.ndarray, worst: int) -> None:
@@ -144,7 +153,11 @@ def print_worst(parts: dict[str, np.ndarray], at_s: np.ndarray, worst: int) -> N
 
 
 def rows(
-    parts: dict[str, np.ndarray], machine: Machine, elapsed_s: float, cores: dict[str, float]
+    parts: dict[str, np.ndarray],
+    echo_ms: np.ndarray,
+    machine: Machine,
+    elapsed_s: float,
+    cores: dict[str, float],
 ) -> list[dict[str, Any]]:
     """The measurements."""
     times = parts["all"]
@@ -167,6 +180,8 @@ def rows(
             for part, ms in parts.items()
             if part != "all"
         ),
+        row("a trivial node's echo of the strain, 99th percentile", np.percentile(echo_ms, 99), "ms"),
+        row("a trivial node's echo of the strain, median", np.median(echo_ms), "ms"),
         *(row(f"processor use at 200 Hz: {node}", share, "cores") for node, share in cores.items()),
         row("processor use at 200 Hz: all four nodes", sum(cores.values()), "cores", "<= 1"),
         row(f"{name}: the machine's own latest wake-up", machine.late[:, 1].max(initial=0.0), "ms"),

@@ -1,0 +1,26 @@
+"""A node that does nothing but send each strain message back: what rclpy and DDS cost on this machine."""
+
+import contextlib
+
+import rclpy
+from nodes import BEST_EFFORT
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+
+from tactile_localizer.msg import StrainVectors
+
+
+def main() -> None:
+    """Echo until interrupted."""
+    rclpy.init()
+    node = rclpy.create_node("echo")
+    publisher = node.create_publisher(StrainVectors, "echo", QoSProfile(depth=1000))
+    node.create_subscription(StrainVectors, "strain", publisher.publish, BEST_EFFORT, raw=True)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    with contextlib.suppress(KeyboardInterrupt):
+        executor.spin()
+
+
+if __name__ == "__main__":
+    main()
