@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import tracemalloc
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,8 @@ _PASSES = 3
 DEFAULT = "default"
 """Name of the configuration without changes, beside those of the presets."""
 BUDGETS_US = (100.0, 200.0, 300.0, 500.0, 1000.0)
-"""Times of a measurement update, us, for which the table of budgets names the most accurate configuration."""
+"""Times, us, of a measurement update and of a millimetre of travel, for which the table of budgets names the
+most accurate configuration."""
 
 
 @dataclass(frozen=True)
@@ -175,18 +176,30 @@ def cost(trial: Trial) -> dict[str, Any]:
     return {"timing": timing(least), "peak_bytes": peak}
 
 
-def pareto_front(trades: Sequence[Trade]) -> list[Trade]:
-    """The trades that no other beats in both error and update time, from fast to accurate."""
+def per_update(trade: Trade) -> float:
+    """Time of a measurement update, us."""
+    return trade.update_us
+
+
+def per_millimetre(trade: Trade) -> float:
+    """Time per millimetre of travel, us."""
+    return trade.us_per_mm
+
+
+def pareto_front(trades: Sequence[Trade], duration: Callable[[Trade], float] = per_update) -> list[Trade]:
+    """The trades that no other beats in both error and time, from fast to accurate."""
     front: list[Trade] = []
-    for one in sorted(trades, key=lambda t: (t.update_us, t.error.mean)):
+    for one in sorted(trades, key=lambda t: (duration(t), t.error.mean)):
         if not front or one.error.mean < front[-1].error.mean:
             front.append(one)
     return front
 
 
-def within_budget(trades: Sequence[Trade], budget_us: float) -> Trade | None:
-    """The most accurate trade whose median update takes at most ``budget_us``."""
-    affordable = (t for t in trades if t.update_us <= budget_us)
+def within_budget(
+    trades: Sequence[Trade], budget_us: float, duration: Callable[[Trade], float] = per_update
+) -> Trade | None:
+    """The most accurate trade whose time is at most ``budget_us``."""
+    affordable = (t for t in trades if duration(t) <= budget_us)
     return min(affordable, key=lambda t: t.error.mean, default=None)
 
 

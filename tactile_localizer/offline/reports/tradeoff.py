@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,7 +10,14 @@ from matplotlib.ticker import LogLocator
 
 from tactile_localizer.core.configuration import MODELS
 from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
-from tactile_localizer.offline.evaluation.tradeoff import BUDGETS_US, Trade, pareto_front, within_budget
+from tactile_localizer.offline.evaluation.tradeoff import (
+    BUDGETS_US,
+    Trade,
+    pareto_front,
+    per_millimetre,
+    per_update,
+    within_budget,
+)
 from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
@@ -50,37 +57,60 @@ def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
 
 
 def _budgets(trades: Sequence[Trade]) -> Table:
-    """What is lost with a given time for an update, beside the most accurate configuration."""
+    """What is lost with a given time for an update, or for a millimetre of travel."""
     best = min(one.error.mean for one in trades)
-    rows = []
-    for budget in BUDGETS_US:
-        found = within_budget(trades, budget)
+
+    def cells(found: Trade | None) -> tuple[str, str, str]:
         if found is None:
-            rows.append((f"{budget:g}", "none", "", "", "", ""))
-            continue
-        rows.append(
-            (
-                f"{budget:g}",
-                found.candidate.name,
-                f"{found.error.mean * MM:.2f}",
-                f"{(found.error.mean - best) * MM:+.2f}",
-                f"{found.update_us:.0f}",
-                f"{found.us_per_mm:.0f}",
-            )
+            return "none", "", ""
+        return (
+            found.candidate.name,
+            f"{found.error.mean * MM:.2f}",
+            f"{(found.error.mean - best) * MM:+.2f}",
         )
+
+    rows = [
+        (
+            f"{budget:g}",
+            *cells(within_budget(trades, budget)),
+            *cells(within_budget(trades, budget, per_millimetre)),
+        )
+        for budget in BUDGETS_US
+    ]
     return Table(
         "Budgets",
-        ("budget, µs", "most accurate configuration", "error, mm", "to the best, mm", "update, µs", "µs/mm"),
+        ("budget, µs", "for an update", "error, mm", "lost, mm", "for a millimetre", "error, mm", "lost, mm"),
         rows,
-        "Budget: processor time of one measurement update, median. Where it has to be less, updates can be "
-        "rarer: time per millimetre of travel.",
+        "The most accurate configuration within a processor time of one measurement update, median, and "
+        "within one per millimetre of travel; lost: beside the most accurate of all.",
     )
 
 
 def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
-    """Figure of error against update time, with the Pareto front and the presets."""
-    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
-    plot = figure.add_subplot()
+    """Figure of error against the time of an update and of a millimetre, with Pareto fronts and presets."""
+    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
+    by_update, by_travel = figure.subplots(1, 2, sharey=True)
+    _draw(by_update, trades, per_update)
+    _draw(by_travel, trades, per_millimetre)
+    by_update.set_yscale("log")
+    by_update.set_ylim(bottom=0.7 * min(one.error.mean for one in trades) * MM)
+    by_update.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+    by_update.yaxis.set_major_formatter("{x:g}")
+    by_update.yaxis.set_minor_formatter("")
+    by_update.set_xlabel("processor time of an update, median, µs")
+    by_travel.set_xlabel("processor time per millimetre of travel, µs")
+    by_update.set_ylabel("mean error, mm (dashed: 0.1 inch)")
+    handles, labels = by_update.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=7)
+    return figure
+
+
+def _draw(plot: Axes, trades: Sequence[Trade], duration: Callable[[Trade], float]) -> None:
+    """Error against one kind of time."""
+
+    def places(some: Sequence[Trade]) -> tuple[list[float], list[float]]:
+        return [duration(one) for one in some], [one.error.mean * MM for one in some]
+
     for model, colour in _COLOURS.items():
         for filter_, marker in _MARKERS.items():
             chosen = (model, filter_)
@@ -90,44 +120,30 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
                 if (one.candidate.configuration.model, one.candidate.configuration.filter) == chosen
             ]
             if own:
-                plot.scatter(*_places(own), s=18, c=colour, marker=marker, label=f"{model}, {filter_}")
-    front = pareto_front(trades)
-    plot.step(*_places(front), where="post", color="0.3", lw=1, label="Pareto front")
-    _draw_presets(plot, [one for one in trades if one.candidate.preset])
+                plot.scatter(*places(own), s=16, c=colour, marker=marker, label=f"{model}, {filter_}")
+    plot.step(*places(pareto_front(trades, duration)), where="post", color="0.3", lw=1, label="Pareto front")
     plot.axhline(TENTH_INCH_MM, color="0.6", ls="--", lw=0.8)
-    plot.set_axisbelow(True)
-    plot.margins(x=0.3)
+    _draw_presets(plot, sorted((one for one in trades if one.candidate.preset), key=duration), duration)
     plot.set_xscale("log")
-    plot.set_yscale("log")
-    plot.set_ylim(bottom=0.85 * front[-1].error.mean * MM)
-    for axis, steps in ((plot.xaxis, (1.0, 2.0, 5.0)), (plot.yaxis, (1.0, 2.0, 3.0, 5.0))):
-        axis.set_major_locator(LogLocator(subs=steps))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("")
-    plot.set_xlabel("processor time of an update, median, µs")
-    plot.set_ylabel("mean error, mm (dashed: 0.1 inch)")
-    plot.grid(color="0.92", which="both")
-    plot.legend(fontsize=7)
-    return figure
+    plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    plot.xaxis.set_major_formatter("{x:g}")
+    plot.xaxis.set_minor_formatter("")
+    plot.tick_params(labelsize=8)
+    plot.set_axisbelow(True)
+    plot.grid(color="0.92")
 
 
-def _places(trades: Sequence[Trade]) -> tuple[list[float], list[float]]:
-    """Update times, us, and mean errors, mm."""
-    return [one.update_us for one in trades], [one.error.mean * MM for one in trades]
-
-
-def _draw_presets(plot: Axes, presets: Sequence[Trade]) -> None:
-    """Circle the presets and put their names below, in two rows without overlaps."""
-    in_order = sorted(presets, key=lambda one: one.update_us)
-    for row, one in enumerate(in_order):
-        place = (one.update_us, one.error.mean * MM)
-        plot.plot(*place, "o", ms=11, mfc="none", mec="black")
+def _draw_presets(plot: Axes, presets: Sequence[Trade], duration: Callable[[Trade], float]) -> None:
+    """Circle the presets and put their names in a row at the bottom, in the order of their times."""
+    for number, one in enumerate(presets):
+        place = (duration(one), one.error.mean * MM)
+        plot.plot(*place, "o", ms=10, mfc="none", mec="black")
         plot.annotate(
             one.candidate.preset,
             place,
-            xytext=(30 * (row - (len(in_order) - 1) / 2), -34 - 16 * (row % 2)),
-            textcoords="offset points",
-            fontsize=9,
+            xytext=((number + 0.5) / len(presets), 0.04),
+            textcoords="axes fraction",
+            fontsize=8,
             ha="center",
             arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.7, "shrinkB": 6},
         )
