@@ -31,14 +31,17 @@ INFORMATION_LENGTHS = (0.001, 0.0017, 0.003, 0.005)
 _MOST_SWEEPS = 10
 """Sweeps that are held out, one after another: each takes a new map."""
 _PRIOR_STD = PITCH
-_PRIOR_SWEEPS = 2.0
-"""Registration of a scan of which nothing is known, m, and how many held-out sweeps it counts for. By
-judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm."""
+_PRIOR_ERRORS = 5.0
+"""Registration of a scan of which nothing is known, m, and how many independent errors it counts for. By
+judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm. On four fabrics the least
+coverage of the 95 % region was .88, .89 and .87 with 2, 5 and 10 errors."""
 _MISTAKE = 0.02
 """Error, m, beyond which a sweep was mistaken for another place: how far does not matter."""
 _SURROUNDINGS = 0.05
 """m around a sweep within which it is localized: more than twice what counts as mistaken. The rest of a large
 scan would take minutes."""
+_BOUND = 6.0
+"""Medians of an error's size beyond which it was mistaken for another place."""
 _ONE_SIGMA = 0.8413
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Registrations that are tried, in units of the prior's."""
@@ -61,19 +64,19 @@ class Calibration(NamedTuple):
 
 
 class _Outcome(NamedTuple):
-    """Squared errors and variances (n, d), m^2 (yaw by its lever), along one held-out sweep.
+    """Errors, m, and variances, m^2 (yaw by its lever), both (n, d), along one held-out sweep.
 
     ``felt`` (n,) bool is where the material has a signal.
     """
 
-    squared: np.ndarray
+    errors: np.ndarray
     variance: np.ndarray
     felt: np.ndarray
 
     @property
     def error(self) -> float:
         """Mean error, m; one that is as large as a mistake counts no more than that."""
-        return float(np.minimum(np.sqrt(self.squared.sum(axis=1)), _MISTAKE).mean())
+        return float(np.minimum(np.linalg.norm(self.errors, axis=1), _MISTAKE).mean())
 
 
 def calibrate(
@@ -136,36 +139,54 @@ def _longest(errors: np.ndarray) -> int:
 def _localize(localizer: Localizer, track: Track, felt: np.ndarray, scene: Scene) -> _Outcome:
     """Errors of a localizer along a sweep, from a uniform prior."""
     localizer.reset()
-    squared, variance, rows = [], [], []
+    errors, variance, rows = [], [], []
     for index, (position, strain) in enumerate(zip(track.positions, track.strain, strict=True)):
         estimate = localizer.update(10_000_000 * index, position, strain)
         if estimate.updated:
             error = estimate.mean - position
-            squared.append(np.where(scene.wraps, wrap_angle(error), error) ** 2)
+            errors.append(np.where(scene.wraps, wrap_angle(error), error))
             variance.append(np.diag(estimate.covariance))
             rows.append(index)
-    scale = lever(scene) ** 2
-    return _Outcome(np.array(squared) * scale, np.array(variance) * scale, felt[rows])
+    return _Outcome(np.array(errors) * lever(scene), np.array(variance) * lever(scene) ** 2, felt[rows])
 
 
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
-    """Most probable standard deviation (d,): one observation per sweep, beside those of the prior.
+    """Most probable standard deviation (d,): the independent errors of each sweep beside those of the prior.
 
     Before contact the position is open, which says nothing about registration.
     """
     found = []
-    felt = [(each.squared[each.felt], each.variance[each.felt]) for each in outcomes if each.felt.any()]
+    felt = [(each.errors[each.felt], each.variance[each.felt]) for each in outcomes if each.felt.any()]
+    # Each sweep is held out of the others' mean, in which it was one: together they lack one.
+    share = 1.0 - 1.0 / max(len(outcomes), 2)
     extent = (scene.upper - scene.lower) * lever(scene)
     for axis in range(scene.dimension):
         candidates = _PRIOR_STD * _CANDIDATES
-        fit = -0.5 * _PRIOR_SWEEPS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-        for squared, variance in felt:
+        fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
+        for errors, variance in felt:
+            count = share * _independent(errors[:, axis])
             fit += [
-                _log_density(squared[:, axis], variance[:, axis] + each**2, extent[axis])
+                count * _log_density(errors[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
                 for each in candidates
             ]
         found.append(candidates[fit.argmax()])
     return np.array(found) / lever(scene)
+
+
+def _independent(errors: np.ndarray) -> float:
+    """How many independent errors ``errors`` (n,), in order along a sweep, are worth.
+
+    By the sum of their autocorrelation up to where it vanishes; an error that stays the same counts once.
+    """
+    bound = _BOUND * np.median(np.abs(errors))
+    bounded = errors.clip(-bound, bound)
+    n = len(bounded)
+    correlation = np.correlate(bounded, bounded, "full")[n - 1 :]
+    if correlation[0] <= 0.0:
+        return 1.0
+    vanished = np.flatnonzero(correlation <= 0.0)
+    end = int(vanished[0]) if len(vanished) else n
+    return float(n * correlation[0] / (2.0 * correlation[:end].sum() - correlation[0]))
 
 
 def _log_density(squared: np.ndarray, variance: np.ndarray, extent: float) -> float:

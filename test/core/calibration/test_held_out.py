@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, _longest, surroundings
+from tactile_localizer.core.calibration.held_out import (
+    INFORMATION_LENGTHS,
+    _independent,
+    _longest,
+    surroundings,
+)
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -42,6 +47,18 @@ def test_a_featureless_approach_does_not_leave_the_registration_at_its_prior() -
     strain = np.where(featureless[:, None], rng.standard_normal(scan.strain.shape), scan.strain)
     calibration = learn(replace(scan, strain=strain), SCENE)
     assert calibration.registration_std[0] > 0.0008
+
+
+def test_an_error_that_wanders_counts_once_per_correlation_length() -> None:
+    rng = np.random.default_rng(0)
+    free = rng.standard_normal(400)
+    assert _independent(np.full(400, 0.001)) == pytest.approx(1.0, rel=0.01)
+    assert _independent(free) == pytest.approx(400.0, rel=0.35)
+    assert _independent(np.repeat(free[:100], 4)) == pytest.approx(100.0, rel=0.35)
+
+
+def test_one_long_slide_outweighs_the_prior_of_the_registration() -> None:
+    assert learn(cloth(0.0, 2), SCENE).registration_std[0] < 0.0003
 
 
 def test_the_information_length_is_one_of_the_candidates() -> None:
