@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, Calibration, calibrate
-from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
+from tactile_localizer.core.calibration.sweep_model import (
+    SweepModel,
+    learn_comparable,
+    learn_sweep_model,
+)
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.filters.base import BayesFilter
@@ -19,7 +23,6 @@ from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.evaluation import StrainModel
 from tactile_localizer.core.likelihood.kernel_position import KernelPosition
-from tactile_localizer.core.likelihood.noise_model import common_whitening
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
@@ -94,12 +97,10 @@ def build_identifier(
     ``calibrations`` are of an earlier :func:`learn` from the same scans; the others are learned anew.
     """
     say = progress or _silent
-    own = [learn_sweep_model(scan, scene) for scan, scene in candidates.values()]
-    whitening = common_whitening([model.noise.model for model in own])
     localizers = {}
-    for number, (name, (scan, scene)) in enumerate(candidates.items()):
+    models = learn_comparable(list(candidates.values()))
+    for number, ((name, (scan, scene)), learned) in enumerate(zip(candidates.items(), models, strict=True)):
         say(f"learning {name}", number / len(candidates))
-        learned = learn_sweep_model(scan, scene, whitening)
         calibration = (calibrations or {}).get(name) or _calibrated(scene, learned)
         localizers[name] = _built(scan, scene, configuration, learned, calibration, rng)
     say("ready", 1.0)

@@ -33,7 +33,7 @@ class FeatureIdentifier:
 
     The likelihood of a candidate is that of the strain on its map, averaged over its localizer's belief;
     those of unknown and of featureless material are averaged over the candidates. They can be compared
-    because the localizers share one noise model (:func:`.common_whitening`).
+    because the localizers share one noise model (:func:`.learn_comparable`).
 
     Parameters
     ----------
@@ -71,7 +71,8 @@ class FeatureIdentifier:
         if travel < self._travel:  # the localizers began anew
             self._presence.reset()
             self._travel = 0.0
-        self._presence.predict(travel - self._travel, 0.0)
+        left = [localizer.left for localizer in self.localizers.values()]
+        self._presence.predict(travel - self._travel, left)
         self._travel = travel
         count = np.log(len(estimates))
         unknown = float(np.logaddexp.reduce([estimate.log_elsewhere for estimate in estimates])) - count

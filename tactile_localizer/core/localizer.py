@@ -104,6 +104,10 @@ class Localizer:
     convergence : decides when the position has converged
     update_distance : m of travel between two measurement updates
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
+
+    Attributes
+    ----------
+    left : share of the belief that left the scene before the last measurement update
     """
 
     def __init__(
@@ -239,13 +243,14 @@ class Localizer:
         self._belief = None
         self._explanations = np.full(3, np.nan)
         self._exponent = 0.0
+        self.left = 0.0
 
     def _measure(self, strain: np.ndarray, present: np.ndarray) -> None:
         """The measurement update: predicted belief, likelihoods, posterior, decision."""
         travel = self._pending_travel
         stretch = max(travel, self._update_distance)
-        left = self.filter.predict(self._pending, travel) if travel > 0.0 else 0.0
-        self.filter.inject(self._presence.predict(travel, left))
+        self.left = self.filter.predict(self._pending, travel) if travel > 0.0 else 0.0
+        self.filter.inject(self._presence.predict(travel, self.left))
 
         self._consistency.observe(strain, present, travel)
         used = self._used(present)

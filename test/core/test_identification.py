@@ -56,6 +56,17 @@ def test_a_feature_that_no_scan_has_shown_is_none_of_them(identifier: FeatureIde
     assert list(verdicts(identifier, "seam")).count(NONE) >= 3
 
 
+def test_featureless_material_all_the_way_is_none_of_them(identifier: FeatureIdentifier) -> None:
+    assert list(verdicts(identifier, "none")) == [NONE] * 4
+
+
+def test_candidates_have_one_noise(identifier: FeatureIdentifier) -> None:
+    one, other = (localizer.model for localizer in identifier.localizers.values())
+    strain = np.linspace(-0.1, 0.1, 16)
+    np.testing.assert_allclose(one.whitened(strain), other.whitened(strain))
+    np.testing.assert_allclose(one.offset_variance, other.offset_variance)
+
+
 def test_before_anything_is_felt_no_candidate_is_ahead(identifier: FeatureIdentifier) -> None:
     identifier.reset()
     test = simulate_scan("none", SEED, "test", sweeps=1)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.likelihood.new_session import NewSession
-from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, estimate_noise
+from tactile_localizer.core.likelihood.noise_model import (
+    NoiseEstimate,
+    common_whitening,
+    estimate_noise,
+    with_common_offsets,
+)
 from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.scan import Scan
@@ -66,3 +73,19 @@ def learn_sweep_model(
     """
     noise = estimate_noise(scan, scene, whitening)
     return SweepModel(noise, variance or fit_variance(noise, scene))
+
+
+def learn_comparable(candidates: Sequence[tuple[Scan, Scene]]) -> list[SweepModel]:
+    """Learn several scans under one noise: where they feel alike, a strain must be as likely on each.
+
+    Whitening, variance of a visit and prior of a sweep's offset are common to them; what differs is only
+    what each place is expected to feel like. Raises as :func:`learn_sweep_model`.
+    """
+    own = [estimate_noise(scan, scene).model for scan, scene in candidates]
+    whitening = common_whitening(own)
+    noises = with_common_offsets([estimate_noise(scan, scene, whitening) for scan, scene in candidates])
+    fitted = [fit_variance(noise, scene) for noise, (_, scene) in zip(noises, candidates, strict=True)]
+    common = VarianceModel(
+        *(float(np.mean([getattr(each, field.name) for each in fitted])) for field in fields(VarianceModel))
+    )
+    return [SweepModel(noise, common) for noise in noises]

@@ -58,25 +58,28 @@ class Presence:
         """Of being on featureless material off the maps."""
         return self._weights[-1]
 
-    def predict(self, travel: float, left: float) -> float:
+    def predict(self, travel: float, left: float | Sequence[float]) -> float:
         """Advance by ``travel`` metres, on which the share ``left`` of the belief left the scene.
 
-        Returns the share of the belief on the map that has just returned.
+        ``left`` is one number for all maps, or one for each. Returns the share of the belief on the maps that
+        has just returned.
         """
         # A few numbers, of which arrays would take five times as long.
         on, elsewhere = self._weights[: len(self._shares)], self._weights[len(self._shares) :]
-        staying = (1.0 - left) * math.exp(-LEAVING_RATE * travel)
+        each_left = [left] * len(on) if isinstance(left, float | int) else left
+        staying = math.exp(-LEAVING_RATE * travel)
         returning = -math.expm1(-RETURN_RATE * travel)
-        stayed, gone = sum(on) * staying, sum(on) * (1.0 - staying)
+        stayed = [each * (1.0 - lost) * staying for each, lost in zip(on, each_left, strict=True)]
+        gone = sum(on) - sum(stayed)
         returned = sum(elsewhere) * returning
         self._store(
-            [each * staying + returned * share for each, share in zip(on, self._shares, strict=True)]
+            [each + returned * share for each, share in zip(stayed, self._shares, strict=True)]
             + [
                 each * (1.0 - returning) + gone * share
                 for each, share in zip(elsewhere, _ELSEWHERE, strict=True)
             ]
         )
-        return returned / (stayed + returned) if returned > 0.0 else 0.0
+        return returned / (sum(stayed) + returned) if returned > 0.0 else 0.0
 
     def update(self, log_likelihoods: np.ndarray) -> None:
         """Take in tempered log-likelihoods (maps + 2,) of a strain: on each map, unknown, featureless."""

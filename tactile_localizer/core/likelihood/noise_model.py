@@ -7,7 +7,7 @@ the offset of a sweep all use it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -162,6 +162,23 @@ def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
     inverses = [np.linalg.inv(model.whitening) for model in models]
     covariance = np.mean([inverse @ inverse.T for inverse in inverses], axis=0)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def with_common_offsets(estimates: Sequence[NoiseEstimate]) -> list[NoiseEstimate]:
+    """The estimates, of one whitening, with one prior of a new sweep's offset: that of all their sweeps.
+
+    Where some material has no featureless places, offsets are not known and nothing is changed.
+    """
+    if not all(estimate.featureless for estimate in estimates):
+        return list(estimates)
+    models = [estimate.model for estimate in estimates]
+    centre = np.mean([model.centre for model in models], axis=0)
+    levels = np.concatenate([each.offsets + each.model.centre for each in estimates]) @ models[0].whitening.T
+    variance = _NEW_SESSION_VARIANCE_RATIO * _offset_variance(levels, models[0].layout)
+    return [
+        each._replace(model=replace(each.model, centre=centre, offset_variance=variance))
+        for each in estimates
+    ]
 
 
 def held_out(

@@ -52,6 +52,13 @@ def test_what_rides_off_the_scene_goes_elsewhere() -> None:
     assert total(presence) == pytest.approx(1.0)
 
 
+def test_of_several_maps_each_loses_what_rides_off_its_own() -> None:
+    presence = Presence([0.5, 0.5])
+    presence.predict(0.0, [0.0, 0.4])
+    assert presence.maps == pytest.approx([0.25, 0.15])
+    assert total(presence) == pytest.approx(1.0)
+
+
 def test_without_travel_and_loss_nothing_changes() -> None:
     presence = Presence()
     presence.update(np.log([0.2, 0.1, 0.4]))
