@@ -32,8 +32,8 @@ from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
 _COARSE = 0.6
-"""Spacings of the scan's lines that a block of cells may take up where the belief has no detail: the cells of
-the preset ``balanced``, which loses next to nothing (docs/tradeoff.md)."""
+"""Spacings of the scan's lines that a block of cells may take up where the belief has no detail; cells of
+that size everywhere lose next to nothing (docs/tradeoff.md)."""
 
 
 def build_localizer(

@@ -22,6 +22,8 @@ from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
 _MARKERS = {"grid": "s", "particle": "o"}
+_FEW_TICKS, _MANY_TICKS = (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+"""Of each decade of an axis of time: many where it spans less than one."""
 _COLUMNS = (
     "configuration",
     "error, mm",
@@ -93,8 +95,8 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
     _draw(by_update, trades, per_update)
     _draw(by_travel, trades, per_millimetre)
     by_update.set_yscale("log")
-    by_update.set_ylim(bottom=0.7 * min(one.error.mean for one in trades) * MM)
-    by_update.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+    by_update.set_ylim(bottom=0.82 * min(one.error.mean for one in trades) * MM)
+    by_update.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0)))
     by_update.yaxis.set_major_formatter("{x:g}")
     by_update.yaxis.set_minor_formatter("")
     by_update.set_xlabel("processor time of an update, median, µs")
@@ -125,7 +127,8 @@ def _draw(plot: Axes, trades: Sequence[Trade], duration: Callable[[Trade], float
     plot.axhline(TENTH_INCH_MM, color="0.6", ls="--", lw=0.8)
     _draw_presets(plot, sorted((one for one in trades if one.candidate.preset), key=duration), duration)
     plot.set_xscale("log")
-    plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    low, high = plot.get_xlim()
+    plot.xaxis.set_major_locator(LogLocator(subs=_MANY_TICKS if high < 8.0 * low else _FEW_TICKS))
     plot.xaxis.set_major_formatter("{x:g}")
     plot.xaxis.set_minor_formatter("")
     plot.tick_params(labelsize=8)
