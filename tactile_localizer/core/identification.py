@@ -71,7 +71,11 @@ class FeatureIdentifier:
         if travel < self._travel:  # the localizers began anew
             self._presence.reset()
             self._travel = 0.0
-        left = [localizer.left for localizer in self.localizers.values()]
+        # A hand that is known to ride off a map is still on its material.
+        left = [
+            0.0 if estimate.state in (State.CONVERGED, State.LOST) else localizer.left
+            for estimate, localizer in zip(estimates, self.localizers.values(), strict=True)
+        ]
         self._presence.predict(travel - self._travel, left)
         self._travel = travel
         count = np.log(len(estimates))

@@ -60,6 +60,20 @@ def test_featureless_material_all_the_way_is_none_of_them(identifier: FeatureIde
     assert list(verdicts(identifier, "none")) == [NONE] * 4
 
 
+def test_a_hand_that_rides_off_the_map_of_a_recognised_feature_is_still_on_it(
+    identifier: FeatureIdentifier,
+) -> None:
+    test = simulate_scan("bump", SEED, "test", sweeps=1)
+    identifier.reset()
+    for row in range(test.feature_end[0] + 1):
+        found = identifier.update(int(test.stamp_ns[row]), test.odometry[row], test.strain[row])
+    assert found.estimates["bump"].converged
+    before = found.probabilities["bump"]
+    ahead = test.odometry[row] + [0.05, 0.0]
+    after = identifier.update(int(test.stamp_ns[row]) + 10**9, ahead, test.strain[test.slices()[0].start])
+    assert after.probabilities["bump"] > 0.9 * before
+
+
 def test_candidates_have_one_noise(identifier: FeatureIdentifier) -> None:
     one, other = (localizer.model for localizer in identifier.localizers.values())
     strain = np.linspace(-0.1, 0.1, 16)
