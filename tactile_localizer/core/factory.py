@@ -166,6 +166,10 @@ def _built(
     rng: np.random.Generator,
 ) -> Localizer:
     mixture = learned.mixture(scene, configuration.cell, calibration.information_length)
+    if configuration.filter == "particle":
+        mixture.new_session = (
+            None  # Resampled particles are moved apart, so none has a trajectory to learn along.
+        )
     model: StrainModel = mixture
     if configuration.model != SWEEP_MIXTURE:
         without = _without_offsets(scan, scene, learned.noise.offsets)

@@ -5,7 +5,6 @@ Live nodes, replay and benchmarks share it.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,14 +17,12 @@ from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import checked, usable
-from tactile_localizer.core.likelihood.evaluation import Evaluation, StrainModel
-from tactile_localizer.core.likelihood.new_session import NEW_SESSION, Evidence
+from tactile_localizer.core.likelihood.evaluation import StrainModel
+from tactile_localizer.core.likelihood.new_session import unknown
 from tactile_localizer.core.likelihood.weights import log_sum
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
-_NEGLIGIBLE_SESSION = 1e-5
-"""Probability of another session, given the map, below which it is not evaluated: half of the work."""
 UPDATE_PERIOD_NS = 8_000_000
 """Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
 passes an update distance with every strain; an update for each would take longer than they take to come."""
@@ -128,7 +125,7 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._session = model.new_session
-        self._presence = Presence((1.0,) if self._session is None else (1.0 - NEW_SESSION, NEW_SESSION))
+        self._presence = Presence()
         self._offset = SweepOffset(scene.layout, model.offset_variance)
         self._consistency = PhalanxConsistency(scene.layout)
         self._stamp_ns: int | None = None
@@ -250,7 +247,8 @@ class Localizer:
         travel = self._pending_travel
         stretch = max(travel, self._update_distance)
         self.left = self.filter.predict(self._pending, travel) if travel > 0.0 else 0.0
-        self.filter.inject(self._presence.predict(travel, self.left))
+        returned = self._presence.predict(travel, self.left)
+        self.filter.inject(returned)
 
         self._consistency.observe(strain, present, travel)
         used = self._used(present)
@@ -258,13 +256,24 @@ class Localizer:
         whitened = self.model.whitened(strain) - self._offset.mean
         evaluation = self.model.evaluate(states, whitened, used, self._offset.phalanx_variance())
 
-        exponent = min(1.0, stretch / self._information_length())
-        evidence = self._in_a_new_session(log_prior, evaluation, whitened, used, exponent, travel)
-        position = evaluation.position if evidence is None else evidence.position
-        self.filter.update(exponent * position)
+        exponent = min(1.0, stretch / self.model.information_length)
+        log_unknown = unknown(log_prior, evaluation.other_material, evaluation.elsewhere)
+        session = self._session
+        if session is not None:
+            session.returned(returned)
+        if session is not None and session.is_possible:
+            exponents = exponent, min(1.0, stretch / session.length)
+            ratios = session.evaluate(
+                self.filter.ancestors(), log_prior, evaluation, whitened, used, exponents, travel
+            )
+            log_ratio = log_sum(log_prior + ratios)
+            self.filter.update(ratios)
+        else:
+            log_ratio = log_sum(log_prior + exponent * (evaluation.same_material - log_unknown))
+            self.filter.update(exponent * evaluation.position)
         self._belief = self.filter.belief()
 
-        self._decide(log_prior, evaluation, evidence, travel, stretch)
+        self._decide(log_ratio / exponent, log_unknown, evaluation.featureless, travel, stretch)
         if self._offset.is_learned:
             expected = self.model.expected(
                 evaluation.nodes, log_prior + exponent * evaluation.position, whitened
@@ -279,56 +288,21 @@ class Localizer:
         used = present & self._consistency.consistent
         return used if used.any() else present
 
-    def _in_a_new_session(
-        self,
-        log_prior: np.ndarray,
-        evaluation: Evaluation,
-        whitened: np.ndarray,
-        used: np.ndarray,
-        exponent: float,
-        travel: float,
-    ) -> Evidence | None:
-        """What the strain says where the session is open; ``None`` where it is that of the scan."""
-        if self._session is None:
-            return None
-        same, new = self._presence.maps
-        if new <= _NEGLIGIBLE_SESSION * (same + new):
-            self._session.reset()
-            return None
-        ancestors = self.filter.ancestors()
-        return self._session.evaluate(ancestors, log_prior, evaluation, whitened, used, exponent, travel)
-
-    def _information_length(self) -> float:
-        """m of travel that make one independent measurement, over the kinds of session that are possible."""
-        if self._session is None:
-            return self.model.information_length
-        same, new = self._presence.maps
-        return float((same * self.model.information_length + new * self._session.length) / (same + new))
-
     def _decide(
-        self,
-        log_prior: np.ndarray,
-        evaluation: Evaluation,
-        evidence: Evidence | None,
-        travel: float,
-        stretch: float,
+        self, log_ratio: float, log_unknown: float, featureless: float, travel: float, stretch: float
     ) -> None:
-        """Whether the map explains the strain, and whether the position has converged."""
-        if evidence is not None:
-            log_prior = evidence.same_log_prior
-        here = log_sum(log_prior + evaluation.same_material)
-        other = log_sum(log_prior + evaluation.other_material)
-        # Unknown material is as likely to feel like any place of the map as like the estimated one.
-        elsewhere = float(np.logaddexp(evaluation.elsewhere, other)) - math.log(2.0)
+        """Whether the map explains the strain, and whether the position has converged.
+
+        ``log_ratio`` is that of the map to unknown material for a whole measurement, from likelihoods that
+        were tempered as in the filter: a belief that follows what is felt pays for each time it moves on.
+        """
         self._exponent = min(1.0, stretch / self.model.presence_length)
-        self._explanations = np.array([here, elsewhere, evaluation.featureless])
-        log_likelihoods = [self._exponent * each for each in (here, elsewhere, evaluation.featureless)]
-        if self._session is not None:
-            # Against unknown material that is as free.
-            log_ratio = 0.0 if evidence is None else evidence.log_ratio
-            new = min(1.0, stretch / self._session.length) * log_ratio + log_likelihoods[1]
-            log_likelihoods.insert(1, new)
-        self._presence.update(np.array(log_likelihoods))
+        self._explanations = np.array([log_unknown + log_ratio, log_unknown, featureless])
+        evidence = self._exponent * self._explanations
+        if featureless == -np.inf and self._travel < self.model.presence_length:
+            # Felt at once, the first measurement places the hand; the next can tell whether it fits.
+            evidence[0] = evidence[1]
+        self._presence.update(evidence)
         assert self._belief is not None
         near = self.filter.mass_near(self._belief.mean, self._convergence.criteria.radius)
         self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)

@@ -34,7 +34,7 @@ def scan(sweeps: int = 3, volts: float = 1.0) -> Scan:
 
 
 def built(made: Scan, kind: str = "grid", scene: Scene = LINE) -> Localizer:
-    calibration = Calibration(0.002, np.full(scene.dimension, 1e-4))
+    calibration = Calibration(0.005, np.full(scene.dimension, 1e-4))
     return build_localizer(
         made, scene, Configuration(filter=kind), np.random.default_rng(0), calibration=calibration
     )

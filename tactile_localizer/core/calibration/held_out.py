@@ -89,7 +89,8 @@ def calibrate(
     model : learned from the scan
     localizer : makes one of a scene and a mixture, without registration
     """
-    lengths = INFORMATION_LENGTHS
+    # Two slides over cloth do not tell the candidates apart, and with the shortest other fabrics converge.
+    lengths = INFORMATION_LENGTHS if model.noise.featureless else INFORMATION_LENGTHS[-1:]
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
         return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene), model.variance)
@@ -151,25 +152,27 @@ def _localize(localizer: Localizer, track: Track, felt: np.ndarray, scene: Scene
 
 
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
-    """Most probable standard deviation (d,): the independent errors of each sweep beside those of the prior.
+    """Standard deviation (d,), from the independent errors of each sweep beside those of the prior.
 
-    Before contact the position is open, which says nothing about registration.
+    Before contact the position is open, which says nothing about registration. Of equals the largest: less
+    than half a nat below the most probable, which is one standard error.
     """
     found = []
-    felt = [(each.errors[each.felt], each.variance[each.felt]) for each in outcomes if each.felt.any()]
+    known = [each.felt & (each.variance.sum(axis=1) < _MISTAKE**2) for each in outcomes]
+    felt = [(each.errors[rows], each.variance[rows]) for each, rows in zip(outcomes, known, strict=True)]
     # Each sweep is held out of the others' mean, in which it was one: together they lack one.
     share = 1.0 - 1.0 / max(len(outcomes), 2)
     extent = (scene.upper - scene.lower) * lever(scene)
     for axis in range(scene.dimension):
         candidates = _PRIOR_STD * _CANDIDATES
         fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-        for errors, variance in felt:
+        for errors, variance in (each for each in felt if len(each[0])):
             count = share * _independent(errors[:, axis])
             fit += [
                 count * _log_density(errors[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
                 for each in candidates
             ]
-        found.append(candidates[fit.argmax()])
+        found.append(candidates[np.flatnonzero(fit > fit.max() - 0.5)[-1]])
     return np.array(found) / lever(scene)
 
 

@@ -19,14 +19,9 @@ from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
-_LOOKS_PER_TEST = 3.0
-"""Lengths of information that make one independent test of the map: *whether* the hand is on it gathers more
-cautiously than *where*, because all places share the map's own errors. Also lengths of the signal's summed
-autocorrelation that make one test in another session: with two, 1 of 15 starts on another fabric converged
-falsely, with three none of 18. By judgement."""
-_CORRELATIONS_PER_TEST = 2.2
-"""The same in lengths of the residual's summed autocorrelation. By judgement; 1.5 was tried too, on
-three simulated features."""
+_CORRELATIONS_PER_MEASUREMENT = 2.0
+"""Lengths of the signal's summed autocorrelation that make one measurement in another session: on a shorter
+way an offset and a gain fit any material. By judgement; tried on two fabrics."""
 
 
 class SweepModel(NamedTuple):
@@ -45,14 +40,14 @@ class SweepModel(NamedTuple):
         table = build_map(
             tracks, scene, self.noise.spacing, cell, self.variance, self.noise.featureless, **nodes
         )
-        presence_length = max(
-            _LOOKS_PER_TEST * information_length, _CORRELATIONS_PER_TEST * self.variance.summed_correlation
-        )
         session = None
         # A grid on three axes has too many cells for each to carry what it learns.
         if not self.noise.featureless and scene.dimension < 3:
-            session = NewSession(self.noise.model, table, _LOOKS_PER_TEST * self.variance.signal_correlation)
-        return SweepMixture(self.noise.model, table, cell, information_length, presence_length, session)
+            session = NewSession(
+                self.noise.model, table, _CORRELATIONS_PER_MEASUREMENT * self.variance.signal_correlation
+            )
+        correlation = self.variance.summed_correlation
+        return SweepMixture(self.noise.model, table, cell, information_length, correlation, session)
 
 
 def learn_sweep_model(

@@ -36,25 +36,12 @@ GAIN_RANGE = (0.6, 1.7)
 zero, with which any place explains any material."""
 _MEMORY = 1.0
 """m of travel after which an observation counts for a third: offsets drift. By judgement, not varied."""
+_NEGLIGIBLE = 1e-5
+"""Probability of another session below which it is not evaluated."""
 _MOST_LOG_ODDS = 14.0
 """Of one session against the other: what is a million times as probable can still be contradicted."""
 _SCATTERS = 0.5 * 2.0 ** np.arange(8)
 """Variances of unknown material about its mean, in those of a visit: from less than noise to ten widths."""
-
-
-class Evidence(NamedTuple):
-    """What a strain says where the session is open.
-
-    Parameters
-    ----------
-    position : (P,) log-likelihood of a strain at each state, over both kinds of session
-    same_log_prior : (P,) of the states, where the session is that of the scan
-    log_ratio : of the likelihood on the map to that of unknown material, in another session
-    """
-
-    position: np.ndarray
-    same_log_prior: np.ndarray
-    log_ratio: float
 
 
 class _Sums(NamedTuple):
@@ -65,7 +52,7 @@ class _Sums(NamedTuple):
     r, m : (P, C)
     weight, mm, mr : (P, F)
     looks, surprise : (P, F) independent numbers so far, and their squared residuals in predicted variances
-    log_odds : (P, 1) what strains added to the log-odds of another session to that of the scan
+    log_odds : (P, 1) what was added to the log-odds of another session to that of the scan
     """
 
     r: np.ndarray
@@ -99,12 +86,21 @@ class NewSession:
         self._width, self._ends = sum(sizes), np.cumsum(sizes)[:-1]
         self._unknown = _UnknownMaterial(self._layout, float(strain_map.variance.mean()))
         self._carried: np.ndarray | None = None
+        self.reset()
 
     def reset(self) -> None:
-        """Forget the trajectories and the unknown material, if anything was learned."""
-        if self._carried is not None:
-            self._carried = None
-            self._unknown.reset()
+        """Return to the prior."""
+        self._probability = NEW_SESSION
+        self._forget()
+
+    def returned(self, fraction: float) -> None:
+        """Take in that this fraction of the belief has just returned to the map, in either session."""
+        self._probability += fraction * (NEW_SESSION - self._probability)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether another session is probable enough to be evaluated, which is half of the work."""
+        return self._probability > _NEGLIGIBLE
 
     def evaluate(
         self,
@@ -113,10 +109,12 @@ class NewSession:
         same: Evaluation,
         strain: np.ndarray,
         used: np.ndarray,
-        exponent: float,
+        exponents: tuple[float, float],
         travel: float,
-    ) -> Evidence:
-        """Compare the two kinds of session, and learn offset and gain in the other one.
+    ) -> np.ndarray:
+        """Tempered log-likelihood ratios (P,) of each state to unknown material, over both kinds of session.
+
+        Offset, gain and the odds of the two are learned along the way.
 
         Parameters
         ----------
@@ -125,32 +123,37 @@ class NewSession:
         same : the strain's evaluation in the session of the scan
         strain : (C,) whitened
         used : (F,) bool, phalanges that count
-        exponent : share of an independent measurement that this strain makes
+        exponents : share of an independent measurement that this strain makes in the session of the scan, and
+            in another
         travel : m since the last strain
         """
         index, share = ancestors
         if self._carried is None:
             carried = np.zeros((len(index), self._width))
+            carried[:, -1] = _log_odds(self._probability) - _PRIOR_LOG_ODDS
         else:
-            carried = self._carried[index] * share[:, None]
+            carried = self._carried[index]
+        carried *= share[:, None]
         sums = _Sums(*np.split(carried, self._ends, axis=1))
         volume = float(self._noise.log_volume[used].sum())
         mean = self._map.mean[same.nodes, 0].astype(np.float64)
         variance = self._map.variance[same.nodes, 0].astype(np.float64)
         residual = strain - mean
         moved, inflated, squared = self._densities(sums, mean, variance, residual, used)
-        moved += volume
-        inflated += volume
         log_odds = _PRIOR_LOG_ODDS + sums.log_odds[:, 0]
         log_same = -np.logaddexp(0.0, log_odds)
         log_new = log_same + log_odds
-        constant = self._unknown.update(strain, used, exponent) + volume
-        evidence = Evidence(
-            np.logaddexp(log_same + same.position, log_new + moved),
-            normalize(log_prior + log_same)[0],
-            _log_ratio(log_prior + log_new, moved, inflated, constant),
-        )
-        robust = _robust(squared, self._counts) * (exponent * used)
+        in_scan, in_another = exponents
+        # Against unknown material that is as free: an offset and a gain fit more than the map does.
+        as_free = unknown(log_prior + log_new, inflated, self._unknown.update(strain, used, in_another))
+        as_bound = unknown(log_prior + log_same, same.other_material, same.elsewhere)
+        either = np.logaddexp(as_free + volume, as_bound) - math.log(2.0)
+        moved = in_another * (moved + volume - either)
+        stayed = in_scan * (same.same_material - either)
+        ratios = np.logaddexp(log_same + stayed, log_new + moved)
+        log_another = log_sum(log_prior + log_new + moved) - log_sum(log_prior + ratios)
+        self._probability = math.exp(min(log_another, 0.0))
+        robust = _robust(squared, self._counts) * (in_another * used)
         weight = robust / variance
         each = self._layout.expand(weight)
         new = _Sums(
@@ -159,14 +162,20 @@ class NewSession:
             weight=weight,
             mm=(each * mean**2) @ self._columns,
             mr=(each * mean * residual) @ self._columns,
-            looks=np.broadcast_to(exponent * used * self._counts, weight.shape),
+            looks=np.broadcast_to(in_another * used * self._counts, weight.shape),
             surprise=robust * squared,
-            log_odds=exponent * (moved - same.position)[:, None],
+            log_odds=(moved - stayed)[:, None],
         )
         carried = (carried + np.concatenate(new, axis=1)) * math.exp(-travel / _MEMORY)
         carried[:, -1:] = carried[:, -1:].clip(-_MOST_LOG_ODDS, _MOST_LOG_ODDS)
         self._carried = carried
-        return evidence
+        if not self.is_possible:
+            self._forget()
+        return ratios
+
+    def _forget(self) -> None:
+        self._carried = None
+        self._unknown.reset()
 
     def _densities(
         self, sums: _Sums, mean: np.ndarray, variance: np.ndarray, residual: np.ndarray, used: np.ndarray
@@ -235,8 +244,11 @@ def _robust(squared: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.minimum((DEGREES_OF_FREEDOM + counts) / (DEGREES_OF_FREEDOM + squared), 1.0)
 
 
-def _log_ratio(log_prior: np.ndarray, on_map: np.ndarray, other: np.ndarray, elsewhere: float) -> float:
-    """Of the map to unknown material, which feels as at the estimated place or like anything, both alike."""
-    total = log_sum(log_prior)
-    unknown = np.logaddexp(log_sum(log_prior + other) - total, elsewhere) - math.log(2.0)
-    return float(log_sum(log_prior + on_map) - total - unknown)
+def unknown(log_prior: np.ndarray, other: np.ndarray, elsewhere: float) -> float:
+    """Log-likelihood of unknown material: it feels as at the estimated place or like anything, both alike."""
+    here = log_sum(log_prior + other) - log_sum(log_prior)
+    return float(np.logaddexp(here, elsewhere)) - math.log(2.0)
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability) - math.log1p(-probability)

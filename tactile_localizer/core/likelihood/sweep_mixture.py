@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from functools import reduce
 from typing import NamedTuple
@@ -34,7 +35,7 @@ class SweepMixture:
     strain_map : tables of expectation and variance
     cell : (d,) size of a grid filter's cells, for which the tables were made, m (yaw: rad)
     information_length : m of travel that make one independent measurement of the position
-    presence_length : m of travel that make one independent test of whether the map applies
+    correlation_length : m of travel that make one independent look at the residual
     new_session : how strains differ in another session; ``None`` where featureless places show an offset
     """
 
@@ -44,13 +45,14 @@ class SweepMixture:
         strain_map: StrainMap,
         cell: np.ndarray,
         information_length: float,
-        presence_length: float,
+        correlation_length: float,
         new_session: NewSession | None,
     ) -> None:
         self.noise, self.map, self.cell = noise, strain_map, cell
-        self.information_length, self.presence_length = information_length, presence_length
+        self._correlation_length = correlation_length
         self.offset_variance, self.new_session = noise.offset_variance, new_session
         self._featureless_variance = strain_map.featureless_variance
+        self._set_lengths(information_length)
         counts = np.array(noise.layout.counts, dtype=np.float32)
         self._tails = np.float32(DEGREES_OF_FREEDOM) + counts
         # Rows by which a product with strains sums over the channels of each phalanx.
@@ -70,8 +72,15 @@ class SweepMixture:
     def tempered(self, information_length: float) -> SweepMixture:
         """The same tables with another length of information."""
         other = copy(self)
-        other.information_length = information_length
+        other._set_lengths(information_length)
         return other
+
+    def _set_lengths(self, information_length: float) -> None:
+        # All places share the map's errors, so whether it applies cannot be told before they change.
+        self.presence_length = max(information_length, self._correlation_length)
+        # Where the material is felt everywhere, a belief that follows each strain fits other material too.
+        is_felt_everywhere = self._featureless_variance is None
+        self.information_length = self.presence_length if is_felt_everywhere else information_length
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """See :meth:`.StrainModel.whitened`."""
@@ -91,9 +100,12 @@ class SweepMixture:
         plain, wide = self._densities(rows, strain, used, offset_variance)
         volume = float(self.noise.log_volume[used].sum())
         first, by_component = len(self._elsewhere), (self._components, len(nodes))
+        # Unknown material feels like any place of the map, or less like it, both alike.
+        anywhere = np.concatenate([plain[:first], wide[:first]]).reshape(2, -1) + self._elsewhere_prior
+        elsewhere = log_sum(anywhere.ravel()) - math.log(2.0) + volume
+        plain, wide = (each[first:] + rows.log_prior[first:] for each in (plain, wide))
         position = _mixed(plain.reshape(by_component)) + volume
-        other = _mixed((wide[first:] + rows.log_prior[first:]).reshape(by_component)) + volume
-        elsewhere = log_sum(wide[:first] + self._elsewhere_prior) + volume
+        other = _mixed(wide.reshape(by_component)) + volume
         featureless = self._featureless(strain, used, offset_variance) + volume
         return Evaluation(position, position, other, elsewhere, featureless, nodes)
 
@@ -112,7 +124,7 @@ class SweepMixture:
     def _densities(
         self, rows: _Rows, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Log-densities (N,) of a strain: with priors, of all but the unknown's components; wider, of all."""
+        """Log-densities (N,) of a strain at each component, with its variance and with a larger one."""
         strain = strain.astype(np.float32)
         own = self._phalanges * (strain / np.float32(DEGREES_OF_FREEDOM))
         # |z - m|^2 by one product with the table instead of differences channel by channel.
@@ -123,15 +135,12 @@ class SweepMixture:
         variance = rows.variance + offset_variance.astype(np.float32)[:, None]
         tails = np.float32(-0.5) * self._tails * used
         heads = np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32)
-        first = len(self._elsewhere)
         broad = np.float32(INFLATION) * variance
         broad += squared
-        narrow = squared[:, first:]
-        narrow += variance[:, first:]
+        squared += variance
         common = heads @ np.log(variance, out=variance)
-        plain = tails @ np.log(narrow, out=narrow)
-        plain += common[first:]
-        plain += rows.log_prior[first:]
+        plain = tails @ np.log(squared, out=squared)
+        plain += common
         wide = tails @ np.log(broad, out=broad)
         wide += common
         wide += heads.sum() * _LOG_INFLATION

@@ -22,7 +22,7 @@ def test_at_first_the_map_is_as_probable_as_not() -> None:
 
 @pytest.mark.parametrize(
     ("evidence", "on_map", "unknown"),
-    [(FOR_MAP, 1.0, 0.0), (FOR_UNKNOWN, 0.0, 1.0), (FOR_FEATURELESS, 0.0, 0.0)],
+    [(FOR_MAP, 1.0, 0.0), (FOR_UNKNOWN, 0.03, 0.97), (FOR_FEATURELESS, 0.03, 0.0)],
     ids=["map", "unknown", "featureless"],
 )
 def test_evidence_decides_between_the_three_states(
@@ -97,7 +97,16 @@ def test_what_is_a_million_times_as_probable_can_still_be_contradicted() -> None
         presence.update(FOR_MAP)
     for _ in range(2):
         presence.update(FOR_UNKNOWN)
-    assert presence.unknown > 0.99
+    assert presence.unknown == pytest.approx(0.97, abs=1e-3)
+
+
+def test_a_map_that_was_contradicted_for_long_is_as_soon_found_again() -> None:
+    presence = Presence([0.5, 0.5])
+    presence.update(np.array([1.0, 0.0, 0.0, 0.0]))
+    share = presence.maps / presence.probability
+    for _ in range(1000):
+        presence.update(np.array([0.0, 0.0, 3.0, 0.0]))
+    assert presence.maps == pytest.approx(0.03 * share)
 
 
 def test_material_without_featureless_places_is_never_featureless() -> None:

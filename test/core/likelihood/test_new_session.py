@@ -9,7 +9,6 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.evaluation import Evaluation
 from tactile_localizer.core.likelihood.new_session import (
     GAIN_STD,
-    NEW_SESSION,
     OFFSET_VARIANCE,
     NewSession,
 )
@@ -43,6 +42,21 @@ def nowhere(nodes: np.ndarray) -> Evaluation:
     return Evaluation(impossible, impossible, impossible, -1e6, -np.inf, nodes)
 
 
+def evaluate(
+    model: NewSession,
+    nodes: np.ndarray,
+    felt: np.ndarray,
+    exponent: float = 1.0,
+    share: float = 1.0,
+    same: Evaluation | None = None,
+) -> np.ndarray:
+    """Ratios of states that are all alike and stay where they are."""
+    index, shares = unmoved(len(nodes))
+    log_prior = np.full(len(nodes), -np.log(len(nodes)))
+    same = nowhere(nodes) if same is None else same
+    return model.evaluate((index, share * shares), log_prior, same, felt, ONE, (exponent, exponent), 0.0)
+
+
 def predicted(first: np.ndarray, second: np.ndarray, felt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of a strain at ``second`` after ``felt`` at ``first``, without its noise."""
     design = np.hstack([np.vstack([np.eye(CHANNELS)] * 2), np.concatenate([first, second])[:, None]])
@@ -55,13 +69,13 @@ def predicted(first: np.ndarray, second: np.ndarray, felt: np.ndarray) -> tuple[
 
 def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
     model, means = session()
-    log_prior = np.full(3, -np.log(3.0))
     first, second = np.array([2, 5, 9]), np.array([3, 6, 10])
     rng = np.random.default_rng(1)
     offset = 5.0 * rng.standard_normal(CHANNELS)
     felt = [offset + means[5] + 0.5, offset + means[6] - 0.5]
-    model.evaluate(unmoved(3), log_prior, nowhere(first), felt[0], ONE, 1.0, 0.0)
-    evidence = model.evaluate(unmoved(3), log_prior, nowhere(second), felt[1], ONE, 1.0, 0.0)
+    evaluate(model, first, felt[0])
+    ratios = evaluate(model, second, felt[1])
+    expected = []
     for index in range(3):
         m0, m1 = means[first[index]], means[second[index]]
         start = OFFSET_VARIANCE * np.eye(CHANNELS) + GAIN_STD**2 * np.outer(m0, m0)
@@ -73,32 +87,39 @@ def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
         mean, covariance = predicted(m0, m1, felt[0])
         density = stats.multivariate_t(mean, covariance + scale * VARIANCE * np.eye(CHANNELS), df=NU)
         constant = gammaln((NU + CHANNELS) / 2) - gammaln(NU / 2) - CHANNELS / 2 * np.log(NU * np.pi)
-        assert evidence.position[index] == pytest.approx(density.logpdf(felt[1]) - constant, abs=1e-3)
+        expected.append(density.logpdf(felt[1]) - constant)
+    # What unknown material says is the same for all of them.
+    assert ratios - ratios[0] == pytest.approx(np.array(expected) - expected[0], abs=1e-3)
 
 
 def test_before_any_strain_another_session_has_its_prior_probability() -> None:
     model, means = session()
-    same = Evaluation(*[np.zeros(1)] * 3, 0.0, -np.inf, np.array([4]))
-    evidence = model.evaluate(unmoved(1), np.zeros(1), same, means[4], ONE, 1.0, 0.0)
+    likely = np.full(1, 50.0)
+    same = Evaluation(likely, likely, np.full(1, -1e6), -1e6, -np.inf, np.array([4]))
+    ratio = evaluate(model, same.nodes, means[4], same=same)[0]
+    certain = Evaluation(likely + 1.0, likely + 1.0, np.full(1, -1e6), -1e6, -np.inf, np.array([4]))
+    model.reset()
     # The scan's session is certain of the strain; the other has next to no density there.
-    assert evidence.position[0] == pytest.approx(np.log(1.0 - NEW_SESSION), abs=1e-3)
-
-
-def second_position(exponent: float, share: float = 1.0) -> float:
-    """Log-likelihood of a strain after one with an offset that counted with ``exponent``."""
-    model, means = session()
-    here = nowhere(np.array([4]))
-    model.evaluate(unmoved(1), np.zeros(1), here, means[4] + 8.0, ONE, exponent, 0.0)
-    ancestors = np.zeros(1, dtype=int), np.full(1, share)
-    return float(model.evaluate(ancestors, np.zeros(1), here, means[4] + 8.0, ONE, 1.0, 0.0).position[0])
+    assert evaluate(model, same.nodes, means[4], same=certain)[0] == pytest.approx(ratio + 1.0, abs=1e-3)
 
 
 def test_only_a_strain_that_counts_teaches_the_offset() -> None:
-    assert second_position(1.0) > second_position(0.0) + 5.0
+    nodes, ratios = np.array([4, 9]), {}
+    for exponent in (0.0, 1.0):
+        model, means = session()
+        evaluate(model, nodes, means[4] + 8.0, exponent)
+        right, wrong = evaluate(model, nodes + 1, means[5] + 8.0)
+        ratios[exponent] = right - wrong
+    assert ratios[1.0] > ratios[0.0] + 2.0
 
 
 def test_a_trajectory_that_begins_anew_knows_no_offset() -> None:
-    assert second_position(1.0, share=0.0) == pytest.approx(second_position(0.0))
+    nodes, differences = np.array([4, 9]), []
+    for exponent, share in ((1.0, 0.0), (0.0, 1.0)):
+        model, means = session()
+        evaluate(model, nodes, means[4] + 8.0, exponent)
+        differences.append(np.diff(evaluate(model, nodes, means[4] + 8.0, share=share))[0])
+    assert differences[0] == pytest.approx(differences[1])
 
 
 def test_no_material_is_explained_by_a_map_of_no_gain() -> None:
@@ -107,7 +128,16 @@ def test_no_material_is_explained_by_a_map_of_no_gain() -> None:
     ratio = 0.0
     for node in range(NODES):
         felt = 0.1 * np.random.default_rng(node).standard_normal(CHANNELS)
-        here = nowhere(np.array([node]))
-        evidence = model.evaluate(unmoved(1), np.zeros(1), here, felt, ONE, 1.0, 0.001)
-        ratio += evidence.log_ratio
+        ratio += evaluate(model, np.array([node]), felt)[0]
     assert ratio < -10.0
+
+
+def test_a_session_that_is_ruled_out_is_possible_again_after_a_return() -> None:
+    model, means = session()
+    likely = np.full(1, 100.0)
+    same = Evaluation(likely, likely, np.full(1, -1e6), -1e6, -np.inf, np.array([4]))
+    assert model.is_possible
+    evaluate(model, same.nodes, means[4], same=same)
+    assert not model.is_possible
+    model.returned(0.1)
+    assert model.is_possible
