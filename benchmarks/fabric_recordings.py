@@ -105,6 +105,7 @@ class Perturbation:
     scale : all strains, also the map's, are multiplied by this
     offset : added to all strains of a recording, each channel with a random sign that is always the same, in
         noise widths: standard deviations of the difference of the map's two repeats
+    tared : recordings of another fabric get the mean strain of the map
     """
 
     every: int = 1
@@ -112,6 +113,7 @@ class Perturbation:
     speed: float = 1.0
     scale: float = 1.0
     offset: float = 0.0
+    tared: bool = False
 
     def of(self, sweep: Sweep, noise_width: np.ndarray) -> Sweep:
         """A recording as it is used; ``noise_width`` (16,) is of strains that are not scaled yet."""

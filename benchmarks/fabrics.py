@@ -61,7 +61,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import argparse
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -265,7 +265,12 @@ def _measure_pair(
 ) -> Row:
     wrong = pair.kind == "wrong"
     assert pair.recording.tested is not None
-    sweep = perturbation.of(load_sweep(pair.recording.tested, pair.recording.speed), fabric.noise_width)
+    sweep = load_sweep(pair.recording.tested, pair.recording.speed)
+    if wrong and perturbation.tared:
+        sweep = replace(
+            sweep, strain=sweep.strain + fabric.scan.strain.mean(axis=0) - sweep.strain.mean(axis=0)
+        )
+    sweep = perturbation.of(sweep, fabric.noise_width)
     length = float(sweep.position[-1]) if wrong else fabric.length
     if kidnap:
         return kidnapped(localizer, sweep, length, starts)
@@ -413,6 +418,9 @@ def main() -> None:
     parser.add_argument(
         "--offset", type=float, default=0.0, help="of the recordings' strains, in noise widths"
     )
+    parser.add_argument(
+        "--tared", action="store_true", help="give recordings of another fabric the mean strain of the map"
+    )
     given = parser.parse_args()
     on_map, recorded = _matching(given.maps), _matching(given.recordings)
     kinds = [kind for kind in given.kinds if not given.kidnap or kind in ("own", "speed")]
@@ -424,7 +432,9 @@ def main() -> None:
     if not pairs:
         parser.error("expected a map and a recording, found none that match")
     configuration = load_configuration(None if given.configuration == "default" else given.configuration)
-    perturbation = Perturbation(given.every, given.resample, given.speed, given.scale, given.offset)
+    perturbation = Perturbation(
+        given.every, given.resample, given.speed, given.scale, given.offset, given.tared
+    )
     by_map: dict[Condition, list[Pair]] = {}
     for pair in pairs:
         by_map.setdefault(pair.map, []).append(pair)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,31 @@ def test_another_material_never_converges(localizer: Localizer, material: int) -
     _, estimates = slide(localizer, 0.05, material=material)
     assert not any(estimate.converged for estimate in estimates)
     assert estimates[-1].on_map == pytest.approx(0.03), "as improbable as it can be"
+
+
+@pytest.fixture(scope="module")
+def faint() -> Localizer:
+    """On a scan whose noise is as large as its signal."""
+    scan, rng = strip_scan(sweeps=3), np.random.default_rng(7)
+    noisy = dataclasses.replace(
+        scan, strain=scan.strain + 3.0 * NOISE_V * rng.standard_normal(scan.strain.shape)
+    )
+    return build_localizer(noisy, SCENE, CONFIGURATION, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("material", [None, 2, 3])
+def test_nothing_that_has_the_maps_mean_strain_converges_on_a_faint_map(
+    faint: Localizer, material: int | None
+) -> None:
+    """Smooth material, or another one: a belief that follows each strain fits it somewhere."""
+    noise = 3.0 * NOISE_V * np.random.default_rng(8).standard_normal((200, 16))
+    for start in (0.02, 0.1, 0.19):
+        faint.reset()
+        change = (
+            noise if material else noise - strain(start + np.arange(200) * STEP, 1, np.random.default_rng(5))
+        )
+        _, estimates = slide(faint, start, material=material or 1, change=change)
+        assert not any(estimate.converged for estimate in estimates)
 
 
 def test_a_hand_that_was_put_down_elsewhere_is_found_again(localizer: Localizer) -> None:
