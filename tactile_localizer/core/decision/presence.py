@@ -30,7 +30,7 @@ class Presence:
     Parameters
     ----------
     shares : prior probabilities of the maps, given that it is one of them; several where materials are
-        identified, or where a map is compared in the scan's session and in another
+        identified
     """
 
     def __init__(self, shares: Sequence[float] = (1.0,)) -> None:

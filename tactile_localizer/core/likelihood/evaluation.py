@@ -25,7 +25,7 @@ class Evaluation(NamedTuple):
     same_material : (P,) at each state of the map, for *whether* the hand is on it; of the sweep mixture the
         same as ``position``
     other_material : (P,) at each state, with a larger variance: as at that place, but another material
-    elsewhere : mean over all places of the map, with the larger variance
+    elsewhere : mean over all places of the map, with its variance and with a larger one
     featureless : of featureless material; ``-inf`` where the scanned material is felt everywhere
     nodes : (P,) of the map, nearest to the states
     """
