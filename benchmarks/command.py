@@ -1,4 +1,4 @@
-"""Run the ``tactile-localizer`` command in a process of its own: time, processor time and most memory."""
+"""Measure the elapsed time, CPU time and peak memory of a ``tactile-localizer`` command."""
 
 from __future__ import annotations
 

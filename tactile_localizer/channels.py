@@ -45,7 +45,7 @@ class ChannelLayout:
 
     @cached_property
     def widths(self) -> np.ndarray:
-        """Channels of each phalanx, (F,) int."""
+        """Number of channels of each phalanx, (F,) int."""
         return np.array(self.counts)
 
     @cached_property

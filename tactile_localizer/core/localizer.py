@@ -39,7 +39,8 @@ class Estimate(NamedTuple):
     state, reason : whether the position has converged, and why or why not
     probability : that the hand is on the map and within the convergence radius of the mean
     on_map : probability that the map explains what is felt
-    log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats
+    log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats; tempered as in the
+        filter, then scaled to a whole measurement
     log_elsewhere, log_featureless : the same of unknown, and of featureless material off the map, nats
     exponent : of that update in the probability of the map; zero where there was none
     consistent : (F,) bool, phalanges that are not stuck

@@ -177,9 +177,9 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
 
 
 def _independent(errors: np.ndarray) -> float:
-    """How many independent errors ``errors`` (n,), in order along a sweep, are worth.
+    """Effective number of independent samples in ``errors`` (n,), which are in order along a sweep.
 
-    By the sum of their autocorrelation up to where it vanishes; an error that stays the same counts once.
+    n over the integrated autocorrelation, up to its first zero; a constant error counts as one sample.
     """
     bound = _BOUND * np.median(np.abs(errors))
     bounded = errors.clip(-bound, bound)
