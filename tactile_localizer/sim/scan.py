@@ -124,7 +124,8 @@ def simulate_scan(
     Parameters
     ----------
     feature : one of :data:`~tactile_localizer.sim.material.FEATURES`
-    seed : seed of the session; a sweep depends only on it and on its number
+    seed : seed of the session; a sweep's noise depends only on it and on its number, so sessions that are
+        to be independent, as at several angles, need different seeds
     kind : ``train`` or ``test``
     sweeps : number of sweeps; default: 21 for training (about 16,300 samples), 18 for test
     reach_feature : if false, every sweep ends before the feature

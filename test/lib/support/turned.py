@@ -27,9 +27,13 @@ SCENE = Scene(
 
 
 @cache
-def turned_scan(yaws: Sequence[float], kind: str = "train", sweeps: int | None = None) -> Scan:
-    """Sweeps at each of some yaws (rad), one session after another, with true positions."""
-    sessions = [simulate_scan("bump", 1, kind, yaw=yaw, sweeps=sweeps) for yaw in yaws]
+def turned_scan(yaws: Sequence[float], seeds: Sequence[int] | None = None) -> Scan:
+    """Training sweeps at each of some yaws (rad), one session after another, with true positions.
+
+    Without a seed for each, all sessions have the same noise and deformations.
+    """
+    seeds = seeds or [1] * len(yaws)
+    sessions = [simulate_scan("bump", seed, yaw=yaw) for seed, yaw in zip(seeds, yaws, strict=True)]
     states = [np.column_stack([s.truth, np.full(len(s), yaw)]) for s, yaw in zip(sessions, yaws, strict=True)]
     return Scan(
         np.concatenate(states),
