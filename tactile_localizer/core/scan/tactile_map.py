@@ -213,5 +213,8 @@ def _local_mean(
     near = distance[:, 0] <= reach
     values = np.full((len(queries), strain.shape[1]), math.nan)
     shares = weights[near] / weights[near].sum(axis=1, keepdims=True)
-    values[near] = np.einsum("nk,nkc->nc", shares, strain[index[near]])
+    # One neighbour at a time: the strain of all at once would take k times the memory of the map.
+    values[near] = sum(
+        share[:, None] * strain[nearest] for share, nearest in zip(shares.T, index[near].T, strict=True)
+    )
     return values

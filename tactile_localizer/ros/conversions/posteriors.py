@@ -96,7 +96,7 @@ def cloud(
     columns = {"x": np.zeros(len(states)), "y": np.zeros(len(states)), "z": np.zeros(len(states))}
     columns.update(zip(axes, states.T, strict=True))
     columns.update(values)
-    data = np.stack(list(columns.values()), axis=1).astype("<f4")
+    data = np.stack(list(columns.values()), axis=1, dtype="<f4", casting="same_kind")
     message = PointCloud2(height=1, width=len(data), is_dense=True)
     message.header = _header(stamp_ns, frame)
     message.fields = [
