@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from methods import exact_form, paper_form, standard_methods
 from paper_outcome import TRAVEL_BINS_M, localize
 
 from tactile_localizer.cli.progress import progress_bars
@@ -29,7 +30,6 @@ from tactile_localizer.offline.evaluation.comparison import Results, as_array, e
 from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
 from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
 from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.evaluation.methods import exact_form, paper_form, standard_methods
 from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.table import Table
 
@@ -396,7 +396,8 @@ def _draw_curves(
 
 def sweep_axis(results: Results, condition: str) -> tuple[str, np.ndarray]:
     """Axis of a condition's sweeps, and the centres of the bins of the curves along it."""
-    task = results.only([condition]).tasks[next(iter(results.methods))][0]
+    first = next(i for i, tried in enumerate(results.conditions) if tried.name == condition)
+    task = results.tasks[next(iter(results.methods))][first]
     edges = np.array(task["edges_m"])
     return task["axis"], (edges[:-1] + edges[1:]) / 2
 

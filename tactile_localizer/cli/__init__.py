@@ -28,7 +28,6 @@ COMMANDS: dict[str, str] = {
     "identify": "identify which of several scans a recording belongs to, or none of them",
     "tune": "print what is learned from a scan, and store it in the scan file",
     "simulate": "write recordings of the simulated hand (train.csv, test.csv)",
-    "evaluate": "compare accuracy, convergence and calibration of all models and filters",
     "tradeoff": "measure accuracy against computing time, and choose a configuration",
 }
 """Help of the subcommands by name, in the order of the help text: what a new user needs comes first."""

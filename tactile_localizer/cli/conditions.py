@@ -20,7 +20,7 @@ from tactile_localizer.offline.evaluation.conditions import (
 )
 
 
-def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds: int, blanks: bool) -> None:
+def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds: int) -> None:
     """Declare the conditions: simulated features, or recordings on a scan."""
     parser.add_argument(
         "--features",
@@ -32,14 +32,6 @@ def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds:
     parser.add_argument(
         "--sweeps", type=int, default=sweeps, metavar="N", help=f"simulated test sweeps (default {sweeps})"
     )
-    if blanks:
-        parser.add_argument(
-            "--blanks",
-            type=int,
-            default=18,
-            metavar="N",
-            help="simulated sweeps that end before the feature (default 18)",
-        )
     parser.add_argument(
         "--seeds", type=int, default=seeds, metavar="N", help=f"number of random seeds (default {seeds})"
     )
@@ -57,8 +49,8 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dask", metavar="ADDRESS", help="run on this dask cluster")
 
 
-def conditions_from_arguments(args: argparse.Namespace) -> list[Condition]:
-    """The conditions of ``add_condition_arguments``.
+def conditions_from_arguments(args: argparse.Namespace, blanks: int = 0) -> list[Condition]:
+    """The conditions of ``add_condition_arguments``, and ``blanks`` simulated sweeps before the feature.
 
     Raises
     ------
@@ -68,9 +60,6 @@ def conditions_from_arguments(args: argparse.Namespace) -> list[Condition]:
     for name in ("sweeps", "seeds"):
         if getattr(args, name) < 1:
             raise ParameterError(f"--{name}: expected at least 1, got {getattr(args, name)}")
-    blanks = getattr(args, "blanks", 0)
-    if blanks < 0:
-        raise ParameterError(f"--blanks: expected at least 0, got {blanks}")
     seeds = range(1, args.seeds + 1)
     if args.scan is None:
         if args.recordings:

@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="print the fastest configuration within this mean error, mm",
     )
-    add_condition_arguments(parser, sweeps=9, seeds=1, blanks=False)
+    add_condition_arguments(parser, sweeps=9, seeds=1)
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/tradeoff"), metavar="DIR")
 

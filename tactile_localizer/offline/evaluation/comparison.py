@@ -25,11 +25,26 @@ from tactile_localizer.offline.evaluation.jobs import (
     configuration_identity,
     run_tasks,
 )
-from tactile_localizer.offline.evaluation.methods import Method
 from tactile_localizer.offline.evaluation.outcome import sweep_outcome
 from tactile_localizer.offline.metrics import timing, with_contact
 from tactile_localizer.offline.replay import Track, mixture_of, replay
 from tactile_localizer.scene import Scene
+
+
+@dataclass(frozen=True)
+class Method:
+    """A named configuration.
+
+    Parameters
+    ----------
+    name : in tables and figures
+    configuration : choices of the user
+    measurement : parameters of a kernel model that override those of the scene
+    """
+
+    name: str
+    configuration: Configuration
+    measurement: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -72,31 +87,11 @@ class Results:
         """Whether contact with the feature of a condition is known."""
         return any(np.isfinite(self.values(m, "error_contact_m", condition)).any() for m in self.methods)
 
-    def only(self, names: Sequence[str]) -> Results:
-        """The results on some of the conditions."""
-        kept = [index for index, condition in enumerate(self.conditions) if condition.name in names]
-        tasks = {method: [of[index] for index in kept] for method, of in self.tasks.items()}
-        return Results(tuple(self.conditions[index] for index in kept), self.methods, tasks)
-
-    def by_feature(self) -> tuple[Results | None, Results | None]:
-        """The results on conditions with known contact, and those on the others; ``None``: there are none."""
-        known = [name for name in self.condition_names if self.has_contact(name)]
-        rest = [name for name in self.condition_names if name not in known]
-        return self.only(known) if known else None, self.only(rest) if rest else None
-
     def compared_error(self) -> tuple[str, str]:
         """Name of the error that methods are compared by, and its description."""
         if any(map(self.has_contact, self.condition_names)):
             return "error_contact_m", "from contact to the feature's end"
         return "error_m", "over the sweep"
-
-    def times(self, method: str) -> tuple[float, float]:
-        """Medians over the tasks of the median update time and of its 99th percentile, us."""
-        of = [task["timing"] for task in self.tasks[method]]
-        medians = [t["update_median_us"] for t in of if t["update_median_us"] is not None]
-        if not medians:
-            return np.nan, np.nan
-        return float(np.median(medians)), float(np.median([t["update_p99_us"] for t in of]))
 
     def _of(self, method: str, condition: str | None) -> list[dict[str, Any]]:
         return [

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluation_tables import times
+from methods import PAPER_PARAMETERS, standard_methods
 from support.evaluations import CALIBRATION, QUICK, TUNED, condition, results
 
 from tactile_localizer.core.parameters import ModelParameters
@@ -14,7 +16,6 @@ from tactile_localizer.offline.evaluation import comparison
 from tactile_localizer.offline.evaluation.comparison import Trial, choose_widths, evaluate, localize
 from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
 from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.evaluation.methods import PAPER_PARAMETERS, standard_methods
 
 
 def test_every_method_is_tried_on_every_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,7 +26,7 @@ def test_every_method_is_tried_on_every_condition(tmp_path: Path, monkeypatch: p
         assert len(found.sweeps(method)) == 4
         assert np.isfinite(found.values(method, "error_contact_m")).all()
         assert found.interval(method, "error_contact_m").low > 0
-        assert found.times(method)[0] > 0
+        assert times(found, method)[0] > 0
 
 
 def test_widths_given_by_a_scene_are_kept() -> None:

@@ -7,11 +7,11 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from methods import exact_of
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.offline.evaluation.comparison import Results, as_array
 from tactile_localizer.offline.evaluation.confidence_interval import Interval
-from tactile_localizer.offline.evaluation.methods import exact_of
 from tactile_localizer.offline.metrics import INCH, MARKS
 from tactile_localizer.offline.table import Table
 
@@ -24,7 +24,7 @@ FOUND_M = 0.005
 
 def evaluation_tables(results: Results) -> list[Table]:
     """All tables; without those that need what a recording does not have."""
-    featured, featureless = results.by_feature()
+    featured, featureless = by_feature(results)
     compared = featured or results
     tables = [error_table(compared)]
     if featureless is not None:
@@ -33,6 +33,27 @@ def evaluation_tables(results: Results) -> list[Table]:
         tables.append(convergence_table(featured))
     tables.append(quality_table(compared))
     return tables
+
+
+def by_feature(results: Results) -> tuple[Results | None, Results | None]:
+    """The results on conditions with known contact, and those on the others; ``None``: there are none."""
+    known = {name for name in results.condition_names if results.has_contact(name)}
+
+    def only(keep: Callable[[str], bool]) -> Results | None:
+        kept = [i for i, condition in enumerate(results.conditions) if keep(condition.name)]
+        tasks = {method: [of[i] for i in kept] for method, of in results.tasks.items()}
+        return Results(tuple(results.conditions[i] for i in kept), results.methods, tasks) if kept else None
+
+    return only(known.__contains__), only(lambda name: name not in known)
+
+
+def times(results: Results, method: str) -> tuple[float, float]:
+    """Medians over the tasks of the median update time and of its 99th percentile, us."""
+    of = [task["timing"] for task in results.tasks[method]]
+    medians = [t["update_median_us"] for t in of if t["update_median_us"] is not None]
+    if not medians:
+        return np.nan, np.nan
+    return float(np.median(medians)), float(np.median([t["update_p99_us"] for t in of]))
 
 
 def error_table(results: Results) -> Table:
@@ -146,7 +167,7 @@ def quality_table(results: Results) -> Table:
     """Calibration and computing time of each method."""
     rows = []
     for method in results.methods:
-        median, p99 = results.times(method)
+        median, p99 = times(results, method)
         rows.append(
             (
                 method,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from support.evaluations import results
-
-from tactile_localizer.offline.reports.tables import (
+from evaluation_tables import (
     convergence_table,
     error_table,
     evaluation_tables,
     quality_table,
     travel_table,
 )
+from support.evaluations import results
 
 
 def row(table, method: str) -> dict[str, str]:

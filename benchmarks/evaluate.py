@@ -1,12 +1,25 @@
-"""``tactile-localizer evaluate``: compare methods on simulated features or recordings."""
+"""Compare the accuracy, convergence and calibration of methods on simulated features or recordings.
+
+    scripts/in_env python benchmarks/evaluate.py [--jobs N] [--methods NAME ...] [RECORDING ... --scan SCAN]
+
+By default: bump, snap and grommet (18 test sweeps and 18 that end before the feature, 5 seeds with a training
+scan each) with the default, the presets, sums of Gaussians with widths chosen from the scan, and the paper's
+four models in the paper's form and with the exact filter. It prints tables and writes report.html,
+evaluate.json and figures into out/evaluate. Results of tasks are kept there; an interrupted run resumes.
+"""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+
+from evaluation_figures import evaluation_figures
+from evaluation_tables import configuration_table, evaluation_tables
+from methods import standard_methods
 
 from tactile_localizer.cli.conditions import (
     add_condition_arguments,
@@ -16,23 +29,25 @@ from tactile_localizer.cli.conditions import (
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.offline.evaluation.comparison import Results, evaluate
+from tactile_localizer.offline.evaluation.comparison import Method, Results, evaluate
 from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.evaluation.methods import Method, standard_methods
-from tactile_localizer.offline.figures.comparison import evaluation_figures
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.reports.html import save_figures, write_report
-from tactile_localizer.offline.reports.tables import configuration_table, evaluation_tables
 from tactile_localizer.offline.table import Table
 
-RESUMES = True
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line."""
-    add_condition_arguments(parser, sweeps=18, seeds=5, blanks=True)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Evaluate; returns the exit status: 2 for an unusable request, 130 for an interrupt."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add_condition_arguments(parser, sweeps=18, seeds=5)
+    parser.add_argument(
+        "--blanks", type=int, default=18, metavar="N", help="simulated sweeps that end before the feature"
+    )
     parser.add_argument(
         "--methods",
         nargs="+",
@@ -41,20 +56,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
+    try:
+        _run(parser.parse_args(arguments), shlex.join(["benchmarks/evaluate.py", *arguments]))
+    except TactileLocalizerError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: finished tasks are kept, run the command again to resume", file=sys.stderr)
+        return 130
+    return 0
 
 
-def run(args: argparse.Namespace) -> int:
+def _run(args: argparse.Namespace, command: str) -> None:
     """Evaluate, print the tables, write figures, report and numbers."""
     end_as_by_interrupt()
-    methods = methods_of(args.methods)
-    conditions = conditions_from_arguments(args)
-    workers = Workers(args.jobs, args.dask)
+    if args.blanks < 0:
+        raise ParameterError(f"--blanks: expected at least 0, got {args.blanks}")
+    methods, conditions = methods_of(args.methods), conditions_from_arguments(args, args.blanks)
     with progress_bars() as progress:
-        results = evaluate(conditions, methods, args.output / "tasks", workers, progress)
+        results = evaluate(
+            conditions, methods, args.output / "tasks", Workers(args.jobs, args.dask), progress
+        )
     tables, figures = evaluation_tables(results), evaluation_figures(results)
     print_tables(tables)
     save_figures(figures, args.output)
-    command = shlex.join(["tactile-localizer", *args.command_line])
     write_report(
         args.output / "report.html",
         "Tactile localization: evaluation",
@@ -65,7 +90,6 @@ def run(args: argparse.Namespace) -> int:
     )
     write_json(args.output / "evaluate.json", _document(results, tables))
     print(f"{args.output}/report.html, evaluate.json, {', '.join(f'{name}.png' for name in figures)}")
-    return 0
 
 
 def methods_of(names: Sequence[str] | None) -> list[Method]:
@@ -95,3 +119,7 @@ def _document(results: Results, tables: Sequence[Table]) -> dict[str, object]:
         },
         "tasks": results.tasks,
     }
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.evaluations import results
-
-from tactile_localizer.offline.figures.comparison import (
+from evaluation_figures import (
     convergence,
     errors_of_methods,
     evaluation_figures,
 )
+from support.evaluations import results
 
 
 def lines(plot) -> dict[str, np.ndarray]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import Any
 
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
+from tactile_localizer.offline.evaluation.comparison import Method
 
 _SQUARE_INCH = 0.0254**2
 
@@ -33,22 +33,6 @@ PAPER_MODELS = tuple(model for model in MODELS if model != SWEEP_MIXTURE)
 
 PARTICLES = (75, 300, 1000)
 """The paper's number of particles, the default's, and one that should approach the exact filter."""
-
-
-@dataclass(frozen=True)
-class Method:
-    """A named configuration.
-
-    Parameters
-    ----------
-    name : in tables and figures
-    configuration : choices of the user
-    measurement : parameters of a kernel model that override those of the scene
-    """
-
-    name: str
-    configuration: Configuration
-    measurement: dict[str, Any] = field(default_factory=dict)
 
 
 def paper_form(model: str) -> str:

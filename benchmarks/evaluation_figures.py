@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from evaluation_tables import by_feature
 from matplotlib.figure import Figure
 
 from tactile_localizer.offline.axes import MM, TENTH_INCH_MM, literal
@@ -17,7 +18,7 @@ _CURVES = 8
 
 def evaluation_figures(results: Results) -> dict[str, Figure]:
     """Every figure of an evaluation, by the name of its file."""
-    featured, _ = results.by_feature()
+    featured, _ = by_feature(results)
     figures = {"methods": errors_of_methods(featured or results)}
     if featured is not None:
         figures["convergence"] = convergence(featured)
