@@ -1,6 +1,6 @@
 """What is modelled: the state's axes, the phalanges that feel, the feature's region, the motion's noise.
 
-Only what a scene names is modelled; an axis, a phalanx or a region that it leaves out costs nothing.
+A model contains only the axes, phalanges and region that the scene names.
 Reading and writing scenes as YAML is :mod:`tactile_localizer.io.scene_file`'s.
 """
 
@@ -147,7 +147,7 @@ class Scene:
     axes : one to three axes, in the order of the state vector
     phalanges : the tactile sensors in use, in the order of the strain vector
     feature : the region of the feature, in phalanx coordinates; ``None``: not known
-    measurement : parameters of the measurement model, by name; what is missing is chosen from the
+    measurement : parameters of the measurement model, by name; missing ones are chosen from the
         scan by leave-one-sweep-out prediction
     """
 

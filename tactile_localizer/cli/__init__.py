@@ -26,11 +26,11 @@ COMMANDS: dict[str, str] = {
     "replay": "localize the palm in a recording, as the filter node would have",
     "view": "replay into the Rerun viewer: belief, truth and strain on a timeline",
     "identify": "identify which of several scans a recording belongs to, or none of them",
-    "tune": "print what is learned from a scan, and store it in the scan file",
+    "tune": "learn the noise model from a scan, print it, and store the calibration",
     "simulate": "write recordings of the simulated hand (train.csv, test.csv)",
     "tradeoff": "measure accuracy against computing time, and choose a configuration",
 }
-"""Help of the subcommands by name, in the order of the help text: what a new user needs comes first."""
+"""Help of the subcommands by name, in the order of the help text, most used first."""
 
 _EPILOG = """\
 Try it without ROS:
@@ -42,7 +42,7 @@ Try it without ROS:
 values to set for a new hand and material; everything else has a default or is learned from the scan."""
 
 _COMPLETING = "_ARGCOMPLETE"
-"""Environment variable that a shell sets when it asks for completions."""
+"""Environment variable that a shell sets to request completions."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

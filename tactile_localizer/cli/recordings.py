@@ -145,7 +145,7 @@ class GivenOdometry(NamedTuple):
     Parameters
     ----------
     recorded : as read
-    recording : its positions are odometry; random starts, if asked for
+    recording : its positions are odometry; with ``--starts`` cut at random starts
     kind : of the odometry
     """
 

@@ -1,4 +1,4 @@
-"""``tactile-localizer tune``: print what is learned from a scan and store it in the scan file."""
+"""``tactile-localizer tune``: learn the noise model from a scan, print it, store the calibration."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Learn from the scan, print the tables, and write a scene where asked."""
+    """Learn from the scan, print the tables, and write a scene with ``--output``."""
     scan, scene = scan_from_arguments(args)
     with ScanStore.open(args.scan) as store:
         unit = store.units["strain"]

@@ -61,7 +61,7 @@ class Configuration:
     precision : of the strains in memory, ``float64`` or ``float32``
     conditional : sum-of-Gaussians in conditional form; ``False``: the paper's joint form
     resampling : scheme (:mod:`.resampling`)
-    resample_below : resample when the effective sample size falls below this share; 1: every step
+    resample_below : resample when the effective sample size falls below this fraction; 1: every step
     random_particles : replaced by uniformly random ones at each update (particle filter); the paper has 10
     update_distance : m of travel between two measurement updates
     convergence_radius : m about the estimate within which the hand has to be

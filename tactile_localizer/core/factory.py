@@ -52,7 +52,7 @@ def build_localizer(
     scene : what is modelled
     configuration : model, filter and how much work
     rng : the only source of randomness
-    progress : called with what is being done and the fraction of it that is done
+    progress : called with a description of the step and its completed fraction
     calibration : of an earlier :func:`learn` from the same scan and scene; ``None``: learned anew
 
     Raises

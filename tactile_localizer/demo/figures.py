@@ -21,7 +21,7 @@ _FEATURE = "tab:orange"
 def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
     """Error, standard deviation and fraction of converged sweeps over the true position along x."""
     figure = Figure(figsize=(9, 8.5), layout="constrained")
-    error, trace, share = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
+    error, trace, converged = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
     x = np.concatenate([sweep.truth[:, 0] for sweep in sweeps]) * MM
     for number, sweep in enumerate(sweeps):
         along = sweep.truth[:, 0] * MM
@@ -30,19 +30,19 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
         trace.plot(along, np.sqrt(sweep.trace) * MM, color="0.6", linewidth=0.5)
     _mean_line(error, x, np.concatenate([s.error for s in sweeps]) * MM, f"mean of {len(sweeps)} sweeps")
     _mean_line(trace, x, np.sqrt(np.concatenate([s.trace for s in sweeps])) * MM, "mean")
-    _mean_line(share, x, np.concatenate([s.converged for s in sweeps]).astype(float), "converged")
+    _mean_line(converged, x, np.concatenate([s.converged for s in sweeps]).astype(float), "converged")
     error.axhline(LIMIT_M * MM, color="tab:red", linewidth=1.0, linestyle="--", label="0.1 inch")
     error.set_ylabel("error, mm")
     error.set_ylim(0, min(_HIGHEST_MM, error.get_ylim()[1]))
     trace.set_ylabel("standard\ndeviation, mm")
     trace.set_ylim(0, None)
-    share.set_ylabel("fraction of\nsweeps converged")
-    share.set_ylim(-0.05, 1.05)
-    for plot in (error, trace, share):
+    converged.set_ylabel("fraction of\nsweeps converged")
+    converged.set_ylim(-0.05, 1.05)
+    for plot in (error, trace, converged):
         _contact_band(plot, sweeps)
         plot.margins(x=0)
     label_axis(error, "x", "x", label=False)
-    share.set_xlabel("true position of the palm along the sweep, mm")
+    converged.set_xlabel("true position of the palm along the sweep, mm")
     error.legend(loc="upper right", frameon=False)
     error.set_title(title)
     return figure

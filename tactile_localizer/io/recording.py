@@ -47,7 +47,7 @@ class RecordedSweep:
 
     @property
     def contact(self) -> tuple[int, int]:
-        """First and last sample at which a feature is felt: contact, and the feature's end; -1: never."""
+        """First and last sample in contact with a feature; -1: no contact."""
         if self.felt is None or not self.felt.any():
             return NO_CONTACT
         at = np.flatnonzero(self.felt)

@@ -141,7 +141,7 @@ def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> R
 
 
 def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
-    """Summary of the tracks, by name, in SI units; ``None`` for what is unknown.
+    """Summary of the tracks, by name, in SI units; ``None`` where unknown.
 
     *On contact* is from contact to the feature's end (:func:`with_contact`); travel is counted from contact
     where it is known.

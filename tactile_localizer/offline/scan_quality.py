@@ -71,7 +71,7 @@ def findings(
     scene: Scene,
     sweeps: Sequence[SweepInfo],
     unit: str = "V",
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[str]:
     """Findings about a scan that may need attention.
 
@@ -175,8 +175,8 @@ def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
     if not distance:
         coverage = Coverage(scene)
         coverage.add(scan.states)
-        if coverage.share < _COVERED:
-            yield f"coverage: only {coverage.share:.0%} of the scene's bounds lie near a pair"
+        if coverage.fraction < _COVERED:
+            yield f"coverage: only {coverage.fraction:.0%} of the scene's bounds lie near a pair"
         return
     coverage = Coverage(scene, distance)
     coverage.add(scan.states)
@@ -203,10 +203,10 @@ def _gauges(scan: Scan) -> Iterator[str]:
             continue
         values = scan.strain[:, column]
         for limit in (low[column], high[column]):
-            share = float(np.mean(values == limit))
+            fraction = float(np.mean(values == limit))
             # Many sensors read 0 without contact, which is not the end of their range.
-            if share > _AT_LIMIT and limit != 0.0:
-                yield f"{name}: seems saturated, {share:.1%} of the values are exactly {limit:.6g}"
+            if fraction > _AT_LIMIT and limit != 0.0:
+                yield f"{name}: seems saturated, {fraction:.1%} of the values are exactly {limit:.6g}"
 
 
 def _channel_name(scan: Scan, column: int) -> str:

@@ -252,7 +252,7 @@ class MappingNode(ManagedNode):
         message.sweep = recorder.number
         message.sweeps = recorder.sweeps
         message.samples = recorder.store.pairs
-        message.coverage = self._coverage.share
+        message.coverage = self._coverage.fraction
         message.gaps = recorder.gaps
         message.skipped = recorder.skipped
         message.rate = self._rate

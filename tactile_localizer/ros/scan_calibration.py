@@ -21,7 +21,7 @@ class ScanCalibration:
     """Calibrates a scan whenever no sweep has been active for :data:`QUIET_S`.
 
     The filter then starts without calibrating. If recording continues, the calibration is repeated in the
-    next pause. A process of its own calibrates, so that recording is not delayed; the recorder, which holds
+    next pause. A separate process calibrates, so that recording is not delayed; the recorder, which holds
     the lock of the scan file, stores the result.
 
     Parameters

@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from tactile_localizer.sim.contact import SQUEEZE_N, Contact, contact
 from tactile_localizer.sim.deformation import Deformation
 from tactile_localizer.sim.material import MODES
-from tactile_localizer.sim.noise import rough, smooth
+from tactile_localizer.sim.noise import recursion, rough, smooth
 
 PHALANGES = ("index", "middle")
 """Fingertips with a load cell, in the order of the strain vector."""
@@ -140,7 +139,7 @@ def _touch(feature: str, sliding: Sliding, deformed: Deformation, offset: np.nda
 def _loop_error(lift: np.ndarray, dt: float) -> np.ndarray:
     """Force error (n, fingers) of the torque loop while the fingers are lifted, N."""
     keep = np.exp(-dt / _LOOP_TIME_S)
-    settled = lfilter([1 - keep], [1.0, -keep], lift, axis=0)
+    settled = recursion((1 - keep) * lift, keep)
     error = _LOOP_STIFFNESS_N_PER_M * (lift - settled)
     error += _TENDON_FRICTION_N * np.tanh(np.gradient(settled, dt, axis=0) / 0.1e-3)
     return np.asarray(error - _THUMB_COUPLING * error[:, ::-1])

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
-from tactile_localizer.sim.noise import smooth
+from tactile_localizer.sim.noise import recursion, smooth
 
 _RAMP_S = 0.3
 """Time of acceleration and of deceleration, s."""
@@ -143,5 +142,5 @@ def _stick_slip(
     residues[0] = 0
     keep = np.exp(-1 / (rate * _SLIP_TIME_S))
     moved = np.column_stack([_DRAG_RATIO * (travel - last), np.cumsum(residues, axis=0)[count]])
-    settled = lfilter([1 - keep], [1.0, -keep], moved, axis=0)
+    settled = recursion((1 - keep) * moved, keep)
     return settled[:, 0], settled[:, 1:]

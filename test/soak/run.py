@@ -79,9 +79,9 @@ class _PlainView:
         self._say(text)
 
     def injection(self, one: Injection) -> None:
-        told = "" if one.told_s is None else f"told after {one.told_s:4.1f} s  "
-        well = "" if one.well_s is None else f"well {one.well_s:4.1f} s after its end  "
-        self._say(f"{one.fault:<28}{told}{well}{one.trouble and 'FAILED: ' + one.trouble}")
+        reported = "" if one.reported_s is None else f"reported after {one.reported_s:4.1f} s  "
+        recovered = "" if one.recovered_s is None else f"recovered {one.recovered_s:4.1f} s after its end  "
+        self._say(f"{one.fault:<28}{reported}{recovered}{one.trouble and 'FAILED: ' + one.trouble}")
 
     def _say(self, text: str) -> None:
         elapsed_s = time.monotonic() - self._begun_s
@@ -89,7 +89,7 @@ class _PlainView:
 
 
 def _report(result: SoakResult, args: argparse.Namespace, console: Console) -> None:
-    """Print the tables, and write them to the folder with everything that they are made from."""
+    """Print the tables, and write them with their data to the folder."""
     summary = _summary(result) | {"minutes": args.minutes, "seed": args.seed}
     write_json(args.out / "report.json", summary, rows="injections")
     with (args.out / "report.txt").open("w", encoding="utf-8") as file:
@@ -105,14 +105,14 @@ def _summary(result: SoakResult) -> dict[str, Any]:
         "failures": result.failures,
         "sweeps": result.sweeps,
         "posteriors": result.judged,
-        "converged": result.believed,
+        "converged": result.converged,
         "converged_error_mm": _quantiles_mm(result.errors_m),
         "falsely_converged": {why or "no fault": count for why, count in result.wrong.items()},
         "longest_lag_s": result.lag_s,
         "longest_wait_for_a_pose_s": result.waiting_s,
         "most_in_receive_queue_bytes": result.queue_bytes,
         "load": os.getloadavg(),
-        "late_for_want_of_a_processor": result.late,
+        "limits_extended": result.late,
         "memory_judged": result.is_warm,
         "recorded_pairs_after_warm_up": result.recorded_pairs,
         "memory": {
@@ -133,10 +133,14 @@ def _of_faults(injections: Sequence[Injection]) -> Table:
     by_name: dict[str, list[Injection]] = defaultdict(list)
     for one in injections:
         by_name[one.fault].append(one)
-    table = Table("fault", "times", "told after (worst)", "well again after (worst)", "failed", box=SIMPLE)
+    table = Table("fault", "times", "reported after (worst)", "recovered after (worst)", "failed", box=SIMPLE)
     for name, ones in sorted(by_name.items()):
-        told, well = _worst([one.told_s for one in ones]), _worst([one.well_s for one in ones])
-        table.add_row(name, str(len(ones)), told, well, str(sum(bool(one.trouble) for one in ones) or ""))
+        reported, recovered = (
+            _worst([getattr(one, field) for one in ones]) for field in ("reported_s", "recovered_s")
+        )
+        table.add_row(
+            name, str(len(ones)), reported, recovered, str(sum(bool(one.trouble) for one in ones) or "")
+        )
     return table
 
 
@@ -159,15 +163,15 @@ def _sentences(result: SoakResult) -> list[str]:
     excused = sum(count for why, count in result.wrong.items() if why)
     lines = [
         f"load of the machine {os.getloadavg()[2]:.1f} on {os.cpu_count()} cores; "
-        f"{result.late} times it took a fault beyond its time limit",
-        f"{result.sweeps} sweeps, {result.judged} posteriors, {result.believed} of them converged ({errors})",
+        f"{result.late} times a limit was extended because a process waited for a CPU",
+        f"{result.sweeps} sweeps, {result.judged} posteriors, {result.converged} converged ({errors})",
         f"falsely converged: {result.wrong.get('', 0)} without a fault, {excused} during faults that mislead",
-        f"longest lag when well {result.lag_s:.2f} s, longest wait for a pose {result.waiting_s:.2f} s, "
+        f"longest lag without a fault {result.lag_s:.2f} s, longest wait for poses {result.waiting_s:.2f} s, "
         f"fullest receive queue {result.queue_bytes} bytes",
     ]
     if not result.is_warm:
         lines.append(
-            "memory was not judged: two rounds of all faults and two recorded sweeps are the warm-up"
+            "memory was not checked: the warm-up takes two rounds of all faults and two recorded sweeps"
         )
     return (
         lines

@@ -9,7 +9,7 @@ SECOND = 1_000_000_000
 
 
 class Replayed:
-    """In place of a watcher: hands over what the test says was heard."""
+    """In place of a watcher: hands over what the test says was received."""
 
     def __init__(self):
         self.works = {}
@@ -22,28 +22,28 @@ class Replayed:
 
 
 @pytest.fixture
-def heard():
+def received():
     return Replayed()
 
 
 @pytest.fixture
-def watch(heard):
+def watch(received):
     from harness.belief_watch import BeliefWatch
     from harness.relay import Relay
 
-    return BeliefWatch(heard, Relay(heard))
+    return BeliefWatch(received, Relay(received))
 
 
-def tell(heard, stamp_ns, mean, converged=True, stale=False, reason=""):
+def publish(received, stamp_ns, mean, converged=True, stale=False, reason=""):
     from tactile_localizer.msg import Posterior
     from tactile_localizer.ros.conversions.timestamps import from_ns
 
     message = Posterior(mean=list(mean), converged=converged, stale=stale, reason=reason)
     message.header.stamp = from_ns(stamp_ns)
-    heard.works["filter/posterior"](message)
+    received.works["filter/posterior"](message)
 
 
-def be_at(heard, stamp_ns, x):
+def move_to(received, stamp_ns, x):
     from geometry_msgs.msg import PoseStamped
 
     from tactile_localizer.ros.conversions.timestamps import from_ns
@@ -51,20 +51,20 @@ def be_at(heard, stamp_ns, x):
     message = PoseStamped()
     message.header.stamp = from_ns(stamp_ns)
     message.pose.position.x = x
-    heard.works["simulator/ground_truth"](message)
+    received.works["simulator/ground_truth"](message)
 
 
-def sweep(heard, means, **how):
-    """Truth goes from x = 0 to 10 mm in a tenth of a second; what is believed halfway."""
-    be_at(heard, 2 * SECOND, 0.0)
+def sweep(received, means, **how):
+    """Truth goes from x = 0 to 10 mm in a tenth of a second; the estimates halfway."""
+    move_to(received, 2 * SECOND, 0.0)
     for mean in means:
-        tell(heard, 2 * SECOND + SECOND // 20, mean, **how)
-    be_at(heard, 2 * SECOND + SECOND // 10, 0.01)
+        publish(received, 2 * SECOND + SECOND // 20, mean, **how)
+    move_to(received, 2 * SECOND + SECOND // 10, 0.01)
 
 
-def test_the_truth_is_interpolated_at_the_posteriors_stamp(heard, watch):
+def test_the_truth_is_interpolated_at_the_posteriors_stamp(received, watch):
     watch.begin_sweep(SECOND)
-    sweep(heard, [(0.005, 0.0), (0.008, 0.004)])
+    sweep(received, [(0.005, 0.0), (0.008, 0.004)])
     np.testing.assert_allclose(watch.errors_m, [0.0, 0.005], atol=1e-12)
     assert watch.wrong == {}
 
@@ -74,37 +74,37 @@ def test_the_truth_is_interpolated_at_the_posteriors_stamp(heard, watch):
     [({}, 1), ({"converged": False}, 0), ({"stale": True}, 0)],
     ids=["converged", "not converged", "stale"],
 )
-def test_convergence_is_false_far_from_the_truth(heard, watch, how, count):
+def test_convergence_is_false_far_from_the_truth(received, watch, how, count):
     watch.begin_sweep(SECOND)
-    sweep(heard, [(0.03, 0.0), (0.012, 0.0)], **how)
+    sweep(received, [(0.03, 0.0), (0.012, 0.0)], **how)
     assert watch.wrong.total() == count
     assert len(watch.examples) == count
 
 
-def test_a_false_convergence_is_reported_with_its_reason(heard, watch):
+def test_a_false_convergence_is_reported_with_its_reason(received, watch):
     watch.begin_sweep(SECOND)
-    sweep(heard, [(0.03, 0.0)], reason="converged: probability 0.995")
+    sweep(received, [(0.03, 0.0)], reason="converged: probability 0.995")
     assert watch.examples == [
         "25.0 mm off after 0.0 mm of travel at x 5.0, y 0.0 mm: converged: probability 0.995"
     ]
 
 
-def test_between_sweeps_nothing_is_judged(heard, watch):
-    sweep(heard, [(0.03, 0.0)])
+def test_between_sweeps_nothing_is_judged(received, watch):
+    sweep(received, [(0.03, 0.0)])
     watch.begin_sweep(3 * SECOND)
-    sweep(heard, [(0.03, 0.0)])
+    sweep(received, [(0.03, 0.0)])
     watch.end_sweep()
-    sweep(heard, [(0.03, 0.0)])
+    sweep(received, [(0.03, 0.0)])
     assert watch.judged == 0
 
 
-def test_a_belief_that_was_misled_is_excused_until_the_sweeps_end(heard, watch):
+def test_a_belief_that_was_misled_is_excused_until_the_sweeps_end(received, watch):
     watch.begin_sweep(SECOND)
     watch.misled = "wrong seed"
     watch.misled = ""
-    sweep(heard, [(0.03, 0.0)])
+    sweep(received, [(0.03, 0.0)])
     assert watch.wrong == {"wrong seed": 1}
     watch.begin_sweep(SECOND)
-    sweep(heard, [(0.03, 0.0)])
+    sweep(received, [(0.03, 0.0)])
     assert watch.wrong == {"wrong seed": 1, "": 1}
     assert len(watch.examples) == 1

@@ -47,8 +47,8 @@ def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None
 
     Parameters
     ----------
-    scan, scene : the training pairs and what is modelled
-    progress : told what is being done and which share of it is done
+    scan, scene : training pairs and their scene
+    progress : called with a description of the step and its completed fraction
 
     Raises
     ------

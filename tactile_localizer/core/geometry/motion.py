@@ -1,4 +1,4 @@
-"""Motion model: the palm moved as the arm says, plus noise that grows with the travel (paper, Eq. 1)."""
+"""Motion model: the displacement of the arm plus noise that grows with the travel (paper, Eq. 1)."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class PalmFrame:
             known = " or ".join(repr(name) for name in self._from)
             raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")
         rotation, offset = self._from[frame]
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the caller to see
+        with np.errstate(over="ignore", invalid="ignore"):  # the caller handles non-finite values
             places = translations @ rotation.T + offset
             values = {"x": places[:, 0], "y": places[:, 1]}
             if "yaw" in self._names:

@@ -1,7 +1,7 @@
 """Palm poses, buffered and interpolated at the stamps of strain vectors.
 
 Positions are interpolated linearly and yaw along the shortest arc. Nothing here reads a clock: what
-is old, late or missing is told by stamps alone, so a recording played at any rate gives the same answer.
+is old, late or missing follows from stamps alone, so a recording played at any rate gives the same result.
 """
 
 from __future__ import annotations

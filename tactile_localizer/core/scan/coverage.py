@@ -47,8 +47,8 @@ class Coverage:
             self._share = None
 
     @property
-    def share(self) -> float:
-        """Covered share of the bounds, 0 to 1."""
+    def fraction(self) -> float:
+        """Covered fraction of the bounds, 0 to 1."""
         if self._share is None:
             self._share = float(np.mean(self._distances() < 1.0))
         return self._share

@@ -13,7 +13,7 @@ from tactile_localizer.scene import Scene
 _MARGIN = 0.5
 """Share of a channel's range by which another session may exceed it at either end. By judgement."""
 MATERIAL_SHARE = 0.1
-"""Share of strains or positions outside of the range that is worth a warning. By judgement."""
+"""Fraction of strains or positions outside of the range above which a warning is given (judgement)."""
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def make_map(
     scene : its bounds and axes
     nodes : nodes along the longer axis; by default :data:`DEFAULT_NODES`
     neighbours : cells that a node is interpolated from
-    reach : distance beyond which a pair says nothing about a node, m; by default 1.5 times the distance
+    reach : distance beyond which a pair does not contribute to a node, m; by default 1.5 times the distance
         of the sweeps, or of the pairs on a sweep where that is greater
 
     Raises

@@ -1,4 +1,4 @@
-"""Sweeps as evenly spaced tracks, and what neighbouring tracks say of a place between them."""
+"""Sweeps as evenly spaced tracks, and predictions between neighbouring tracks."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def _read(path: Path, wanted: Mapping[str, Converter | Decoder], messages: BagMe
         if not connections:
             return
         for connection, stored in _blocks(reader, connections):
-            # Only the metadata, which may be lost, says whether single messages are compressed.
+            # Compression of single messages is recorded in the metadata only, which may be lost.
             raws = [zstd.decompress(raw) if raw[:4] == _ZSTD_MAGIC else raw for raw in stored]
             convert, kind = wanted[connection.topic], connection.msgtype
             converted = messages.by_topic.setdefault(connection.topic, [])

@@ -104,7 +104,7 @@ def guess_columns(path: str | Path, scene: Scene, naming: ColumnNaming) -> Guess
     Raises
     ------
     ScanError
-        The file cannot be read, or a quantity is neither given nor found; the message says what to add.
+        The file cannot be read, or a quantity is neither given nor found.
     """
     path = Path(path)
     columns, header = _columns_of(path)

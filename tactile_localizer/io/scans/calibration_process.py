@@ -1,4 +1,4 @@
-"""Calibration of a scan in a process of its own, at low priority: ``python -m`` this module, with a path.
+"""Calibration of a scan in a separate process at low priority: ``python -m`` this module, with a path.
 
 The process only reads the scan file and prints one JSON object per line: ``activity`` and ``fraction`` of the
 progress; last ``learned``, the entry to store (``null`` if it is stored already), or ``error``. A recorder
@@ -31,7 +31,7 @@ class CalibrationProcess:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        # In a session of its own, so that Ctrl-C reaches only the recorder, which stops it.
+        # In a separate session, so that Ctrl-C reaches only the recorder, which stops it.
         self._process = subprocess.Popen(
             [sys.executable, "-m", __name__, str(path)],
             stdin=subprocess.DEVNULL,
@@ -73,7 +73,7 @@ def main(path: str) -> None:
     from tactile_localizer.io.scans.learned import find_calibration
     from tactile_localizer.io.scans.store import ScanStore
 
-    def say(**message: Any) -> None:
+    def report(**message: Any) -> None:
         print(json.dumps(message), flush=True)
 
     os.nice(_NICENESS)
@@ -81,12 +81,12 @@ def main(path: str) -> None:
         with ScanStore.open(path) as store:
             scan, scene = store.load(), store.scene
         _, entry = find_calibration(
-            Path(path), scan, scene, lambda activity, fraction: say(activity=activity, fraction=fraction)
+            Path(path), scan, scene, lambda activity, fraction: report(activity=activity, fraction=fraction)
         )
     except TactileLocalizerError as error:
-        say(error=str(error))
+        report(error=str(error))
     else:
-        say(learned=entry and [entry.key, entry.digest, entry.payload.decode()])
+        report(learned=entry and [entry.key, entry.digest, entry.payload.decode()])
 
 
 if __name__ == "__main__":

@@ -40,8 +40,8 @@ def learned_calibration(
     Parameters
     ----------
     path : the scan file that the calibration is kept in, where that can be written
-    scan, scene : what is learned from
-    progress : called with what is being done and the fraction of it that is done
+    scan, scene : training pairs and their scene
+    progress : called with a description of the step and its completed fraction
     """
     calibration, entry = find_calibration(path, scan, scene, progress)
     if entry is not None:

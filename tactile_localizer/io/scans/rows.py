@@ -142,7 +142,7 @@ class Batch:
         Raises
         ------
         ValueError
-            The row is damaged; the message says how.
+            The row is damaged; the message names the defect.
         """
         id_, sweep, pairs, *_ = row
         integers, blobs = row[:5], row[5:8]

@@ -214,7 +214,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
     ) -> ChangeState.Response:
         """Change the state, or log why that is impossible; with rclpy alone the node would terminate."""
         wanted = request.transition
-        # Whoever waits for the event that ends a transition may ask for the next one before it has returned.
+        # A client may request the next transition on the event of the last one, before that one has returned.
         if not self._in_transition.acquire(timeout=_BETWEEN_TRANSITIONS_S):
             text = "expected no transition in progress, found one"
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")

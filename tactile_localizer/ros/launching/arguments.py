@@ -110,6 +110,6 @@ def scene(text: str) -> str:
 
 
 def misspelt(given: Iterable[str], known: Sequence[str]) -> dict[str, str]:
-    """Near match of each unknown argument; a launch file that includes ours can have arguments of its own."""
+    """Near match of each unknown argument; a launch file that includes these may declare others."""
     near = {name: get_close_matches(name, known, n=1, cutoff=0.8) for name in given if name not in known}
     return {name: found[0] for name, found in near.items() if found}

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
 from tactile_localizer.core.factory import Progress, build_identifier, build_localizer
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.identification import FeatureLocalizer
@@ -82,9 +81,15 @@ def load_map(paths: Sequence[Path], parameters: Parameters, progress: Progress) 
             raise ParameterError(f"candidate_scan_files: expected scenes of different names, got {names}")
         learned = dict(zip(named, calibrations, strict=True))
         localizer = FeatureLocalizer(build_identifier(named, choices, rng, progress, learned))
-    unfit = map(describe_unfit_widths, scans, scenes) if choices.uses_kernel_widths else ()
-    warnings = [line for line in unfit if line is not None]
+    warnings = _unfit_widths(scans, scenes) if choices.uses_kernel_widths else []
     return LoadedMap(", ".join(map(str, paths)), scans, scenes, frame, localizer, warnings)
+
+
+def _unfit_widths(scans: Sequence[Scan], scenes: Sequence[Scene]) -> list[str]:
+    # The kernel models take half a second to import, which the default model saves.
+    from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
+
+    return [line for line in map(describe_unfit_widths, scans, scenes) if line is not None]
 
 
 def _read(path: Path, scene_file: str) -> tuple[Scan, Scene]:

@@ -14,14 +14,14 @@ SQUARE = scene_of(Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1))
 
 
 def test_without_pairs_nothing_is_covered():
-    assert Coverage(SQUARE).share == 0.0
+    assert Coverage(SQUARE).fraction == 0.0
 
 
 def test_one_line_covers_a_band_of_twice_the_distance():
     coverage = Coverage(SQUARE, distance_m=0.01)
     x = np.linspace(0, 0.1, 500)
     coverage.add(np.column_stack([x, np.full_like(x, 0.05)]))
-    assert abs(coverage.share - 0.2) <= 0.051
+    assert abs(coverage.fraction - 0.2) <= 0.051
 
 
 def test_lines_one_distance_apart_cover_everything():
@@ -30,7 +30,7 @@ def test_lines_one_distance_apart_cover_everything():
     shares = []
     for y in np.arange(0, 0.1001, 0.005):
         coverage.add(np.column_stack([x, np.full_like(x, y)]))
-        shares.append(coverage.share)
+        shares.append(coverage.fraction)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -38,13 +38,13 @@ def test_lines_one_distance_apart_cover_everything():
 def test_pairs_on_the_bounds_count():
     coverage = Coverage(scene_of(Axis("x", 0.0, 1.0)), distance_m=0.1)
     coverage.add(np.array([[0.0], [1.0]]))
-    assert 0.15 <= coverage.share <= 0.25
+    assert 0.15 <= coverage.fraction <= 0.25
 
 
 def test_yaw_has_its_own_distance():
     coverage = Coverage(scene_of(Axis("x", 0.0, 0.01), Axis("yaw", -1.0, 1.0)), 0.02, distance_rad=0.2)
     coverage.add(np.array([[0.005, 0.0]]))
-    assert abs(coverage.share - 0.2) < 0.11
+    assert abs(coverage.fraction - 0.2) < 0.11
 
 
 def test_the_largest_hole_is_where_a_line_is_missing():

@@ -36,14 +36,14 @@ class BeliefWatch:
     Attributes
     ----------
     misled : fault that excuses false convergence until the end of the sweep; empty: none
-    judged, believed : posteriors compared with the truth, and those of them that are converged
+    judged, converged : posteriors compared with the truth, and those of them that have converged
     wrong : number of false convergences, by the fault that excuses them
     examples : the first false convergences that no fault excuses, one line each
     errors_m : of the converged ones
     """
 
     def __init__(self, watcher: Watcher, relay: Relay) -> None:
-        self.judged = self.believed = 0
+        self.judged = self.converged = 0
         self.wrong: Counter[str] = Counter()
         self.examples: list[str] = []
         self.errors_m: deque[float] = deque(maxlen=_KEPT)
@@ -63,15 +63,15 @@ class BeliefWatch:
     @misled.setter
     def misled(self, why: str) -> None:
         self._misled = why
-        self._excuse = why or self._excuse  # the sweep under way stays spoilt
+        self._excuse = why or self._excuse  # the present sweep stays excused
 
     def begin_sweep(self, now_ns: int) -> None:
-        """Judge what is stamped after ``now_ns``; the belief is uniform."""
+        """Judge posteriors stamped after ``now_ns``; the belief is uniform."""
         self._excuse = self._misled
         self._from_ns = now_ns
 
     def end_sweep(self) -> None:
-        """Stop judging: the fingers let go, which the filter does not know."""
+        """Stop judging: the fingers release the material, which the filter does not know."""
         self._from_ns = None
 
     def _on_posterior(self, message: Posterior) -> None:
@@ -86,9 +86,9 @@ class BeliefWatch:
         self._truths.append((stamp_ns, np.array([place.x, place.y])))
         while self._waiting and to_ns(self._waiting[0].header.stamp) <= stamp_ns:
             posterior = self._waiting.popleft()
-            told_ns = to_ns(posterior.header.stamp)
-            truth = self._truth_at(told_ns)
-            if truth is not None and self._from_ns is not None and told_ns > self._from_ns:
+            stamp_ns = to_ns(posterior.header.stamp)
+            truth = self._truth_at(stamp_ns)
+            if truth is not None and self._from_ns is not None and stamp_ns > self._from_ns:
                 self._judge(posterior, truth)
 
     def _truth_at(self, stamp_ns: int) -> np.ndarray | None:
@@ -103,7 +103,7 @@ class BeliefWatch:
         self.judged += 1
         if not posterior.converged:
             return
-        self.believed += 1
+        self.converged += 1
         error = float(np.linalg.norm(np.array(posterior.mean) - truth))
         self.errors_m.append(error)
         if error > WRONG_M:

@@ -1,4 +1,4 @@
-"""The faults that a soak injects, and where each must show: the table of docs/faults.md, as a program."""
+"""The injected faults and where each must be reported: the table of docs/faults.md as a program."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tactile_localizer.msg import StrainVectors
 CAN_BUS, INDEX, MIDDLE = "driver: CAN bus", "driver: index", "driver: middle"
 INPUTS, BELIEF, SCAN = "filter: inputs", "filter: belief", "mapping: scan"
 STATUSES = (CAN_BUS, INDEX, MIDDLE, INPUTS, BELIEF, SCAN)
-"""What the nodes tell once a second."""
+"""Statuses that the nodes publish once a second."""
 
 _BUS_OFF = 0x40
 _BURST = 2000
@@ -37,7 +37,7 @@ def _nothing(system: System) -> None:
 
 
 class Acts(NamedTuple):
-    """Do it, and let it be well again."""
+    """Begin and end of a fault."""
 
     begin: Act
     end: Act = _nothing
@@ -45,16 +45,16 @@ class Acts(NamedTuple):
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that goes wrong.
+    """A fault to inject.
 
     Parameters
     ----------
-    name : for people
-    acts : begin and end it
-    shows : whether the system has told of it since it began
-    within_s : how soon it must show, s
-    misleads : whether the belief may be wrong meanwhile, though nothing looks wrong
-    starves : whether the filter can know no new position meanwhile, and so must not tell one
+    name : in reports and on the command line
+    acts : its begin and end
+    shows : whether the system has reported it since it began
+    within_s : time limit for the report, s
+    misleads : whether false convergence is excused while it lasts
+    starves : whether the filter lacks inputs while it lasts, so that no new position may be published
     """
 
     name: str
@@ -139,23 +139,23 @@ def _seed(x: float, y: float) -> Acts:
 
 
 def _says(name: str, *texts: str) -> Shows:
-    return lambda system: system.told.diagnosed(name, *texts)
+    return lambda system: system.reports.diagnosed(name, *texts)
 
 
 def _logs(text: str) -> Shows:
-    return lambda system: system.told.logged(text)
+    return lambda system: system.reports.logged(text)
 
 
 def _gains(name: str, key: str, count: int = 1) -> Shows:
-    return lambda system: system.told.gained(name, key) >= count
+    return lambda system: system.reports.gained(name, key) >= count
 
 
 def _falls_silent(name: str) -> Shows:
-    return lambda system: system.told.silent_s(name) > _SILENCE_S
+    return lambda system: system.reports.silent_s(name) > _SILENCE_S
 
 
 def _maps(system: System) -> bool:
-    return system.told.newest[BELIEF].values.get("scan_file", "").endswith(system.scans[1])
+    return system.reports.newest[BELIEF].values.get("scan_file", "").endswith(system.scans[1])
 
 
 def _silence(name: str, acts: Acts, message: str) -> Fault:

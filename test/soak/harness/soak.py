@@ -1,4 +1,4 @@
-"""The soak: all nodes live under one injected fault after the other, watched for what must never happen."""
+"""The soak: all nodes run while faults are injected one after the other, and invariants are checked."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from harness.faults import CAN_BUS, FAULTS, INPUTS, STATUSES, Fault
 from harness.memory import Memory, resident_bytes
 from harness.patience import Patience
 from harness.relay import SENT, Relay
+from harness.reports import Reports
 from harness.soak_result import Injection, SoakResult
 from harness.sweeping import RECORDED_EVERY, Sweeping
 from harness.system import System
-from harness.told import Told
 from tactile_localizer.demo.domain import Domain, own_domain
 from tactile_localizer.demo.processes import NodeProcess, NodeProcesses, shipped
 from tactile_localizer.demo.watcher import Watcher
@@ -34,8 +34,8 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
-WELL_WITHIN_S = 20.0
-"""How long all may take to be well again after a fault."""
+RECOVERY_LIMIT_S = 20.0
+"""Longest recovery after a fault, s."""
 
 _LAG_LIMIT_S = 1.0
 _ROUNDS_OF_WARM_UP = 2
@@ -45,7 +45,7 @@ _POLL_S = 0.05
 _SAMPLE_S = 1.0
 _HOLD_S = (0.3, 2.0)
 _IN_FLIGHT_S = 0.3
-"""What was felt before a fault began may be told of a little later."""
+"""Strain measured before a fault may be published a little later, s."""
 
 _SCANNED, _OTHER, _BROKEN = "bump", "snap", "broken.db"
 _SIMULATED = {"mode": "localize", "speed": 4.0, "load_cell_rate_hz": 20.0, "pose_rate_hz": 15.0}
@@ -53,11 +53,11 @@ _SIMULATED = {"mode": "localize", "speed": 4.0, "load_cell_rate_hz": 20.0, "pose
 
 @dataclass(frozen=True)
 class SoakSettings:
-    """What is soaked.
+    """Settings of a soak.
 
     Parameters
     ----------
-    folder : where everything is written; what a soak wrote there before is replaced
+    folder : output folder; the output of an earlier soak is replaced
     duration_s : no fault begins later
     seed : of the faults' order and lengths, and of the simulated hand
     faults : that are injected, over and over, each round in another order
@@ -70,13 +70,13 @@ class SoakSettings:
 
 
 class View(Protocol):
-    """Shows how the soak goes."""
+    """Shows the progress of the soak."""
 
     def phase(self, text: str) -> None:
-        """Something else begins."""
+        """Called at the begin of a phase."""
 
     def injection(self, one: Injection) -> None:
-        """A fault is over."""
+        """Called at the end of a fault."""
 
 
 def run_soak(settings: SoakSettings, view: View) -> SoakResult:
@@ -93,7 +93,7 @@ def run_soak(settings: SoakSettings, view: View) -> SoakResult:
     with own_domain() as domain, ExitStack() as stack:
         os.environ.update(domain.environment)
         watcher = stack.enter_context(Watcher(domain.number))
-        relay, told = Relay(watcher), Told(watcher)
+        relay, reports = Relay(watcher), Reports(watcher)
         belief = BeliefWatch(watcher, relay)
         processes = stack.enter_context(NodeProcesses(logs, domain.environment))
         view.phase("starting simulator, driver, mapping and filter")
@@ -103,7 +103,7 @@ def run_soak(settings: SoakSettings, view: View) -> SoakResult:
         stack.callback(bus.shutdown)
         seeds = watcher.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
         names = f"{_SCANNED}.db", f"{_OTHER}.db", _BROKEN
-        system = System(nodes, told, watcher, relay, bus, seeds, belief, names)
+        system = System(nodes, reports, watcher, relay, bus, seeds, belief, names)
         sweeping = Sweeping(watcher, relay, belief)
         soak = _Soak(settings, view, system, processes, sweeping)
         soak.run()
@@ -112,11 +112,11 @@ def run_soak(settings: SoakSettings, view: View) -> SoakResult:
 
 
 class _Soak:
-    """Injects and watches.
+    """Injects faults and checks the invariants.
 
     Attributes
     ----------
-    result : what has come of it so far
+    result : result so far
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class _Soak:
 
     def run(self) -> None:
         """Fill the result."""
-        trouble = self._wait_until_well(time.monotonic(), _STARTUP_S)
+        trouble = self._wait_for_recovery(time.monotonic(), _STARTUP_S)
         if trouble:
             raise LiveError(f"waited {_STARTUP_S:g} s for the nodes: {trouble}")
         self._begun_s = time.monotonic()
@@ -151,7 +151,7 @@ class _Soak:
         belief = self._system.belief
         self.result.sweeps, self.result.judged = self._sweeping.done, belief.judged
         self.result.recorded_pairs = self._sweeping.pairs - self._pairs_when_warm
-        self.result.believed, self.result.wrong = belief.believed, dict(belief.wrong)
+        self.result.converged, self.result.wrong = belief.converged, dict(belief.wrong)
         self.result.examples, self.result.errors_m = list(belief.examples), list(belief.errors_m)
 
     def _faults(self) -> Iterator[Fault]:
@@ -175,57 +175,60 @@ class _Soak:
         return time.monotonic() - self._begun_s
 
     def _inject(self, fault: Fault) -> Injection:
-        """Do it, wait until it shows, let it last, end it, and wait until all is well again."""
+        """Inject a fault, wait until it is reported, hold it, end it, and wait for the recovery."""
         one = Injection(fault.name, self._elapsed_s)
         system, trouble = self._system, []
         wrong_before = system.belief.wrong[""]
         if fault.misleads:
             system.belief.misled = fault.name
-        system.told.forget()
+        system.reports.forget()
         begun_s = time.monotonic()
         try:
             fault.acts.begin(system)
             done_s = time.monotonic()
             if self._until(lambda: fault.shows(system), fault.within_s):
-                one.told_s = time.monotonic() - begun_s
+                one.reported_s = time.monotonic() - begun_s
             else:
-                trouble.append(f"not told of within {fault.within_s:g} s")
+                trouble.append(f"not reported within {fault.within_s:g} s")
             held_until_s = time.monotonic() + self._rng.uniform(*_HOLD_S)
             self._until(lambda: time.monotonic() > held_until_s, math.inf)
             # A position of a later time than the fault's beginning can only have been made up.
             since_s = time.monotonic() - done_s
-            if fault.starves and system.told.lag_s(system.relay.clock_ns) < since_s - _IN_FLIGHT_S:
-                trouble.append("a position was told that nobody knew")
+            if fault.starves and system.reports.lag_s(system.relay.clock_ns) < since_s - _IN_FLIGHT_S:
+                trouble.append("a position was published that could not be known")
         finally:
             fault.acts.end(system)
             system.belief.misled = ""
         ended_s = time.monotonic()
-        if unwell := self._wait_until_well(ended_s, WELL_WITHIN_S):
-            trouble.append(f"not well again: {unwell}")
+        if problem := self._wait_for_recovery(ended_s, RECOVERY_LIMIT_S):
+            trouble.append(f"not recovered: {problem}")
         else:
-            one.well_s = time.monotonic() - ended_s
+            one.recovered_s = time.monotonic() - ended_s
         if wrong := system.belief.wrong[""] - wrong_before:
             trouble.append(f"{wrong} falsely converged posteriors that no fault excuses")
         one.trouble = "; ".join(trouble)
         return one
 
-    def _wait_until_well(self, since_s: float, timeout_s: float) -> str:
-        """Wait until all nodes say that all is well; returns what is not, where that takes too long."""
-        told, relay = self._system.told, self._system.relay
+    def _wait_for_recovery(self, since_s: float, timeout_s: float) -> str:
+        """Wait until all nodes report OK; returns what does not, if that takes too long."""
+        reports, relay = self._system.reports, self._system.relay
 
         def trouble() -> str:
-            if unwell := told.unwell(STATUSES, since_s):
-                return unwell
-            lag_s = told.lag_s(relay.clock_ns)
+            if problem := reports.first_not_ok(STATUSES, since_s):
+                return problem
+            lag_s = reports.lag_s(relay.clock_ns)
             return f"posteriors are {lag_s:.1f} s behind" if lag_s > _LAG_LIMIT_S else ""
 
         if self._until(lambda: not trouble(), timeout_s):
-            self.result.lag_s = max(self.result.lag_s, told.lag_s(relay.clock_ns))
+            self.result.lag_s = max(self.result.lag_s, reports.lag_s(relay.clock_ns))
             return ""
         return trouble()
 
     def _until(self, condition: Callable[[], Any], timeout_s: float) -> bool:
-        """Watch until a condition is true; whether it became so in the time that the machine left for it."""
+        """Check the invariants until a condition is true; returns whether it became true in time.
+
+        Time for which a process waited for a CPU is not counted.
+        """
         pids = [os.getpid(), *(node.pid for node in self._system.nodes.values())]
         patience = Patience(timeout_s, pids)
         while not condition():
@@ -244,7 +247,7 @@ class _Soak:
         if now_s - self._sampled_s < _SAMPLE_S:
             return
         self._sampled_s = now_s
-        result, newest = self.result, self._system.told.newest
+        result, newest = self.result, self._system.reports.newest
         for name, node in self._system.nodes.items():
             result.memory.setdefault(name, Memory()).samples.append(resident_bytes(node.pid))
         if INPUTS in newest:
@@ -291,7 +294,7 @@ def _start(processes: NodeProcesses, settings: SoakSettings, domain: Domain) -> 
 
 
 def _write_scans(folder: Path, seed: int) -> None:
-    """The right scan, another one, and a file that is none."""
+    """Write the scan of the feature, that of another one, and a file that is no scan."""
     for feature in (_SCANNED, _OTHER):
         scan = simulate_scan(feature, seed)
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))

@@ -1,4 +1,4 @@
-"""What came of a soak, and what of it must not happen."""
+"""Result of a soak, and its failures."""
 
 from __future__ import annotations
 
@@ -13,50 +13,50 @@ PAIR_BYTES = 3_000
 """Memory for a pair of the scan in the mapping node, which makes a map of up to 20,000 of them, bytes."""
 
 WAITING_LIMIT_S = 1.5
-"""Longest that a strain vector may wait for its pose: the filter's patience, and some."""
+"""Longest wait of a strain vector for its pose, s: above the filter's ``patience_s``."""
 
 
 @dataclass
 class Injection:
-    """A fault that was injected, and what came of it.
+    """An injected fault and its outcome.
 
     Parameters
     ----------
     fault : its name
-    at_s : when, since the start
-    told_s : how long it took to show; ``None``: it did not
-    well_s : how long after its end all was well; ``None``: it was not in time
-    trouble : what was wrong
+    at_s : time since the start, s
+    reported_s : time until it was reported, s; ``None``: not in time
+    recovered_s : time from its end to the recovery, s; ``None``: not in time
+    trouble : violated conditions; empty: none
     """
 
     fault: str
     at_s: float
-    told_s: float | None = None
-    well_s: float | None = None
+    reported_s: float | None = None
+    recovered_s: float | None = None
     trouble: str = ""
 
 
 @dataclass
 class SoakResult:
-    """What came of a soak.
+    """Result of a soak.
 
     Parameters
     ----------
-    injections : in their order
+    injections : in order
     memory : of each process
     is_warm : whether the soak was long enough to judge the memory
     recorded_pairs : by the mapping node after the warm-up
-    late : times that a fault took longer than its limit to show or to be over, for want of a processor
-    sweeps : that the hand finished
-    judged, believed : posteriors compared with the truth, and those of them that were converged
+    late : number of times that a limit was extended because a process waited for a CPU
+    sweeps : number of finished sweeps
+    judged, converged : posteriors compared with the truth, and those of them that had converged
     wrong : number of false convergences, by the fault that excuses them; empty: none does
     examples : the first false convergences that no fault excuses, one line each, with their reasons
     errors_m : of the converged ones
-    lag_s : longest that a posterior was behind while all was well
-    waiting_s : longest that a strain vector waited for its pose
-    queue_bytes : most in the driver's receive queue
-    ended : why the soak ended before its time; empty: it did not
-    tracebacks : logs that have one
+    lag_s : longest lag of a posterior without a fault, s
+    waiting_s : longest wait of a strain vector for its pose, s
+    queue_bytes : fullest receive queue of the driver, bytes
+    ended : reason of an early end; empty: none
+    tracebacks : logs with a traceback
     """
 
     injections: list[Injection] = field(default_factory=list)
@@ -66,7 +66,7 @@ class SoakResult:
     late: int = 0
     sweeps: int = 0
     judged: int = 0
-    believed: int = 0
+    converged: int = 0
     wrong: dict[str, int] = field(default_factory=dict)
     examples: list[str] = field(default_factory=list)
     errors_m: list[float] = field(default_factory=list)
@@ -78,7 +78,7 @@ class SoakResult:
 
     @property
     def failures(self) -> list[str]:
-        """What must not happen and did, a line each."""
+        """Violated conditions, one line each."""
         found = [self.ended] if self.ended else []
         found += [f"{one.fault} at {one.at_s:.0f} s: {one.trouble}" for one in self.injections if one.trouble]
         found += [f"{log}: a traceback" for log in self.tracebacks]
@@ -89,6 +89,6 @@ class SoakResult:
         if self.waiting_s > WAITING_LIMIT_S:
             found.append(f"a strain vector waited {self.waiting_s:.1f} s for its pose")
         found += [f"false convergence: {example}" for example in self.examples]
-        if not self.sweeps or not self.believed:
-            found.append(f"{self.sweeps} sweeps, {self.believed} converged posteriors: nothing was shown")
+        if not self.sweeps or not self.converged:
+            found.append(f"{self.sweeps} sweeps, {self.converged} converged posteriors: nothing was tested")
         return found

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 
 from harness.belief_watch import BeliefWatch
 from harness.relay import Relay
-from harness.told import Told
+from harness.reports import Reports
 from tactile_localizer.demo.processes import NodeProcess
 from tactile_localizer.demo.watcher import Watcher
 from tactile_localizer.errors import LiveError
@@ -30,7 +30,7 @@ class System:
     Parameters
     ----------
     nodes : processes by name
-    told : reports of the nodes
+    reports : reports of the nodes
     watcher : calls their services
     relay : relay between the sensors and the filter
     bus : a second connection to the load cells' bus
@@ -40,7 +40,7 @@ class System:
     """
 
     nodes: Mapping[str, NodeProcess]
-    told: Told
+    reports: Reports
     watcher: Watcher
     relay: Relay
     bus: can.BusABC

@@ -30,12 +30,12 @@ class Status:
     values: dict[str, str]
 
     @property
-    def is_well(self) -> bool:
+    def is_ok(self) -> bool:
         """Whether the level is OK."""
         return self.level == DiagnosticStatus.OK
 
 
-class Told:
+class Reports:
     """Collects reports in the watcher's thread; may be read from any other.
 
     Parameters
@@ -69,7 +69,7 @@ class Told:
     def diagnosed(self, name: str, *texts: str) -> bool:
         """Whether a status was not OK and its message contained one of ``texts``."""
         return any(
-            status.name == name and not status.is_well and any(text in status.message for text in texts)
+            status.name == name and not status.is_ok and any(text in status.message for text in texts)
             for status in list(self._statuses)
         )
 
@@ -89,13 +89,13 @@ class Told:
         newest = self.newest.get(name)
         return time.monotonic() - max(self._since_s, newest.at_s if newest else 0.0)
 
-    def unwell(self, names: Sequence[str], since_s: float) -> str:
+    def first_not_ok(self, names: Sequence[str], since_s: float) -> str:
         """First of ``names`` that is not OK, or has no status since ``since_s``; empty if there is none."""
         for name in names:
             status = self.newest.get(name)
             if status is None or status.at_s <= since_s:
                 return f"{name} is silent"
-            if not status.is_well:
+            if not status.is_ok:
                 return f"{name}: {status.message}"
         return "" if self.fresh_s > since_s else "no fresh posterior"
 
