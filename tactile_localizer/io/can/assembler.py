@@ -51,7 +51,7 @@ class _LoadCell:
 
     __slots__ = (
         *("alignment", "at", "breaks", "complete", "counter", "counts", "cycle", "flags", "have"),
-        *("began_ns", "begun", "doubled", "opened", "parts", "sequence"),
+        *("began_ns", "begun", "doubled", "opened", "parts", "published", "sequence"),
     )
 
     def __init__(self, parts: int, alignment: LoadCellCounter | None, counts: PhalanxCounts) -> None:
@@ -69,7 +69,8 @@ class _LoadCell:
         self.have = 0  # bit mask of the received frames of the newest sample
         self.doubled = False  # a frame was repeated in an incomplete sample, so it may be of another one
         self.flags = 0
-        self.sequence = 0
+        self.sequence = 0  # unwrapped counter
+        self.published = 0  # sequence of the newest sample; `sequence` is counted on before its cycle closes
 
 
 class _Jump(NamedTuple):
@@ -201,11 +202,11 @@ class CycleAssembler:
         cell.began_ns = stamp_ns
         if self._open and cell.have and cell.cycle == self._cycle:
             self._close()
+        cell.sequence = self._cycle + (not self._open)
         if self._open:
             self._put(cell, counter, self._cycle)
         else:
             self._open_cycle(cell, counter, self._cycle + 1, stamp_ns)
-        cell.sequence = self._cycle
         return FrameKind.DATA
 
     def _begin_sample(
@@ -318,6 +319,7 @@ class CycleAssembler:
         self._begun += 1
         cell.begun = self._begun
         cell.counter = counter
+        cell.published = cell.sequence
         cell.cycle = cycle
         cell.at = self._opened
         cell.have = cell.flags = 0
@@ -343,7 +345,7 @@ class CycleAssembler:
         if cell.cycle != _UNALIGNED:
             cell.cycle = _UNALIGNED
             cell.counts.unaligned += 1
-        cell.sequence = jump.sequence
+        cell.sequence = cell.published = jump.sequence
         cell.breaks.restore(jump.totals)
         self._cycle -= jump.cycles
         if cell.alignment is not None:
@@ -374,7 +376,7 @@ class CycleAssembler:
                 cell.counts.saturated += flags & SATURATED != 0
                 cell.counts.faults += flags & FAULT != 0
             status.append(flags)
-            sequence.append(cell.sequence & 0xFFFFFFFF)
+            sequence.append(cell.published & 0xFFFFFFFF)
         self.counts.cycles += 1
         self.counts.incomplete += incomplete
         self._cycles.append(Cycle(self._first_ns, self._strain, status, sequence))

@@ -60,6 +60,13 @@ def test_a_partial_sample_is_missing() -> None:
     assert (index.samples, index.missing, index.gaps, index.drops) == (2, 1, 0, 1)
 
 
+def test_an_incomplete_cycle_that_the_next_one_closes_has_its_own_sequence() -> None:
+    assembler = warm_up(CycleAssembler(HAND, 1.0), HAND)
+    made = feed(assembler, cycle(HAND, 0) + cycle(HAND, 1)[:-1] + cycle(HAND, 2))
+    assert [one.sequence.tolist() for one in made] == [[0, 0], [1, 1], [2, 2]]
+    assert number_of(0, made[1].strain[:8]) == 1
+
+
 def test_an_incomplete_cycle_is_published_after_the_timeout() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     assert feed(assembler, sample(HAND, 0, 0)) == []
