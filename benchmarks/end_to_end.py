@@ -8,7 +8,8 @@ ways back between the sweeps, not while the nodes start.
 All four nodes run: the mapping node records what the filter node localizes on. The latency
 is divided into its parts by the times that DDS records for each message: when it was sent, and when this
 process received it. For comparison, two things are measured in the same minute: how late the machine wakes a
-process that only sleeps, and how long a node takes that does nothing but send each strain message back.
+process that only sleeps, and how long a node takes that does nothing but send each strain message back,
+from the sending of the strain and from the frame.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/end_to_end.py [--sweeps 8] [--worst 10]``.
 """
@@ -123,17 +124,26 @@ def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
         nodes.until(lambda: len(posteriors), "the first posterior", 300)
         with Machine() as machine:
             cpu = {name: cpu_s(process) for name, process in started.items()}
+            own_s = time.process_time()
             begin_ns = time.time_ns()
             for _ in range(sweeps):
                 nodes.sweep()
             elapsed_s = (time.time_ns() - begin_ns) * 1e-9
             cores = {name: (cpu_s(process) - cpu[name]) / elapsed_s for name, process in started.items()}
+            measuring = (time.process_time() - own_s) / elapsed_s
     told = posteriors.since(begin_ns)
     parts = parts_ms(strains.since(begin_ns), poses.since(begin_ns), told)
-    echo_ms = echoed_ms(strains.since(begin_ns), echoes.since(begin_ns))
+    echoed = echoes.since(begin_ns)
+    echo_ms = echoed_ms(strains.since(begin_ns), echoed)
+    floor_ms = (echoed[:, RECEIVED] - echoed[:, STAMP]) * 1e-6
     late = [machine.during(*one) for one in told[:, [STAMP, RECEIVED]]]
     print_worst(parts | {"machine late": np.array(late)}, (told[:, STAMP] - begin_ns) * 1e-9, worst)
-    return rows(parts, echo_ms, machine, elapsed_s, cores)
+    return [
+        *rows(parts, echo_ms, machine, elapsed_s, cores),
+        row("frame to a trivial node's echo, 99th percentile", np.percentile(floor_ms, 99), "ms"),
+        row("frame to a trivial node's echo, median", np.median(floor_ms), "ms"),
+        row("processor use of the measuring process", measuring, "cores"),
+    ]
 
 
 def echoed_ms(strains: np.ndarray, echoes: np.ndarray) -> np.ndarray:

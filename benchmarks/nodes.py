@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -31,6 +32,9 @@ class Nodes:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         rclpy.init()
         self.probe = rclpy.create_node("bench")
+        # One executor for good: rclpy.spin_once adds and removes the node for each message.
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.probe)
         self._started: list[subprocess.Popen[str]] = []
         self._sweeping: list[bool] = []
 
@@ -46,6 +50,7 @@ class Nodes:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
+        self._executor.shutdown()
         self.probe.destroy_node()
         rclpy.try_shutdown()
 
@@ -66,7 +71,7 @@ class Nodes:
         while not condition():
             if time.monotonic() > end_s:
                 raise SystemExit(f"waited {timeout_s:g} s for {what}")
-            rclpy.spin_once(self.probe, timeout_sec=0.1)
+            self._executor.spin_once(timeout_sec=0.1)
 
     def call(self, kind: Any, service: str) -> Any:
         """A service's answer."""

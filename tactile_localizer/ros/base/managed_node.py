@@ -12,6 +12,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -77,13 +78,19 @@ class ManagedNode(LifecycleNodeMixin, Node):
             raise
 
     def create_publisher(self, *arguments: Any, **options: Any) -> Publisher:
-        """A publisher that also publishes while the node is inactive."""
+        """A publisher that also publishes while the node is inactive.
+
+        It reports no incompatible subscriptions, because they do so themselves, and each event that is waited
+        for delays every message.
+        """
+        options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_publisher(*arguments, **options)
         self.defer(partial(self.destroy_publisher, publisher))
         return publisher
 
     def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Publisher:
-        """A publisher that publishes only while the node is active."""
+        """A publisher that publishes only while the node is active; else as :meth:`create_publisher`."""
+        options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_lifecycle_publisher(*arguments, **options)
         self.defer(partial(self.destroy_lifecycle_publisher, publisher))
         return publisher
