@@ -19,7 +19,7 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.yaml_file import load_yaml
 from tactile_localizer.resources import given_or_shipped
 
-PRESETS = ("fast", "balanced", "accurate")
+PRESETS = ("fast", "balanced")
 """Configurations that come with the package (``config/presets``; docs/tradeoff.md has the numbers)."""
 
 

@@ -102,7 +102,7 @@ def candidates() -> list[Candidate]:
 def _configurations() -> Iterator[Configuration]:
     grid = Configuration()
     particle = replace(grid, filter="particle")
-    for step in (0.0005, 0.001, 0.002):
+    for step in (0.0005, 0.001, 0.002, 0.003):
         for cell in (0.15, 0.3, 0.6, 1.0):
             yield replace(grid, cell=cell, update_distance=step)
         for particles in (75, 150, 300, 1000):

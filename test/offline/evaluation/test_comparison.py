@@ -69,7 +69,7 @@ def test_conditions_on_one_scan_share_its_calibration() -> None:
 
 def test_standard_methods_contain_default_presets_and_paper_models() -> None:
     methods = standard_methods()
-    assert {"default", "fast", "balanced", "accurate"} <= methods.keys()
+    assert {"default", "fast", "balanced"} <= methods.keys()
     for model in ("gaussian", "gaussian_independent", "sum_of_gaussians", "featureless"):
         paper, exact = methods[f"{model}-paper"], methods[f"{model}-paper-grid"]
         assert paper.configuration.particles == 75
