@@ -12,6 +12,7 @@ import numpy as np
 from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria, State
 from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsistency
 from tactile_localizer.core.decision.presence import Presence
+from tactile_localizer.core.decision.relocation import Relocation
 from tactile_localizer.core.decision.sweep_offset import SweepOffset
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
@@ -127,6 +128,7 @@ class Localizer:
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._session = model.new_session
         self._presence = Presence()
+        self._relocation = Relocation()
         self._offset = SweepOffset(scene.layout, model.offset_variance)
         self._consistency = PhalanxConsistency(scene.layout)
         self._stamp_ns: int | None = None
@@ -229,7 +231,13 @@ class Localizer:
         return Coasting(mean, covariance, self._travel + travel)
 
     def _restart(self) -> None:
-        for part in (self._convergence, self._presence, self._offset, self._consistency):
+        for part in (
+            self._convergence,
+            self._presence,
+            self._relocation,
+            self._offset,
+            self._consistency,
+        ):
             part.reset()
         if self._session is not None:
             self._session.reset()
@@ -248,8 +256,9 @@ class Localizer:
         travel = self._pending_travel
         stretch = max(travel, self._update_distance)
         self.left = self.filter.predict(self._pending, travel) if travel > 0.0 else 0.0
-        returned = self._presence.predict(travel, self.left)
-        self.filter.inject(returned)
+        self._presence.predict(travel, self.left)
+        injected = self._relocation.predict(travel, self._presence.probability)
+        self.filter.inject(injected)
 
         self._consistency.observe(strain, present, travel)
         used = self._used(present)
@@ -261,7 +270,7 @@ class Localizer:
         log_unknown = unknown(log_prior, evaluation.other_material, evaluation.elsewhere)
         session = self._session
         if session is not None:
-            session.returned(returned)
+            session.returned(injected)
         if session is not None and session.is_possible:
             exponents = exponent, min(1.0, stretch / session.length)
             ratios = session.evaluate(
@@ -304,6 +313,7 @@ class Localizer:
             # Felt at once, the first measurement places the hand; the next can tell whether it fits.
             evidence[0] = evidence[1]
         self._presence.update(evidence)
+        self._relocation.update(float(evidence[0] - evidence[1]))
         assert self._belief is not None
         near = self.filter.mass_near(self._belief.mean, self._convergence.criteria.radius)
         self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)

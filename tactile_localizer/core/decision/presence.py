@@ -7,16 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tactile_localizer.core.decision.relocation import put_down
+
 LEAVING_RATE = 0.1
 """Times per metre of travel that a hand leaves the map: it is put down elsewhere, or the material changes.
 By judgement."""
-RETURN_RATE = 1.0
-"""Times per metre of travel that it returns, anywhere on the map. By judgement."""
 _MOST = 14.0
 """Log-odds that evidence can reach: what is a million times as probable can still be contradicted."""
 _LEAST = 0.03
-"""Probability of the maps below which evidence does not take them, so that a hand that is put down elsewhere
-is found again nearly as soon as at first. By judgement; with 0.01 and 0.1 it took 21 and 18 mm on fabrics."""
+"""Probability of the maps below which evidence does not take them, so that a long approach over featureless
+material does not delay convergence: without it 90 % of the sweeps on simulated features converged within
+10 mm of contact, with it 94 %. By judgement; 0.01 to 0.1 were no different on fabrics."""
 _ELSEWHERE = (0.5, 0.5)
 """Prior shares of unknown and of featureless material off the map."""
 
@@ -24,8 +25,8 @@ _ELSEWHERE = (0.5, 0.5)
 class Presence:
     """A filter over {on a map, on unknown material, on featureless material off the maps}.
 
-    What rides off a map goes elsewhere; what returns does so uniformly. This is the only recovery. Without
-    the last explanation a featureless strain would speak for the map, of which most is featureless.
+    What rides off a map goes elsewhere; what is put down on it returns. Without the last explanation a
+    featureless strain would speak for the map, of which most is featureless.
 
     Parameters
     ----------
@@ -61,17 +62,16 @@ class Presence:
         """Of being on featureless material off the maps."""
         return self._weights[-1]
 
-    def predict(self, travel: float, left: float | Sequence[float]) -> float:
+    def predict(self, travel: float, left: float | Sequence[float]) -> None:
         """Advance by ``travel`` metres, on which the share ``left`` of the belief left the scene.
 
-        ``left`` is one number for all maps, or one for each. Returns the share of the belief on the maps that
-        has just returned.
+        ``left`` is one number for all maps, or one for each.
         """
         # A few numbers, of which arrays would take five times as long.
         on, elsewhere = self._weights[: len(self._shares)], self._weights[len(self._shares) :]
         each_left = [left] * len(on) if isinstance(left, float | int) else left
         staying = math.exp(-LEAVING_RATE * travel)
-        returning = -math.expm1(-RETURN_RATE * travel)
+        returning = put_down(travel)
         stayed = [each * (1.0 - lost) * staying for each, lost in zip(on, each_left, strict=True)]
         gone = sum(on) - sum(stayed)
         returned = sum(elsewhere) * returning
@@ -82,7 +82,6 @@ class Presence:
                 for each, share in zip(elsewhere, _ELSEWHERE, strict=True)
             ]
         )
-        return returned / (sum(stayed) + returned) if returned > 0.0 else 0.0
 
     def update(self, log_likelihoods: np.ndarray) -> None:
         """Take in tempered log-likelihoods (maps + 2,) of a strain: on each map, unknown, featureless."""

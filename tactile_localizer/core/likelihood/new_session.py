@@ -94,7 +94,7 @@ class NewSession:
         self._forget()
 
     def returned(self, fraction: float) -> None:
-        """Take in that this fraction of the belief has just returned to the map, in either session."""
+        """Take in that this fraction of the belief has just been put down on the map, in either session."""
         self._probability += fraction * (NEW_SESSION - self._probability)
 
     @property
@@ -129,11 +129,12 @@ class NewSession:
         """
         index, share = ancestors
         if self._carried is None:
-            carried = np.zeros((len(index), self._width))
-            carried[:, -1] = _log_odds(self._probability) - _PRIOR_LOG_ODDS
+            carried, share = np.zeros((len(index), self._width)), np.zeros(len(index))
         else:
             carried = self._carried[index]
         carried *= share[:, None]
+        # A hand that was just put down at a place is in the session that it was in elsewhere.
+        carried[:, -1] += (1.0 - share) * (_log_odds(self._probability) - _PRIOR_LOG_ODDS)
         sums = _Sums(*np.split(carried, self._ends, axis=1))
         volume = float(self._noise.log_volume[used].sum())
         mean = self._map.mean[same.nodes, 0].astype(np.float64)
@@ -251,4 +252,5 @@ def unknown(log_prior: np.ndarray, other: np.ndarray, elsewhere: float) -> float
 
 
 def _log_odds(probability: float) -> float:
-    return math.log(probability) - math.log1p(-probability)
+    odds = probability / max(1.0 - probability, 1e-6)
+    return math.log(odds)

@@ -28,7 +28,7 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 
-KEY = "calibration on held-out sweeps, 6"
+KEY = "calibration on held-out sweeps, 7"
 """Under which a calibration is kept; the number changes with how :func:`~.factory.learn` calibrates."""
 
 

@@ -45,7 +45,7 @@ def test_a_peak_is_evaluated_cell_by_cell() -> None:
 
 def test_what_is_injected_is_evaluated_in_blocks_beside_a_peak() -> None:
     grid, _ = updated(2.0 * CELL, std=0.02, times=4)
-    grid.inject(1e-3)
+    grid.inject(5e-3)
     states, log_prior = grid.prior()
     exact, _ = updated(None, std=0.02, times=4)
     apart = np.count_nonzero(exact.hypotheses()[1] > 1e-4 * exact.hypotheses()[1].max())

@@ -1,0 +1,52 @@
+"""Whether the hand was put down elsewhere on the map: the detection of a change (Shiryaev, 1963)."""
+
+from __future__ import annotations
+
+import math
+
+PUT_DOWN_RATE = 1.0
+"""Times per metre of travel that the hand is put down anywhere on the map, from off the map or from on it. By
+judgement."""
+_WORTH_INJECTING = 0.3
+"""Odds above which the belief takes it in. Uniform mass moves the mean: with 0.1 and 0.2, 1 of 64 starts on
+two fabrics was converged and 5 mm off for a moment, with 0.3 none. With 0.1 a hand put down elsewhere
+was found 1 to 4 mm sooner."""
+_MOST = 14.0
+"""Log-likelihood ratio that one measurement can have."""
+
+
+class Relocation:
+    """Odds that the hand has been put down elsewhere on the map, and the belief does not know it.
+
+    Until the odds are worth it nothing is injected, so the belief about a hand that is followed stays
+    undisturbed. Places that have not been evaluated are taken to explain a strain as unknown material does.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """The belief knows it all."""
+        self._odds = 0.0
+
+    def predict(self, travel: float, on_map: float) -> float:
+        """Advance by ``travel`` metres with probability ``on_map`` of the map.
+
+        Returns the fraction of the belief that is to be replaced by a uniform one, mostly zero.
+        """
+        self._odds += put_down(travel) / max(on_map, 1e-9)
+        if self._odds < _WORTH_INJECTING:
+            return 0.0
+        fraction = self._odds / (1.0 + self._odds)
+        self._odds = 0.0
+        return fraction
+
+    def update(self, log_ratio: float) -> None:
+        """Take in the tempered log-likelihood ratio of a strain, of the belief to unknown material."""
+        if not math.isnan(log_ratio):  # of a strain that is impossible for both
+            self._odds *= math.exp(min(max(-log_ratio, -_MOST), _MOST))
+
+
+def put_down(travel: float) -> float:
+    """Probability that a hand is put down anywhere on the map within ``travel`` metres."""
+    return -math.expm1(-PUT_DOWN_RATE * travel)
