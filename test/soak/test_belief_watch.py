@@ -69,6 +69,15 @@ def test_the_truth_is_interpolated_at_the_posteriors_stamp(received, watch):
     assert watch.wrong == {}
 
 
+def test_every_posterior_before_the_next_truth_is_judged(received, watch):
+    watch.begin_sweep(SECOND)
+    move_to(received, 2 * SECOND, 0.0)
+    for tenth, x in ((1, 0.001), (5, 0.005), (9, 0.009)):
+        publish(received, 2 * SECOND + tenth * SECOND // 100, (x, 0.0))
+    move_to(received, 2 * SECOND + SECOND // 10, 0.01)
+    np.testing.assert_allclose(watch.errors_m, np.zeros(3), atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("how", "count"),
     [({}, 1), ({"converged": False}, 0), ({"stale": True}, 0)],

@@ -86,9 +86,9 @@ class BeliefWatch:
         self._truths.append((stamp_ns, np.array([place.x, place.y])))
         while self._waiting and to_ns(self._waiting[0].header.stamp) <= stamp_ns:
             posterior = self._waiting.popleft()
-            stamp_ns = to_ns(posterior.header.stamp)
-            truth = self._truth_at(stamp_ns)
-            if truth is not None and self._from_ns is not None and stamp_ns > self._from_ns:
+            posterior_ns = to_ns(posterior.header.stamp)
+            truth = self._truth_at(posterior_ns)
+            if truth is not None and self._from_ns is not None and posterior_ns > self._from_ns:
                 self._judge(posterior, truth)
 
     def _truth_at(self, stamp_ns: int) -> np.ndarray | None:
