@@ -206,6 +206,7 @@ def curve_figure(points: Sequence[CurvePoint], default: float) -> Figure:
             curve.annotate(f"{point.probability:g}", (x, y), **place)
             if point.probability == default:
                 curve.plot(x, y, "o", ms=11, mfc="none", mec=line.get_color())
+    curve.margins(x=0.1)  # for the label of the last point
     curve.set_xlabel("falsely converged strains on a seam, %")
     curve.set_ylabel("converged sweeps over the feature, %")
     curve.set_ylim(-3.0, 110.0)
