@@ -30,6 +30,8 @@ _TEST_YAWS = np.radians([-6.0, 0.0, 3.0, 7.0])
 _LINE_M = 0.0241
 _WITHIN_M = 0.01
 _FALSE_MM = 10.0
+_IN_95_PERCENT = 7.81
+"""Squared Mahalanobis distance, three axes."""
 _STEP_NS = 10_000_000
 _REST = "motion, estimate and the rest"
 
@@ -212,7 +214,7 @@ def _along(
 
 def turned_sweeps(localizer: Localizer) -> list[dict[str, Any]]:
     """Rows of where sweeps of a hand at angles between the scanned ones converge, and of their errors."""
-    within, errors, turns, false = [], [], [], []
+    within, errors, turns, false, covered = [], [], [], [], []
     for yaw in _TEST_YAWS:
         test = simulate_scan("bump", 1, "test", yaw=float(yaw), sweeps=9)
         palms = _with_yaw(test.odometry, yaw)
@@ -227,13 +229,16 @@ def turned_sweeps(localizer: Localizer) -> list[dict[str, Any]]:
                     converged_at = min(converged_at, test.truth[sample, 0] - test.truth[contact, 0])
                 if sample >= contact:
                     errors.append(error)
-                    turns.append(abs(np.degrees(estimate.mean[2] - yaw)))
+                    off = estimate.mean - (*test.truth[sample], yaw)
+                    turns.append(abs(np.degrees(off[2])))
+                    covered.append(off @ np.linalg.solve(estimate.covariance, off) <= _IN_95_PERCENT)
             within.append(converged_at <= _WITHIN_M)
     return [
         row("3 axes: sweeps that converge within 10 mm of contact", np.mean(within), "share", ">= 0.95"),
         row("3 axes: falsely converged strains", np.mean(false), "share"),
         row("3 axes: error from contact to the feature's end", np.mean(errors), "mm"),
         row("3 axes: error of the yaw there", np.mean(turns), "deg"),
+        row("3 axes: coverage of the 95 % region there", np.mean(covered), "share"),
     ]
 
 
