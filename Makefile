@@ -42,17 +42,19 @@ lint: venv ## Check style and types
 
 # Only a test that missed a deadline because its processes waited for a CPU is repeated, and reported as such.
 pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --durations=10
-# Tests of one node mostly wait for messages and run beside each other; the others need the machine to themselves.
+# Tests of nodes wait much of their time, so more processes than cores run; the long ones begin first. Those that
+# compare with real time (a demo, a soak, scenarios of several nodes) come last, two at a time.
 in_real_time := test/demo test/integration test/launch test/soak
+long := test/ros test/test_examples.py test/fuzz
+others := $(filter-out $(in_real_time) $(long) test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test
 test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
 ifdef ARGS
 	$(pytest) $(ARGS)
 else
-	$(pytest) --numprocesses auto --dist loadfile --ignore=test/ros $(in_real_time:%=--ignore=%)
-	$(pytest) --numprocesses 3 --dist loadfile test/ros
-	$(pytest) $(in_real_time)
+	$(pytest) --numprocesses 3 --dist loadfile $(long) $(others)
+	$(pytest) --numprocesses 2 --dist loadfile $(in_real_time)
 endif
 
 .PHONY: test-fast

@@ -25,9 +25,9 @@ type.
 [essentials.md](essentials.md) has the five values that matter. Of the parameters below, those
 marked **essential** have to fit your robot; all others are advanced, and their defaults serve.
 
-The recommended values are in `config/*.yaml`; a launch argument of the same name goes before them.
-What a scene says about the material (bounds, motion noise, widths) is no parameter of a node: see
-[concepts](concepts.md#scene)."""
+The recommended values are in `config/*.yaml`; a launch argument of the same name overrides them.
+The bounds of the material, its motion noise and the kernel widths are not parameters of a node but
+part of the [scene](concepts.md#scene)."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",

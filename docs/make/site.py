@@ -8,7 +8,15 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "CONTRIBUTING.md", "docs/*.md", "docs/images/*", "examples/README.md", "examples/*/*")
+PAGES = (
+    "README.md",
+    "CONTRIBUTING.md",
+    "docs/*.md",
+    "docs/images/*",
+    "docs/make/site.css",
+    "examples/README.md",
+    "examples/*/*",
+)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
