@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.configuration import Configuration
@@ -268,6 +269,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/convergence"))
     args = parser.parse_args()
+    end_as_by_interrupt()
     conditions = [
         SimulatedCondition(name, seed, args.sweeps, args.sweeps)
         for name in args.features

@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from methods import exact_form, paper_form, standard_methods
 from paper_outcome import TRAVEL_BINS_M, localize
 
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.offline.axes import MM, display_units, label_axis, literal
@@ -465,6 +466,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/paper"))
     args = parser.parse_args()
+    end_as_by_interrupt()
     conditions = [
         SimulatedCondition(name, seed, args.sweeps, args.sweeps)
         for name in SIMULATED_FEATURES

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.offline.evaluation.comparison import Trial, replayed
-from tactile_localizer.offline.evaluation.outcome import before_contact, mean, sweep_outcome
+from tactile_localizer.offline.evaluation.outcome import mean, sweep_outcome
 from tactile_localizer.offline.metrics import position_error, timing
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
@@ -34,6 +34,12 @@ def localize(trial: Trial) -> dict[str, Any]:
         "narrow_trace_m2": narrow_trace(trial.configuration, scene),
         "timing": timing(tracks),
     }
+
+
+def before_contact(track: Track) -> np.ndarray:
+    """Which entries lie before contact, (n,) bool; all of a sweep without one."""
+    first, _ = track.contact
+    return track.row < first if first >= 0 else np.ones(len(track), dtype=bool)
 
 
 def narrow_trace(configuration: Configuration, scene: Scene) -> float:

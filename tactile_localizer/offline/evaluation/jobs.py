@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
-import signal
-import threading
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -83,6 +81,8 @@ def run_tasks(
 ) -> list[dict[str, Any]]:
     """Results of the tasks, in order; results that ``folder`` holds are reused.
 
+    An interrupt ends the workers too; SIGTERM does where the caller makes it one.
+
     Raises
     ------
     ParameterError
@@ -92,7 +92,7 @@ def run_tasks(
     missing = {task.key: task for task in tasks if not files[task.key].exists()}
     done = len(files) - len(missing)
     if missing:
-        with _terminated_as_interrupted(), _backend(workers):
+        with _backend(workers):
             calls = [joblib.delayed(task.function)(*task.arguments) for task in missing.values()]
             with _quietly_closed(joblib.Parallel(return_as="generator", batch_size=1)(calls)) as results:
                 for (key, task), result in zip(missing.items(), results, strict=True):
@@ -138,19 +138,6 @@ def _backend(workers: Workers) -> AbstractContextManager[Any]:
         return _dask(workers.dask)
     # A single job runs in this process, which the command line has made single-threaded like the workers.
     return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """Make SIGTERM end the workers too, as Ctrl-C does; by default they would continue."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

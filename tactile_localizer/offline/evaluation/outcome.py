@@ -38,12 +38,6 @@ def sweep_outcome(scene: Scene, track: Track) -> dict[str, Any]:
     }
 
 
-def before_contact(track: Track) -> np.ndarray:
-    """Which entries lie before contact, (n,) bool; all of a sweep without one."""
-    first, _ = track.contact
-    return track.row < first if first >= 0 else np.ones(len(track), dtype=bool)
-
-
 def mean(values: np.ndarray) -> float | None:
     """Mean of the finite values; ``None`` where there are none."""
     known = values[np.isfinite(values)]

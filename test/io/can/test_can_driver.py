@@ -307,9 +307,15 @@ def test_tare_subtracts_the_average(bench: Callable[..., Bench]) -> None:
     offset = one.driver.tare(0.2, 0.02, lambda: send(10))
     np.testing.assert_allclose(offset, np.tile(strain, 2), atol=1e-9)
     assert len(one.cycles) > before
-    send(1)
-    np.testing.assert_allclose(one.cycles[-1].strain, 0, atol=1e-9)
-    np.testing.assert_allclose(one.driver.latest.strain[:8], strain, atol=1e-9)  # type: ignore[union-attr]
+    tared = len(one.cycles)
+    # On a busy machine, whose pauses fall anywhere, a load cell may have to be aligned again first.
+    wait_until(
+        lambda: send(1) or any(not any(made.status) for made in one.cycles[tared:]), "a complete cycle"
+    )
+    for made in one.cycles[tared:]:
+        np.testing.assert_allclose(made.strain[np.isfinite(made.strain)], 0, atol=1e-9)
+    raw = one.driver.latest.strain  # type: ignore[union-attr]
+    np.testing.assert_allclose(raw - offset, one.cycles[-1].strain, atol=1e-9)
 
     with pytest.raises(MeasurementError, match="at rest"):
         one.driver.tare(0.2, 0.02, lambda: send(10, moving=0.01))
