@@ -107,6 +107,7 @@ def _summary(result: SoakResult) -> dict[str, Any]:
         "posteriors": result.judged,
         "converged": result.converged,
         "converged_error_mm": _quantiles_mm(result.errors_m),
+        "false_sweeps": result.false_sweeps,
         "falsely_converged": {why or "no fault": count for why, count in result.wrong.items()},
         "longest_lag_s": result.lag_s,
         "longest_wait_for_a_pose_s": result.waiting_s,
@@ -165,7 +166,8 @@ def _sentences(result: SoakResult) -> list[str]:
         f"load of the machine {os.getloadavg()[2]:.1f} on {os.cpu_count()} cores; "
         f"{result.late} times a limit was extended because a process waited for a CPU",
         f"{result.sweeps} sweeps, {result.judged} posteriors, {result.converged} converged ({errors})",
-        f"falsely converged: {result.wrong.get('', 0)} without a fault, {excused} during faults that mislead",
+        f"falsely converged posteriors: {result.wrong.get('', 0)}, and {excused} with a fault that misleads",
+        *(f"false convergence: {one}" for one in result.false_sweeps),
         f"longest lag without a fault {result.lag_s:.2f} s, longest wait for poses {result.waiting_s:.2f} s, "
         f"fullest receive queue {result.queue_bytes} bytes",
     ]

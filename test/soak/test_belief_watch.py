@@ -87,13 +87,13 @@ def test_convergence_is_false_far_from_the_truth(received, watch, how, count):
     watch.begin_sweep(SECOND)
     sweep(received, [(0.03, 0.0), (0.012, 0.0)], **how)
     assert watch.wrong.total() == count
-    assert len(watch.examples) == count
+    assert len(watch.false_sweeps) == count
 
 
 def test_a_false_convergence_is_reported_with_its_reason(received, watch):
     watch.begin_sweep(SECOND)
     sweep(received, [(0.03, 0.0)], reason="converged: probability 0.995")
-    assert watch.examples == [
+    assert watch.false_sweeps == [
         "25.0 mm off after 0.0 mm of travel at x 5.0, y 0.0 mm: converged: probability 0.995"
     ]
 
@@ -116,4 +116,12 @@ def test_a_belief_that_was_misled_is_excused_until_the_sweeps_end(received, watc
     watch.begin_sweep(SECOND)
     sweep(received, [(0.03, 0.0)])
     assert watch.wrong == {"wrong seed": 1, "": 1}
-    assert len(watch.examples) == 1
+    assert len(watch.false_sweeps) == 1
+
+
+def test_a_sweep_is_reported_as_false_once(received, watch):
+    for _ in range(2):
+        watch.begin_sweep(SECOND)
+        sweep(received, [(0.03, 0.0), (0.04, 0.0)])
+    assert watch.wrong == {"": 4}
+    assert len(watch.false_sweeps) == 2

@@ -92,6 +92,12 @@ def test_only_mapping_may_grow_with_its_scan(name, pairs, fails):
     assert len(result.failures) == fails
 
 
+@pytest.mark.parametrize(("sweeps", "fails"), [(99, 1), (100, 0)])
+def test_one_sweep_in_a_hundred_may_converge_falsely(sweeps, fails):
+    result = SoakResult(false_sweeps=["12 mm off"], sweeps=sweeps, converged=1)
+    assert len(result.failures) == fails
+
+
 def test_process_memory_is_measured():
     before = resident_bytes(os.getpid())
     with mmap.mmap(-1, 30_000_000) as block:  # new pages, whatever the process has freed before

@@ -19,8 +19,6 @@ _LONGEST_STEP_NS = 200_000_000
 _KEPT = 100_000
 _TRUTHS = 500
 
-_EXAMPLES = 20
-
 WRONG_M = 0.01
 """Error above which convergence is false, m: beyond the default convergence radius of 7.5 mm."""
 
@@ -38,14 +36,15 @@ class BeliefWatch:
     misled : fault that excuses false convergence until the end of the sweep; empty: none
     judged, converged : posteriors compared with the truth, and those of them that have converged
     wrong : number of false convergences, by the fault that excuses them
-    examples : the first false convergences that no fault excuses, one line each
+    false_sweeps : first false convergence of each sweep that no fault excuses, one line each
     errors_m : of the converged ones
     """
 
     def __init__(self, watcher: Watcher, relay: Relay) -> None:
         self.judged = self.converged = 0
         self.wrong: Counter[str] = Counter()
-        self.examples: list[str] = []
+        self.false_sweeps: list[str] = []
+        self._is_false = False
         self.errors_m: deque[float] = deque(maxlen=_KEPT)
         self._relay = relay
         self._misled = self._excuse = ""
@@ -69,6 +68,7 @@ class BeliefWatch:
         """Judge posteriors stamped after ``now_ns``; the belief is uniform."""
         self._excuse = self._misled
         self._from_ns = now_ns
+        self._is_false = False
 
     def end_sweep(self) -> None:
         """Stop judging: the fingers release the material, which the filter does not know."""
@@ -108,8 +108,9 @@ class BeliefWatch:
         self.errors_m.append(error)
         if error > WRONG_M:
             self.wrong[self._excuse] += 1
-            if not self._excuse and len(self.examples) < _EXAMPLES:
-                self.examples.append(
+            if not self._excuse and not self._is_false:
+                self._is_false = True
+                self.false_sweeps.append(
                     f"{1e3 * error:.1f} mm off after {1e3 * posterior.travel:.1f} mm of travel at "
                     f"x {1e3 * truth[0]:.1f}, y {1e3 * truth[1]:.1f} mm: {posterior.reason}"
                 )

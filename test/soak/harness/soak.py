@@ -152,7 +152,7 @@ class _Soak:
         self.result.sweeps, self.result.judged = self._sweeping.done, belief.judged
         self.result.recorded_pairs = self._sweeping.pairs - self._pairs_when_warm
         self.result.converged, self.result.wrong = belief.converged, dict(belief.wrong)
-        self.result.examples, self.result.errors_m = list(belief.examples), list(belief.errors_m)
+        self.result.false_sweeps, self.result.errors_m = list(belief.false_sweeps), list(belief.errors_m)
 
     def _faults(self) -> Iterator[Fault]:
         """Round after round; after the warm-up, memory counts."""
@@ -178,7 +178,6 @@ class _Soak:
         """Inject a fault, wait until it is reported, hold it, end it, and wait for the recovery."""
         one = Injection(fault.name, self._elapsed_s)
         system, trouble = self._system, []
-        wrong_before = system.belief.wrong[""]
         if fault.misleads:
             system.belief.misled = fault.name
         system.reports.forget()
@@ -204,8 +203,6 @@ class _Soak:
             trouble.append(f"not recovered: {problem}")
         else:
             one.recovered_s = time.monotonic() - ended_s
-        if wrong := system.belief.wrong[""] - wrong_before:
-            trouble.append(f"{wrong} falsely converged posteriors that no fault excuses")
         one.trouble = "; ".join(trouble)
         return one
 
