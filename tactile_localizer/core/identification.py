@@ -9,10 +9,13 @@ import numpy as np
 
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria, State
 from tactile_localizer.core.decision.presence import Presence
+from tactile_localizer.core.likelihood.weights import log_sum
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.scene import Scene
 
 NONE = "none of them"
+_MOST = 14.0
+"""Log-odds that evidence can reach: what is a million times as probable can still be contradicted."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,8 @@ class FeatureIdentifier:
     """Runs a localizer for each candidate and a :class:`.Presence` over all of their maps.
 
     The likelihood of a candidate is that of the strain on its map, averaged over its localizer's belief;
-    those of unknown and of featureless material are averaged over the candidates. They can be compared
-    because the localizers share one noise model (:func:`.learn_comparable`).
+    unknown and featureless material are as one of the localizers takes them. They can be compared because
+    the localizers share one noise model (:func:`.learn_comparable`).
 
     Parameters
     ----------
@@ -43,13 +46,19 @@ class FeatureIdentifier:
     def __init__(self, localizers: Mapping[str, Localizer]) -> None:
         self.localizers = dict(localizers)
         self._presence = Presence(np.full(len(self.localizers), 1.0 / len(self.localizers)).tolist())
+        self._alternatives = [Mixture(len(self.localizers)) for _ in range(2)]
         self.reset()
 
     def reset(self) -> None:
         """Start anew: the candidates alike, and none of them as probable as all together."""
         for localizer in self.localizers.values():
             localizer.reset()
+        self._begin()
+
+    def _begin(self) -> None:
         self._presence.reset()
+        for mixture in self._alternatives:
+            mixture.reset()
         self._travel = 0.0
 
     def update(
@@ -69,8 +78,7 @@ class FeatureIdentifier:
     def _compare(self, estimates: list[Estimate]) -> None:
         travel = max(estimate.travel for estimate in estimates)
         if travel < self._travel:  # the localizers began anew
-            self._presence.reset()
-            self._travel = 0.0
+            self._begin()
         # A hand that is known to ride off a map is still on its material.
         left = [
             0.0 if estimate.state in (State.CONVERGED, State.LOST) else localizer.left
@@ -78,12 +86,37 @@ class FeatureIdentifier:
         ]
         self._presence.predict(travel - self._travel, left)
         self._travel = travel
-        count = np.log(len(estimates))
-        unknown = float(np.logaddexp.reduce([estimate.log_elsewhere for estimate in estimates])) - count
-        featureless = float(np.logaddexp.reduce([estimate.log_featureless for estimate in estimates])) - count
-        log_likelihoods = [*(estimate.log_marginal for estimate in estimates), unknown, featureless]
         exponent = min(estimate.exponent for estimate in estimates)
-        self._presence.update(exponent * np.array(log_likelihoods))
+        logs = [(each.log_marginal, each.log_elsewhere, each.log_featureless) for each in estimates]
+        on_map, *alternatives = exponent * np.array(logs).T
+        mixtures = zip(self._alternatives, alternatives, strict=True)
+        evidence = [mixture.update(log_likelihoods) for mixture, log_likelihoods in mixtures]
+        self._presence.update(np.array([*on_map, *evidence]))
+
+
+class Mixture:
+    """One of several explanations holds all along, and it is not known which.
+
+    Parameters
+    ----------
+    count : number of explanations, all alike at first
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget which."""
+        self._log_weights = np.full(self._count, -np.log(self._count))
+
+    def update(self, log_likelihoods: np.ndarray) -> float:
+        """Log-likelihood of a strain, from those (count,) under each explanation."""
+        joint = self._log_weights + log_likelihoods
+        total = log_sum(joint)
+        if total > -np.inf:
+            self._log_weights = np.maximum(joint - total, -_MOST)
+        return total
 
 
 class FeatureLocalizer:

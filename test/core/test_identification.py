@@ -8,7 +8,7 @@ from support.sweeps import calibration
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_identifier
-from tactile_localizer.core.identification import NONE, FeatureIdentifier
+from tactile_localizer.core.identification import NONE, FeatureIdentifier, Mixture
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
@@ -79,6 +79,14 @@ def test_candidates_have_one_noise(identifier: FeatureIdentifier) -> None:
     strain = np.linspace(-0.1, 0.1, 16)
     np.testing.assert_allclose(one.whitened(strain), other.whitened(strain))
     np.testing.assert_allclose(one.offset_variance, other.offset_variance)
+
+
+def test_what_one_explanation_predicts_all_along_is_not_diluted_by_the_others() -> None:
+    mixture = Mixture(3)
+    total = sum(mixture.update(np.array([-1.0, -5.0, -5.0])) for _ in range(100))
+    assert total == pytest.approx(-100.0 - np.log(3.0), abs=1e-3)
+    assert mixture.update(np.full(3, -np.inf)) == -np.inf
+    assert mixture.update(np.array([-5.0, -30.0, -30.0])) == pytest.approx(-5.0, abs=1e-3)
 
 
 def test_before_anything_is_felt_no_candidate_is_ahead(identifier: FeatureIdentifier) -> None:
