@@ -38,7 +38,14 @@ class SweepModel(NamedTuple):
         cell = cell_size(scene, self.noise.spacing, lines)
         nodes = {"nodes_per_cell": 1} if without else {}
         table = build_map(
-            tracks, scene, self.noise.spacing, cell, self.variance, self.noise.featureless, **nodes
+            tracks,
+            scene,
+            self.noise.spacing,
+            cell,
+            self.variance,
+            self.noise.featureless,
+            self.noise.model.turning,
+            **nodes,
         )
         session = None
         # A grid on three axes has too many cells for each to carry what it learns.

@@ -74,6 +74,7 @@ class NoiseModel:
     log_volume : (F,) logarithms of the determinants of its blocks, for densities over strains in volts
     offset_variance : (C,) whitened variance of the constant by which one sweep's strains differ from
         another's
+    turning : (C,) whitened change of featureless strain per rad of yaw: friction turns with the hand
     """
 
     layout: ChannelLayout
@@ -81,6 +82,7 @@ class NoiseModel:
     whitening: np.ndarray
     log_volume: np.ndarray
     offset_variance: np.ndarray
+    turning: np.ndarray
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """Strains (..., C), V, in whitened coordinates."""
@@ -96,7 +98,8 @@ class NoiseEstimate(NamedTuple):
     tracks : whitened; without their offsets and, where nothing is reproducible, exactly zero
     visits : the same tracks as they were felt, for judging predictions
     recorded : the tracks with their strains as they were recorded, V
-    offsets : (S, C) V, by which each track's strains are moved; zero where no offset is known
+    offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
+        offset is known
     spacing : m between neighbouring tracks
     featureless : whether the material has nothing to feel at most places
     """
@@ -130,7 +133,9 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     level = np.array(flat) @ np.linalg.inv(first).T
     moved = [Track(track.positions, track.strain - own) for track, own in zip(tracks, level, strict=True)]
     featureless = len(tracks) > 1 and _is_featureless(moved, first, scene, spacing)
+    turning = _turning(level, recorded, scene) if featureless else np.zeros(scene.layout.size)
     if featureless:
+        level = level - np.outer(_yaws(recorded, scene), turning)
         tracks, centre = moved, level.mean(axis=0)
         differences = _between_sweeps(tracks, scene, spacing, centred=False)
     else:
@@ -145,7 +150,7 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     if featureless:
         variance = _NEW_SESSION_VARIANCE_RATIO * _offset_variance(level @ whitening.T, scene.layout)
     log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in scene.layout.slices])
-    model = NoiseModel(scene.layout, centre, whitening, log_volume, variance)
+    model = NoiseModel(scene.layout, centre, whitening, log_volume, variance, whitening @ turning)
     visits = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
     shown = visits
     if featureless or scene.feature is not None:
@@ -243,6 +248,22 @@ def _featureless_strain(strain: np.ndarray) -> np.ndarray:
     mean = (sums[width:] - sums[:-width]) / width
     variance = (squares[width:] - squares[:-width]) / width - mean**2
     return np.asarray(mean[variance.sum(axis=1).argmin()])
+
+
+def _yaws(tracks: Sequence[Track], scene: Scene) -> np.ndarray:
+    """Mean yaw (S,) of each track, rad; zero where the scene does not name it or it is a full turn."""
+    names = scene.axis_names
+    if "yaw" not in names or scene.wraps[names.index("yaw")]:
+        return np.zeros(len(tracks))
+    return np.array([track.positions[:, names.index("yaw")].mean() for track in tracks])
+
+
+def _turning(level: np.ndarray, tracks: Sequence[Track], scene: Scene) -> np.ndarray:
+    """Change of the tracks' featureless strains (S, C) per rad of yaw, by least squares: (C,) V/rad."""
+    yaw = _yaws(tracks, scene)
+    away = yaw - yaw.mean()
+    spread = float(away @ away)
+    return np.asarray(away @ level / spread) if spread > 0.0 else np.zeros(level.shape[1])
 
 
 def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:

@@ -73,6 +73,7 @@ class StrainMap(NamedTuple):
     variance : (M, K, F) float32, variance of a new visit about it
     log_prior : (M, K) float32
     featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
+    featureless : (Y, C) whitened strain of featureless material at each of the lattice's yaws
     """
 
     origin: np.ndarray
@@ -82,6 +83,7 @@ class StrainMap(NamedTuple):
     variance: np.ndarray
     log_prior: np.ndarray
     featureless_variance: float | None
+    featureless: np.ndarray
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
         """Index of the node nearest to each of ``states`` (P, d), (P,) int; those beyond are moved inside."""
@@ -159,9 +161,13 @@ def build_map(
     cell: np.ndarray,
     variance: VarianceModel,
     featureless: bool,
+    turning: np.ndarray,
     nodes_per_cell: int = _NODES_PER_CELL,
 ) -> StrainMap:
-    """Tables for a filter whose cells have the size ``cell`` (d,)."""
+    """Tables for a filter whose cells have the size ``cell`` (d,).
+
+    ``turning`` (C,) is the whitened change of featureless strain per rad of yaw.
+    """
     per_cell = 1 if scene.dimension == 3 else nodes_per_cell
     extent = scene.upper - scene.lower
     shape = tuple(int(count) for count in np.maximum(np.ceil(extent * per_cell / cell - 1e-9), 1))
@@ -179,7 +185,13 @@ def build_map(
         for table, each in zip(tables, found, strict=True):
             table[part] = each
     mean, spread, prior = tables
-    return StrainMap(origin, step, shape, mean, spread, prior, float(spread.min()) if featureless else None)
+    yaws = np.zeros(1)
+    if turning.any():
+        axis = scene.axis_names.index("yaw")
+        yaws = axes[axis]
+        mean += np.outer(places[:, axis], turning)[:, None].astype(np.float32)
+    least = float(spread.min()) if featureless else None
+    return StrainMap(origin, step, shape, mean, spread, prior, least, np.outer(yaws, turning))
 
 
 def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwise: float) -> float:

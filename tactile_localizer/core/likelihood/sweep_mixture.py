@@ -151,7 +151,9 @@ class SweepMixture:
             return -np.inf
         layout = self.noise.layout
         variance = self._featureless_variance + offset_variance
-        return float(log_density(layout.sum(strain**2), variance, layout.widths)[used].sum())
+        squared = layout.sum((strain - self.map.featureless) ** 2)
+        densities = log_density(squared, variance, layout.widths)[:, used].sum(axis=1)
+        return log_sum(densities) - math.log(len(densities))
 
 
 class _Rows(NamedTuple):

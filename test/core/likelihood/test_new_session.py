@@ -30,9 +30,11 @@ def session(seed: int = 0) -> tuple[NewSession, np.ndarray]:
     mean = 3.0 * np.random.default_rng(seed).standard_normal((NODES, 1, CHANNELS)).astype(np.float32)
     variance = np.full((NODES, 1, 1), VARIANCE, np.float32)
     prior = np.zeros((NODES, 1), np.float32)
-    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), mean, variance, prior, None)
+    rest = (None, np.zeros((1, CHANNELS)))
+    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), mean, variance, prior, *rest)
     layout = ChannelLayout((CHANNELS,))
-    noise = NoiseModel(layout, np.zeros(CHANNELS), np.eye(CHANNELS), np.zeros(1), np.zeros(CHANNELS))
+    none = np.zeros(CHANNELS)
+    noise = NoiseModel(layout, none, np.eye(CHANNELS), np.zeros(1), none, none)
     return NewSession(noise, strain_map, 0.01), mean[:, 0].astype(np.float64)
 
 

@@ -49,7 +49,7 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
 
 def test_the_tables_are_the_expectation_at_the_nodes() -> None:
     tracks, cell, variance = tracks_of(lines(), PLANE), np.array([0.001, 0.002]), VarianceModel(2.0, 0.1, 0.5)
-    table = build_map(tracks, PLANE, SPACING, cell, variance, True)
+    table = build_map(tracks, PLANE, SPACING, cell, variance, True, np.zeros(3))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     expected = expectation(tracks, PLANE, nodes, SPACING, 3)
@@ -63,9 +63,8 @@ def test_the_tables_are_the_expectation_at_the_nodes() -> None:
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
 def test_every_state_has_a_node_also_beyond_the_bounds(states: list[tuple[float, float]]) -> None:
-    table = build_map(
-        tracks_of(lines(), PLANE), PLANE, SPACING, np.array([0.005, 0.005]), VarianceModel(), False
-    )
+    cell = np.full(2, 0.005)
+    table = build_map(tracks_of(lines(), PLANE), PLANE, SPACING, cell, VarianceModel(), False, np.zeros(3))
     index = table.nearest(np.array(states))
     node = table.origin + table.step * np.stack(np.unravel_index(index, table.shape), axis=1)
     inside = np.clip(states, PLANE.lower, PLANE.upper)

@@ -28,9 +28,11 @@ def mixture(
     variance = rng.uniform(1.0, 4.0, (nodes, COMPONENTS, len(counts)))
     prior = np.log(rng.dirichlet(np.ones(COMPONENTS), nodes))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
-    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless)
+    strain_map = StrainMap(
+        np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless, np.zeros((1, size))
+    )
     volume = np.array(counts) * np.log(0.25)
-    noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, np.zeros(size))
+    noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, *np.zeros((2, size)))
     return SweepMixture(noise, strain_map, np.array([0.001]), 0.002, 0.006, None)
 
 
