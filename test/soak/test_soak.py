@@ -92,9 +92,9 @@ def test_only_mapping_may_grow_with_its_scan(name, pairs, fails):
     assert len(result.failures) == fails
 
 
-@pytest.mark.parametrize(("sweeps", "fails"), [(99, 1), (100, 0)])
-def test_one_sweep_in_a_hundred_may_converge_falsely(sweeps, fails):
-    result = SoakResult(false_sweeps=["12 mm off"], sweeps=sweeps, converged=1)
+@pytest.mark.parametrize(("false", "sweeps", "fails"), [(1, 14, 0), (3, 14, 1), (10, 800, 0), (20, 800, 1)])
+def test_one_sweep_in_a_hundred_may_converge_falsely(false, sweeps, fails):
+    result = SoakResult(false_sweeps=["12 mm off"] * false, sweeps=sweeps, converged=1)
     assert len(result.failures) == fails
 
 

@@ -259,7 +259,8 @@ class NearestPoints:
         away = (points - self._centre).T
         squared = _dot(away, away)
         # Points further away than this are nearest to no query.
-        kept = (squared <= (math.sqrt(squared.min()) + self._diameter) ** 2).nonzero()[0]
+        limit = (math.sqrt(squared.min()) + self._diameter) ** 2
+        kept = (squared <= limit * (1.0 + 1e-9)).nonzero()[0]  # rounding must not leave out the nearest
         away, squared = away[:, kept], squared[kept]
         doubled = 2.0 * away
         index = np.empty(len(self._queries), dtype=np.intp)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from scipy.stats import binom
+
 from harness.memory import Memory
 
 MEMORY_LIMIT_BYTES = 5_000_000
@@ -13,7 +15,10 @@ PAIR_BYTES = 3_000
 """Memory for a pair of the scan in the mapping node, which makes a map of up to 20,000 of them, bytes."""
 
 FALSE_SWEEPS = 0.01
-"""Largest fraction of the sweeps that may converge falsely: converged is right with a probability of 0.99."""
+"""Probability with which a converged position may be wrong: what ``convergence_probability`` leaves."""
+
+_CHANCE = 0.001
+"""Probability of so many false sweeps, if that is so, below which it is not by chance."""
 
 WAITING_LIMIT_S = 1.5
 """Longest wait of a strain vector for its pose, s: above the filter's ``patience_s``."""
@@ -91,8 +96,11 @@ class SoakResult:
                 found.append(f"{name}: memory grew by {memory.growth_bytes / 1e6:.1f} MB")
         if self.waiting_s > WAITING_LIMIT_S:
             found.append(f"a strain vector waited {self.waiting_s:.1f} s for its pose")
-        if len(self.false_sweeps) > FALSE_SWEEPS * self.sweeps:
-            found.append(f"{len(self.false_sweeps)} of {self.sweeps} sweeps converged falsely")
+        count = len(self.false_sweeps)
+        if count and binom.sf(count - 1, self.sweeps, FALSE_SWEEPS) < _CHANCE:
+            found.append(
+                f"{count} of {self.sweeps} sweeps converged falsely, more than a hundredth and by chance"
+            )
         if not self.sweeps or not self.converged:
             found.append(f"{self.sweeps} sweeps, {self.converged} converged posteriors: nothing was tested")
         return found
