@@ -139,7 +139,7 @@ def scenario(dimension: int) -> tuple[Scan, Scene, list[tuple[np.ndarray, np.nda
         (*bump.axes, Axis("yaw", float(YAWS[0]), float(YAWS[-1]), 0.05)),
         tuple(Phalanx(p.name, (*p.offset, 0.0)) for p in bump.phalanges),
     )
-    # A seed of its own for each session: with one for all they would repeat each other's noise.
+    # One seed per session; with a common seed all sessions would have the same noise.
     sessions = [simulate_scan("bump", 1 + number, yaw=float(yaw)) for number, yaw in enumerate(YAWS)]
     scan = Scan(
         np.concatenate([_with_yaw(s.odometry, yaw) for s, yaw in zip(sessions, YAWS, strict=True)]),

@@ -167,9 +167,8 @@ def _built(
 ) -> Localizer:
     mixture = learned.mixture(scene, configuration.cell, calibration.information_length)
     if configuration.filter == "particle":
-        mixture.new_session = (
-            None  # Resampled particles are moved apart, so none has a trajectory to learn along.
-        )
+        # Resampled particles are moved apart, so there is no trajectory to learn offset and gain along.
+        mixture.new_session = None
     model: StrainModel = mixture
     if configuration.model != SWEEP_MIXTURE:
         without = _without_offsets(scan, scene, learned.noise.offsets)

@@ -35,8 +35,8 @@ class FeatureIdentifier:
     """Runs a localizer for each candidate and a :class:`.Presence` over all of their maps.
 
     The likelihood of a candidate is that of the strain on its map, averaged over its localizer's belief;
-    unknown and featureless material are as one of the localizers takes them. They can be compared because
-    the localizers share one noise model (:func:`.learn_comparable`).
+    unknown and featureless material follow the model of one of the localizers, which is learned. They can be
+    compared because the localizers share one noise model (:func:`.learn_comparable`).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class FeatureIdentifier:
 
 
 class Mixture:
-    """One of several explanations holds all along, and it is not known which.
+    """Evidence for one of several explanations that holds throughout a sweep, when it is not known which.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Mixture:
         self.reset()
 
     def reset(self) -> None:
-        """Forget which."""
+        """Give all explanations the same weight."""
         self._log_weights = np.full(self._count, -np.log(self._count))
 
     def update(self, log_likelihoods: np.ndarray) -> float:

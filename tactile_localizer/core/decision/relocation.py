@@ -16,17 +16,17 @@ _MOST = 14.0
 
 
 class Relocation:
-    """Odds that the hand has been put down elsewhere on the map, and the belief does not know it.
+    """Odds that the hand has been put down elsewhere on the map since the belief was last made uniform there.
 
-    Until the odds are worth it nothing is injected, so the belief about a hand that is followed stays
-    undisturbed. Places that have not been evaluated are taken to explain a strain as unknown material does.
+    Below a limit nothing is injected, so the belief about a hand that is tracked stays undisturbed. The
+    likelihood of a strain at places without belief is approximated by that of unknown material.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """The belief knows it all."""
+        """Set the odds to zero, for a belief that is uniform or seeded."""
         self._odds = 0.0
 
     def predict(self, travel: float, on_map: float) -> float:
