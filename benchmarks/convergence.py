@@ -17,6 +17,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from evaluation.comparison import Trial, learn_conditions
+from evaluation.conditions import (
+    SimulatedCondition,
+    recording_of,
+)
+from evaluation.jobs import (
+    Progress,
+    Task,
+    Workers,
+    configuration_identity,
+    run_tasks,
+)
+from evaluation.report import save_figures
 from matplotlib.figure import Figure
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
@@ -27,24 +40,11 @@ from tactile_localizer.core.decision.convergence import Convergence, Convergence
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.offline.axes import MM
-from tactile_localizer.offline.evaluation.comparison import Trial, learn_conditions
-from tactile_localizer.offline.evaluation.conditions import (
-    SIMULATED_FEATURES,
-    SimulatedCondition,
-    recording_of,
-)
-from tactile_localizer.offline.evaluation.jobs import (
-    Progress,
-    Task,
-    Workers,
-    configuration_identity,
-    run_tasks,
-)
 from tactile_localizer.offline.metrics import travel_from_contact
 from tactile_localizer.offline.replay import Track, replay
-from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.table import Table
 from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 PROBABILITIES = (0.9, 0.95, 0.99, 0.999, 0.9999)
 """Thresholds tried beside that of the configuration."""

@@ -17,24 +17,24 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from evaluation_figures import evaluation_figures
-from evaluation_tables import configuration_table, evaluation_tables
-from methods import standard_methods
-
-from tactile_localizer.cli.conditions import (
+from evaluation.comparison import Method, Results, evaluate
+from evaluation.figures import evaluation_figures
+from evaluation.jobs import Workers
+from evaluation.methods import standard_methods
+from evaluation.options import (
     add_condition_arguments,
     add_worker_arguments,
     conditions_from_arguments,
+    exit_status,
 )
-from tactile_localizer.cli.interrupts import end_as_by_interrupt
+from evaluation.report import save_figures, write_report
+from evaluation.tables import configuration_table, evaluation_tables
+
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.offline.evaluation.comparison import Method, Results, evaluate
-from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.reports.html import save_figures, write_report
 from tactile_localizer.offline.table import Table
 
 
@@ -56,20 +56,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/evaluate"), metavar="DIR")
-    try:
-        _run(parser.parse_args(arguments), shlex.join(["benchmarks/evaluate.py", *arguments]))
-    except TactileLocalizerError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: finished tasks are kept, run the command again to resume", file=sys.stderr)
-        return 130
-    return 0
+    args = parser.parse_args(arguments)
+    return exit_status(lambda: _run(args, shlex.join(["benchmarks/evaluate.py", *arguments])))
 
 
-def _run(args: argparse.Namespace, command: str) -> None:
+def _run(args: argparse.Namespace, command: str) -> int:
     """Evaluate, print the tables, write figures, report and numbers."""
-    end_as_by_interrupt()
     if args.blanks < 0:
         raise ParameterError(f"--blanks: expected at least 0, got {args.blanks}")
     methods, conditions = methods_of(args.methods), conditions_from_arguments(args, args.blanks)
@@ -90,6 +82,7 @@ def _run(args: argparse.Namespace, command: str) -> None:
     )
     write_json(args.output / "evaluate.json", _document(results, tables))
     print(f"{args.output}/report.html, evaluate.json, {', '.join(f'{name}.png' for name in figures)}")
+    return 0
 
 
 def methods_of(names: Sequence[str] | None) -> list[Method]:

@@ -43,17 +43,18 @@ from pathlib import Path
 
 import numpy as np
 from convergence import UNSCANNED, from_contact, unscanned_tracks
+from evaluation.conditions import SimulatedCondition
+from evaluation.outcome import sweep_outcome
 from paper_outcome import past_feature
 from rows import Row, in_parallel, print_rows, write_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
-from tactile_localizer.offline.evaluation.outcome import sweep_outcome
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.scene import Scene
+from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 
 def measure_feature(

@@ -18,21 +18,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from evaluation.comparison import Results, as_array, evaluate
+from evaluation.conditions import SimulatedCondition
+from evaluation.confidence_interval import Interval, mean_interval
+from evaluation.jobs import Workers
+from evaluation.methods import exact_form, paper_form, standard_methods
+from evaluation.report import save_figures
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from methods import exact_form, paper_form, standard_methods
 from paper_outcome import TRAVEL_BINS_M, localize
 
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.offline.axes import MM, display_units, label_axis, literal
-from tactile_localizer.offline.evaluation.comparison import Results, as_array, evaluate
-from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES, SimulatedCondition
-from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
-from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.reports.html import save_figures
 from tactile_localizer.offline.table import Table
+from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 TENTH_INCH = 0.00254
 """m, the paper's mean error on contact."""

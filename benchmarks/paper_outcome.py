@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from evaluation.comparison import Trial, replayed
+from evaluation.outcome import mean, sweep_outcome
 from scipy.special import chdtri
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import convergence_criteria
-from tactile_localizer.offline.evaluation.comparison import Trial, replayed
-from tactile_localizer.offline.evaluation.outcome import mean, sweep_outcome
 from tactile_localizer.offline.metrics import position_error, timing
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene

@@ -14,11 +14,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from evaluation.report import processor
 from rich.console import Console
 from rich.table import Table
 
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.reports.html import processor
 
 OUT = Path("out/bench.json")
 """The file, below the working directory."""

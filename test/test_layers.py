@@ -50,9 +50,8 @@ MAY_IMPORT_ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "offline": {
         "": set(),
-        "evaluation": {""},
-        "figures": {"", "evaluation"},
-        "reports": {"", "evaluation", "figures"},
+        "figures": {""},
+        "reports": {"", "figures"},
     },
     "ros": {
         "base": set(),

@@ -19,7 +19,6 @@ PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
 
 ROSDEP_KEYS = {
     "cantools": "python3-cantools-pip",
-    "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
     "msgpack": "python3-msgpack",
     "numpy": "python3-numpy",
@@ -62,7 +61,7 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
 
 
 def test_every_requirement_has_a_floor_and_a_ceiling() -> None:
-    for file in ("runtime.txt", "build.txt", "dev.txt", "bench.txt"):
+    for file in ("runtime.txt", "build.txt", "dev.txt", "bench.txt", "evaluation.txt"):
         for line in requirements(file):
             assert re.search(r"==|>=.+,<", line), f"{file}: {line}"
 

@@ -2,8 +2,7 @@
 
 :data:`COMMANDS` lists the subcommands with their one-line help. A subcommand's module has the same name
 (``import`` is in ``import_.py``) and is imported only when that subcommand is called. It defines
-``add_arguments(parser)`` and ``run(args) -> int``; ``args.command_line`` holds the whole command line. A
-module with ``RESUMES = True`` keeps finished work when it is interrupted.
+``add_arguments(parser)`` and ``run(args) -> int``.
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ COMMANDS: dict[str, str] = {
     "identify": "identify which of several scans a recording belongs to, or none of them",
     "tune": "learn the noise model from a scan, print it, and store the calibration",
     "simulate": "write recordings of the simulated hand (train.csv, test.csv)",
-    "tradeoff": "measure accuracy against computing time, and choose a configuration",
 }
 """Help of the subcommands by name, in the order of the help text, most used first."""
 
@@ -57,9 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     if _COMPLETING in os.environ:
         _complete()
-    args = argparse.Namespace(command_line=arguments, resumes=False)
     try:
-        args = command_parser(arguments).parse_args(arguments, args)
+        args = command_parser(arguments).parse_args(arguments)
         status: int = args.run(args)
         sys.stdout.flush()
         return status
@@ -67,8 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        kept = ": finished tasks are kept, run the command again to resume" if args.resumes else ""
-        print(f"interrupted{kept}", file=sys.stderr)
+        print("interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The interpreter flushes once more at exit: into nothing.
@@ -100,5 +96,5 @@ def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
             suffix = "_" if keyword.iskeyword(name) else ""
             command = importlib.import_module(f"{__name__}.{name}{suffix}")
             command.add_arguments(subparser)
-            subparser.set_defaults(run=command.run, resumes=getattr(command, "RESUMES", False))
+            subparser.set_defaults(run=command.run)
     return parser

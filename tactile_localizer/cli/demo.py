@@ -18,10 +18,10 @@ from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES
 from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_pair
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 if TYPE_CHECKING:
     from tactile_localizer.demo.live_sweep import LiveSweep

@@ -13,11 +13,10 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import channel_names
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.evaluation.conditions import SIMULATED_FEATURES
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim.hand import PHALANGES
-from tactile_localizer.sim.material import FEATURES
+from tactile_localizer.sim.material import FEATURES, SIMULATED_FEATURES
 from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, SimulatedScan, simulate_scan
 
 

@@ -104,6 +104,9 @@ _FEATURES: dict[str, Callable[[np.ndarray, np.ndarray], Surface]] = {
 FEATURES = tuple(_FEATURES)
 """Names of the features; ``none`` is featureless material, ``seam`` a feature outside the maps of tests."""
 
+SIMULATED_FEATURES = ("bump", "snap", "grommet")
+"""Features with a shipped scene."""
+
 
 def surface(feature: str, mode: str, x: np.ndarray, y: np.ndarray) -> Surface:
     """Fields of ``feature`` in deformation mode ``mode`` at positions ``x``, ``y``.

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluation import comparison
+from evaluation.comparison import Trial, learn_condition
+from evaluation.conditions import SimulatedCondition
+from evaluation.jobs import Workers
 from support.tracks import made_track
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
-from tactile_localizer.offline.evaluation import comparison
-from tactile_localizer.offline.evaluation.comparison import Trial, learn_condition
-from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
-from tactile_localizer.offline.evaluation.jobs import Workers
 from tactile_localizer.offline.replay import replay
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluation.comparison import Trial
 from support.evaluations import CALIBRATION, QUICK, condition
 from support.tracks import SHEET, sheet_track
 
-from tactile_localizer.offline.evaluation.comparison import Trial
 from tactile_localizer.scene import DEFAULT_MOTION_STD
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

@@ -59,16 +59,6 @@ def test_an_error_of_the_package_is_one_line_and_status_2(run_command, capsys: p
     assert capsys.readouterr().err == "error: scan.db: expected a scan file, found a picture\n"
 
 
-def test_an_interrupted_command_can_be_resumed(run_command, monkeypatch, capsys) -> None:
-    def interrupted(args: argparse.Namespace) -> int:
-        raise KeyboardInterrupt
-
-    run_command(interrupted)
-    monkeypatch.setattr(sys.modules["tactile_localizer.cli.try_"], "RESUMES", True, raising=False)
-    assert cli.main(["try"]) == 130
-    assert "run the command again" in capsys.readouterr().err
-
-
 def test_an_interrupt_is_status_130(run_command) -> None:
     def interrupted(args: argparse.Namespace) -> int:
         raise KeyboardInterrupt

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evaluation.conditions import recording_of
 from support.tracks import made_track
 
 from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
-from tactile_localizer.offline.evaluation.conditions import recording_of
 from tactile_localizer.offline.misfit import Misfit, misfit
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from evaluation.conditions import SimulatedCondition, recording_of
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
@@ -13,7 +14,6 @@ from tactile_localizer.demo.live_sweep import contact_of
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import NO_CONTACT
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.offline.evaluation.conditions import SimulatedCondition, recording_of
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan

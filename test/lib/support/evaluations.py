@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from methods import PAPER_PARAMETERS, standard_methods
-
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.offline.evaluation.comparison import Method, Results
-from tactile_localizer.offline.evaluation.conditions import (
+from evaluation.comparison import Method, Results
+from evaluation.conditions import (
     RecordedCondition,
     SimulatedCondition,
     recording_of,
 )
+from evaluation.methods import PAPER_PARAMETERS, standard_methods
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from typing import Any
 
-from tactile_localizer.offline.evaluation.jobs import Task
+from evaluation.jobs import Task
 
 
 def drawn(seed: int) -> dict[str, Any]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-
-from tactile_localizer.offline.evaluation.confidence_interval import mean_interval
+from evaluation.confidence_interval import mean_interval
 
 
 def test_an_interval_covers_the_mean_as_often_as_its_level() -> None:

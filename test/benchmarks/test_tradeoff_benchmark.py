@@ -1,4 +1,4 @@
-"""The command `tradeoff`, on recordings and simulated features."""
+"""The benchmark that measures accuracy against computing time."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import tradeoff
 import yaml
+from evaluation.tradeoff import Candidate
 
-from tactile_localizer.cli import main, tradeoff
+from tactile_localizer.cli import main
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scene_file import load_scene, save_scene
-from tactile_localizer.offline.evaluation.tradeoff import Candidate
 from tactile_localizer.resources import resource_path
 
 TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
@@ -40,11 +41,11 @@ def bump(tmp_path_factory) -> Path:
 def command(bump: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.chdir(bump)
     monkeypatch.setattr(tradeoff, "candidates", lambda: FEW)
-    return ["tradeoff", "test.csv", "--scan", "scan.db", "-o", "out"]
+    return ["test.csv", "--scan", "scan.db", "-o", "out"]
 
 
 def test_all_candidates_are_printed_and_written(command: list[str], capsys) -> None:
-    assert main(command) == 0
+    assert tradeoff.main(command) == 0
     printed = capsys.readouterr().out
     assert "Pareto front" in printed
     assert "fast: sweep_mixture grid" in printed
@@ -56,7 +57,7 @@ def test_all_candidates_are_printed_and_written(command: list[str], capsys) -> N
 
 
 def test_a_budget_gives_a_usable_configuration(command: list[str], capsys) -> None:
-    assert main([*command, "--budget-us", "1e6"]) == 0
+    assert tradeoff.main([*command, "--budget-us", "1e6"]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("# most accurate within 1e+06 µs: ")
     Path("answer.yaml").write_text(printed)
@@ -66,16 +67,16 @@ def test_a_budget_gives_a_usable_configuration(command: list[str], capsys) -> No
 
 
 def test_a_target_gives_the_fastest_configuration(command: list[str], capsys) -> None:
-    assert main([*command, "--target-mm", "1000"]) == 0
+    assert tradeoff.main([*command, "--target-mm", "1000"]) == 0
     assert "# fastest within 1000 mm: " in capsys.readouterr().out
 
 
 def test_an_unmet_request_names_the_nearest_and_gives_status_1(command: list[str], capsys) -> None:
-    assert main([*command, "--budget-us", "0.1", "--target-mm", "1e-6"]) == 1
+    assert tradeoff.main([*command, "--budget-us", "0.1", "--target-mm", "1e-6"]) == 1
     printed = capsys.readouterr().out
     assert printed.count("none; nearest is ") == 2
 
 
 def test_a_budget_of_zero_is_refused(command: list[str], capsys) -> None:
-    assert main([*command, "--budget-us", "0"]) == 2
+    assert tradeoff.main([*command, "--budget-us", "0"]) == 2
     assert "--budget-us" in capsys.readouterr().err

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evaluation_tables import (
+from evaluation.tables import (
     convergence_table,
     error_table,
     evaluation_tables,

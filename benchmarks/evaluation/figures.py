@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from evaluation_tables import by_feature
 from matplotlib.figure import Figure
 
+from evaluation.comparison import Results
+from evaluation.tables import by_feature
 from tactile_localizer.offline.axes import MM, TENTH_INCH_MM, literal
-from tactile_localizer.offline.evaluation.comparison import Results
 
 _SIZE = (4.8, 3.4)
 _COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")

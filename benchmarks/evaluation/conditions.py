@@ -20,9 +20,6 @@ from tactile_localizer.sim import SimulatedScan, simulate_scan
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.scan import AXES
 
-SIMULATED_FEATURES = ("bump", "snap", "grommet")
-"""Simulated features with a shipped scene."""
-
 
 @dataclass(frozen=True)
 class Material:

@@ -29,7 +29,7 @@ Progress = Callable[[str, float], None]
 
 DASK_TIMEOUT_S = 5
 RESULT_SOURCES = ("core", "io", "sim", "offline", "scene.py", "channels.py")
-"""Parts of the package that results depend on."""
+"""Parts of the package that results depend on, beside this folder."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def run_tasks(
 @cache
 def source_digest() -> str:
     """Digest of the sources that results depend on, so that results of other versions are not reused."""
-    return _digest(PACKAGE / part for part in RESULT_SOURCES)
+    return _digest([*(PACKAGE / part for part in RESULT_SOURCES), Path(__file__).parent])
 
 
 def configuration_identity(configuration: Configuration) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from evaluation_figures import (
+from evaluation.figures import (
     convergence,
     errors_of_methods,
     evaluation_figures,

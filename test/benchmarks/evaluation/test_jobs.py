@@ -7,14 +7,14 @@ import warnings
 from pathlib import Path
 
 import pytest
+from evaluation import jobs
+from evaluation.comparison import Trial, localize
+from evaluation.jobs import Task, Workers, configuration_identity, run_tasks
 from support.evaluations import CALIBRATION, QUICK, condition
 from support.quick_task import quick_task
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.offline.evaluation import jobs
-from tactile_localizer.offline.evaluation.comparison import Trial, localize
-from tactile_localizer.offline.evaluation.jobs import Task, Workers, configuration_identity, run_tasks
 from tactile_localizer.resources import PACKAGE
 
 

@@ -7,11 +7,11 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from methods import exact_of
 
+from evaluation.comparison import Results, as_array
+from evaluation.confidence_interval import Interval
+from evaluation.methods import exact_of
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.offline.evaluation.comparison import Results, as_array
-from tactile_localizer.offline.evaluation.confidence_interval import Interval
 from tactile_localizer.offline.metrics import INCH, MARKS
 from tactile_localizer.offline.table import Table
 

@@ -1,45 +1,57 @@
-"""``tactile-localizer tradeoff``: accuracy against computing time, and a configuration to use."""
+"""Measure accuracy against computing time, and choose a configuration.
+
+    scripts/in_env python benchmarks/tradeoff.py [--budget-us US] [--target-mm MM] [RECORDING ... --scan SCAN]
+
+Candidates vary model, filter, particles, cells, precision and travel between updates. They are tried on
+simulated bump, snap and grommet (9 test sweeps each), or on recordings. It prints tables with the Pareto
+front and writes report.html, tradeoff.json and tradeoff.png into out/tradeoff. With a budget or a target it
+prints the configuration to use instead, with status 1 where none meets the request. Results of tasks are kept
+there; an interrupted run resumes.
+"""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
-
-from tactile_localizer.cli.conditions import (
+from evaluation.conditions import Condition
+from evaluation.jobs import Workers
+from evaluation.options import (
     add_condition_arguments,
     add_worker_arguments,
     conditions_from_arguments,
+    exit_status,
 )
-from tactile_localizer.cli.interrupts import end_as_by_interrupt
-from tactile_localizer.cli.progress import progress_bars
-from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.errors import ParameterError
-from tactile_localizer.offline.evaluation.conditions import Condition
-from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.evaluation.tradeoff import (
+from evaluation.report import save_figures, write_report
+from evaluation.tradeoff import (
     Trade,
     candidates,
     for_target,
     trade,
     within_budget,
 )
-from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.reports.html import save_figures, write_report
-from tactile_localizer.offline.reports.tradeoff import (
+from evaluation.tradeoff_report import (
     describe,
     tradeoff_figure,
     tradeoff_tables,
 )
 
-RESUMES = True
+from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.errors import ParameterError
+from tactile_localizer.offline.json_file import write_json
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command line."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Try all candidates; returns the exit status."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
         "--budget-us",
         type=float,
@@ -55,11 +67,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_condition_arguments(parser, sweeps=9, seeds=1)
     add_worker_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/tradeoff"), metavar="DIR")
+    args = parser.parse_args(arguments)
+    return exit_status(lambda: _run(args, shlex.join(["benchmarks/tradeoff.py", *arguments])))
 
 
-def run(args: argparse.Namespace) -> int:
+def _run(args: argparse.Namespace, command: str) -> int:
     """Try all candidates and write figure, report and numbers; 1 where none meets the budget or target."""
-    end_as_by_interrupt()
     for name in ("budget_us", "target_mm"):
         value = getattr(args, name)
         if value is not None and not value > 0:
@@ -72,10 +85,7 @@ def run(args: argparse.Namespace) -> int:
     tables, figure = tradeoff_tables(trades), tradeoff_figure(trades)
     figures = {"tradeoff": figure}
     save_figures(figures, args.output)
-    title, command = (
-        "Tactile localization: accuracy and time",
-        shlex.join(["tactile-localizer", *args.command_line]),
-    )
+    title = "Tactile localization: accuracy and computing time"
     write_report(args.output / "report.html", title, _conditions(conditions), figures, tables, command)
     write_json(args.output / "tradeoff.json", {"trades": trades})
     if args.budget_us is None and args.target_mm is None:
@@ -119,3 +129,7 @@ def _print_choice(request: str, found: Trade | None, nearest: Trade) -> bool:
 def _conditions(conditions: Sequence[Condition]) -> str:
     names = ", ".join(dict.fromkeys(condition.name for condition in conditions))
     return f"Tried on {names}, {len({condition.seed for condition in conditions})} seeds."
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -8,9 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from tactile_localizer.core.configuration import MODELS
-from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
-from tactile_localizer.offline.evaluation.tradeoff import (
+from evaluation.tradeoff import (
     BUDGETS_US,
     Trade,
     pareto_front,
@@ -18,6 +16,8 @@ from tactile_localizer.offline.evaluation.tradeoff import (
     per_update,
     within_budget,
 )
+from tactile_localizer.core.configuration import MODELS
+from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
 from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))

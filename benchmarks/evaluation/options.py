@@ -1,9 +1,17 @@
-"""Command-line options for the conditions and workers of an evaluation."""
+"""Command-line options of an evaluation, and its exit status."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable
 
+from evaluation.conditions import (
+    Condition,
+    RecordedCondition,
+    SimulatedCondition,
+)
+from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
     add_start_arguments,
@@ -11,13 +19,21 @@ from tactile_localizer.cli.recordings import (
     read_recordings,
     scan_from_arguments,
 )
-from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.offline.evaluation.conditions import (
-    SIMULATED_FEATURES,
-    Condition,
-    RecordedCondition,
-    SimulatedCondition,
-)
+from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError
+from tactile_localizer.sim.material import SIMULATED_FEATURES
+
+
+def exit_status(work: Callable[[], int]) -> int:
+    """Exit status of ``work``; 2 for an invalid request and 130 for an interrupt, with one line on stderr."""
+    end_as_by_interrupt()
+    try:
+        return work()
+    except TactileLocalizerError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: finished tasks are kept, run the command again to resume", file=sys.stderr)
+        return 130
 
 
 def add_condition_arguments(parser: argparse.ArgumentParser, sweeps: int, seeds: int) -> None:

@@ -6,13 +6,13 @@ import re
 from pathlib import Path
 
 import pytest
-from evaluation_figures import evaluation_figures
-from evaluation_tables import configuration_table, evaluation_tables
+from evaluation.figures import evaluation_figures
+from evaluation.report import save_figures, write_report
+from evaluation.tables import configuration_table, evaluation_tables
 from support.browser import look_at
 from support.evaluations import results
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.offline.reports.html import save_figures, write_report
 from tactile_localizer.offline.table import Table
 
 NAMES = ["methods", "convergence"]

@@ -7,19 +7,11 @@ from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.text import Text
-from support.browser import look_at
-from support.evaluations import CALIBRATION, QUICK, condition
-
-from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
-from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.offline.evaluation import comparison
-from tactile_localizer.offline.evaluation.confidence_interval import Interval
-from tactile_localizer.offline.evaluation.jobs import Workers
-from tactile_localizer.offline.evaluation.tradeoff import (
+from evaluation import comparison
+from evaluation.confidence_interval import Interval
+from evaluation.jobs import Workers
+from evaluation.report import write_report
+from evaluation.tradeoff import (
     BUDGETS_US,
     DEFAULT,
     Candidate,
@@ -30,8 +22,16 @@ from tactile_localizer.offline.evaluation.tradeoff import (
     trade,
     within_budget,
 )
-from tactile_localizer.offline.reports.html import write_report
-from tactile_localizer.offline.reports.tradeoff import tradeoff_figure, tradeoff_tables
+from evaluation.tradeoff_report import tradeoff_figure, tradeoff_tables
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+from support.browser import look_at
+from support.evaluations import CALIBRATION, QUICK, condition
+
+from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
+from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 
 
 def made(update_us: float, error_mm: float, **candidate: object) -> Trade:

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evaluation.outcome import sweep_outcome
 from support.tracks import SAMPLES, SHEET, sheet_track
-
-from tactile_localizer.offline.evaluation.outcome import sweep_outcome
 
 
 def test_errors_are_separated_by_contact() -> None:

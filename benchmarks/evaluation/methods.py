@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from evaluation.comparison import Method
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.offline.evaluation.comparison import Method
 
 _SQUARE_INCH = 0.0254**2
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.comparison import Method, Trial, evaluate, trials
+from evaluation.conditions import Condition
+from evaluation.confidence_interval import Interval
+from evaluation.jobs import Progress, Workers, run_tasks
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.offline.evaluation.comparison import Method, Trial, evaluate, trials
-from tactile_localizer.offline.evaluation.conditions import Condition
-from tactile_localizer.offline.evaluation.confidence_interval import Interval
-from tactile_localizer.offline.evaluation.jobs import Progress, Workers, run_tasks
 from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import replay
 

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation_tables import times
-from methods import PAPER_PARAMETERS, standard_methods
+from evaluation import comparison
+from evaluation.comparison import Trial, choose_widths, evaluate, localize
+from evaluation.conditions import SimulatedCondition
+from evaluation.jobs import Workers
+from evaluation.methods import PAPER_PARAMETERS, standard_methods
+from evaluation.tables import times
 from support.evaluations import CALIBRATION, QUICK, TUNED, condition, results
 
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.offline.evaluation import comparison
-from tactile_localizer.offline.evaluation.comparison import Trial, choose_widths, evaluate, localize
-from tactile_localizer.offline.evaluation.conditions import SimulatedCondition
-from tactile_localizer.offline.evaluation.jobs import Workers
 
 
 def test_every_method_is_tried_on_every_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

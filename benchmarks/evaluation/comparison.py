@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration
-from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
-from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.factory import build_localizer, learn
-from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.offline.evaluation.conditions import Condition, Material
-from tactile_localizer.offline.evaluation.confidence_interval import Interval, mean_interval
-from tactile_localizer.offline.evaluation.jobs import (
+from evaluation.conditions import Condition, Material
+from evaluation.confidence_interval import Interval, mean_interval
+from evaluation.jobs import (
     Progress,
     Task,
     Workers,
     configuration_identity,
     run_tasks,
 )
-from tactile_localizer.offline.evaluation.outcome import sweep_outcome
+from evaluation.outcome import sweep_outcome
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
+from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.offline.metrics import timing, with_contact
 from tactile_localizer.offline.replay import Track, mixture_of, replay
 from tactile_localizer.scene import Scene

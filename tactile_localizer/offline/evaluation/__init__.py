@@ -1,1 +1,0 @@
-"""Evaluation of many methods on simulated and recorded conditions."""
