@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.scan.range import MATERIAL_SHARE, ScanRange
+from tactile_localizer.core.scan.range import WARNING_FRACTION, ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.csv.columns import ANGLES, LENGTHS, fitting_unit
 from tactile_localizer.io.recording import Recording, usable
@@ -44,12 +44,12 @@ class Misfit(NamedTuple):
     @property
     def positions_fit(self) -> bool:
         """Whether nearly all positions are within the scene's bounds."""
-        return self.outside <= MATERIAL_SHARE
+        return self.outside <= WARNING_FRACTION
 
     @property
     def line(self) -> str | None:
         """One line for the user; ``None`` where the recording fits."""
-        fits = self.positions_fit and self.beyond <= MATERIAL_SHARE
+        fits = self.positions_fit and self.beyond <= WARNING_FRACTION
         if fits and not self.left_out and not self.hints:
             return None
         parts = [
@@ -82,7 +82,7 @@ def misfit(
     outside = _outside(recording, scene, scan_range, true_positions)
     beyond = float(np.mean(scan_range.strains_outside(strain, present))) if len(strain) else 0.0
     hints = []
-    if outside > MATERIAL_SHARE:
+    if outside > WARNING_FRACTION:
         hints += _position_hints(positions, scene)
     complete = strain[np.isfinite(strain).all(axis=1)]
     if len(complete):
@@ -124,13 +124,13 @@ def _strain_hints(
     for factor, text in _SCALES.items():
         ratio = float(np.median(factor * _spread(strain) / spread))
         scaled = float(np.mean(scan_range.strains_outside(factor * strain, every)))
-        if 0.1 < ratio < 10.0 and scaled <= max(beyond, MATERIAL_SHARE):
+        if 0.1 < ratio < 10.0 and scaled <= max(beyond, WARNING_FRACTION):
             return [f"strains are {text}"]
     order = _best_order(strain, scanned, scene)
     if order is not None:
         expected = ", ".join(scene.phalanx_names)
         return [f"phalanges swapped: {', '.join(order)} in the columns of {expected}?"]
-    return ["another material, force or tare?"] if beyond > MATERIAL_SHARE else []
+    return ["another material, force or tare?"] if beyond > WARNING_FRACTION else []
 
 
 def _spread(strain: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.motion import YAW_LEVER
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
@@ -54,8 +54,7 @@ def displacements(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def travel(scene: Scene, steps: np.ndarray) -> np.ndarray:
     """Lengths of displacements (n, d), m: (n,); a turn counts as in the motion model."""
-    lever = np.array([YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes])
-    return np.linalg.norm(steps * lever, axis=1)
+    return np.linalg.norm(steps * levers(scene), axis=1)
 
 
 def travelled(scene: Scene, position: np.ndarray) -> np.ndarray:

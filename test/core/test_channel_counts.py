@@ -110,5 +110,5 @@ def test_a_scan_of_other_channels_is_refused():
 
 def test_maps_have_the_channels_of_each_phalanx():
     of = scene()
-    tactile_map = make_map(scan(of), of, nodes=20)
+    tactile_map = make_map(scan(of), of)
     assert [tactile_map.phalanx(name).shape[-1] for name in of.phalanx_names] == [19, 6, 1]

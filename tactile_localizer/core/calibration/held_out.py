@@ -20,10 +20,11 @@ import numpy as np
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.tracks import PITCH, Track, evenly, lever
+from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
 INFORMATION_LENGTHS = (0.001, 0.0017, 0.003, 0.005)
@@ -93,7 +94,7 @@ def calibrate(
     lengths = INFORMATION_LENGTHS if model.noise.featureless else INFORMATION_LENGTHS[-1:]
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
-        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / lever(scene), model.variance)
+        return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / levers(scene), model.variance)
     chosen = evenly(sweeps, _MOST_SWEEPS)
 
     def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
@@ -115,8 +116,8 @@ def calibrate(
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
     """The scene as far as :data:`_SURROUNDINGS` around positions (n, d); axes that wrap remain whole."""
-    low = positions.min(axis=0) - _SURROUNDINGS / lever(scene)
-    high = positions.max(axis=0) + _SURROUNDINGS / lever(scene)
+    low = positions.min(axis=0) - _SURROUNDINGS / levers(scene)
+    high = positions.max(axis=0) + _SURROUNDINGS / levers(scene)
     axes = tuple(
         axis
         if wraps
@@ -148,7 +149,7 @@ def _localize(localizer: Localizer, track: Track, felt: np.ndarray, scene: Scene
             errors.append(np.where(scene.wraps, wrap_angle(error), error))
             variance.append(np.diag(estimate.covariance))
             rows.append(index)
-    return _Outcome(np.array(errors) * lever(scene), np.array(variance) * lever(scene) ** 2, felt[rows])
+    return _Outcome(np.array(errors) * levers(scene), np.array(variance) * levers(scene) ** 2, felt[rows])
 
 
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
@@ -162,7 +163,7 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
     felt = [(each.errors[rows], each.variance[rows]) for each, rows in zip(outcomes, known, strict=True)]
     # Each sweep is held out of the others' mean, in which it was one: together they lack one.
     share = 1.0 - 1.0 / max(len(outcomes), 2)
-    extent = (scene.upper - scene.lower) * lever(scene)
+    extent = (scene.upper - scene.lower) * levers(scene)
     for axis in range(scene.dimension):
         candidates = _PRIOR_STD * _CANDIDATES
         fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
@@ -173,7 +174,7 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
                 for each in candidates
             ]
         found.append(candidates[np.flatnonzero(fit > fit.max() - 0.5)[-1]])
-    return np.array(found) / lever(scene)
+    return np.array(found) / levers(scene)
 
 
 def _independent(errors: np.ndarray) -> float:

@@ -1,1 +1,1 @@
-"""Angles, motion, palm frames, and synchronising palm poses with strains."""
+"""Angles, motion, frames, and synchronization of palm poses with strain vectors."""

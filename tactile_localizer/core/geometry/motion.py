@@ -10,11 +10,16 @@ from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.scene import Scene
 
 YAW_LEVER = 0.02
-"""m of travel that a turn of 1 rad counts for: a fingertip about the middle of its contact."""
+"""m of travel per radian of yaw: the lever arm of a fingertip about the middle of its contact."""
+
+
+def levers(scene: Scene) -> np.ndarray:
+    """Metres of travel per unit of each axis, (d,): 1, but :data:`YAW_LEVER` for yaw."""
+    return np.array([YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes])
 
 
 class MotionModel:
-    """x_t = x_{t-1} + displacement + noise, with a variance in proportion to the travelled distance.
+    """x_t = x_{t-1} + displacement + noise, with a variance proportional to the distance travelled.
 
     A variance per metre, not per step, makes the belief independent of the sample rate and leaves a
     hand at rest where it is.
@@ -28,29 +33,30 @@ class MotionModel:
         self._wraps = scene.wraps
         self._turns = bool(self._wraps.any())
         self._variance_per_metre = scene.motion_std**2
-        self._lever = [YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes]
+        self._levers = levers(scene).tolist()
 
     def displacement(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """What has to be added to ``before`` (d,) to come to ``after`` (..., d); yaw by the shortest arc."""
+        """Displacement (..., d) from ``before`` (d,) to ``after`` (..., d); yaw by the shortest arc."""
         return self.wrapped(after - before)
 
     def wrapped(self, values: np.ndarray) -> np.ndarray:
-        """``values`` (..., d) with those of full-turn axes in [-pi, pi)."""
+        """``values`` (..., d) with those of full-turn axes in [-pi, pi), in place."""
         if self._turns:
             values[..., self._wraps] = wrap_angle(values[..., self._wraps])
         return values
 
     def travel(self, displacement: np.ndarray) -> float:
-        """Length of a displacement (d,), m; a turn counts :data:`YAW_LEVER` a radian."""
+        """Length of a displacement (d,), m; yaw counts by :data:`YAW_LEVER`."""
+        # The hot path: for a few numbers a loop is several times faster than arrays.
         squared = 0.0
-        for lever, along in zip(self._lever, displacement.tolist(), strict=True):
+        for lever, along in zip(self._levers, displacement.tolist(), strict=True):
             squared += (lever * along) * (lever * along)
         return math.sqrt(squared)
 
     def travels(self, displacements: np.ndarray) -> np.ndarray:
         """Lengths of displacements (n, d), (n,) m; to the last bit those of :meth:`travel`."""
         squared = np.zeros(len(displacements))
-        for lever, along in zip(self._lever, displacements.T, strict=True):
+        for lever, along in zip(self._levers, displacements.T, strict=True):
             squared += (lever * along) * (lever * along)
         return np.asarray(np.sqrt(squared))
 
@@ -61,6 +67,6 @@ class MotionModel:
     def sample(
         self, states: np.ndarray, displacement: np.ndarray, travel: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """States (P, d) moved by ``displacement`` (d,), each with its own noise of ``travel`` metres."""
+        """States (P, d) moved by ``displacement`` (d,), each with an independent draw of the noise."""
         noise = rng.standard_normal(states.shape) * np.sqrt(self.variance(travel))
         return states + displacement + noise

@@ -1,4 +1,4 @@
-"""From palm poses in a named frame to positions on the scene's axes, in the material's frame."""
+"""Conversion of palm poses in a named frame to positions on the scene's axes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from tactile_localizer.scene import Axis
 
 
 class PalmFrame:
-    """Knows in which frames palm poses can be used.
+    """Transforms palm poses into the material's frame.
 
     Parameters
     ----------
     axes : the d axes of the positions
-    material_frame : poses in this frame are used as they are
-    reference_frame : poses in this frame, such as the robot's base, are brought into the material's;
-        empty: there is none
+    material_frame : name of the material's frame
+    reference_frame : another frame in which poses may be given, such as the robot's base; empty: none
     material_pose : x, y, z (m), roll, pitch, yaw (rad) of the material in ``reference_frame``
 
     Raises
@@ -53,14 +52,14 @@ class PalmFrame:
 
         Parameters
         ----------
-        frame : the frame that the pose is given in
+        frame : frame of the pose
         translation : x, y, z, m
         quaternion : x, y, z, w
 
         Raises
         ------
         MeasurementError
-            The pose is in a frame that cannot be brought into the material's, or is not finite.
+            The frame is unknown, or the pose is not finite.
         """
         position: np.ndarray = self.positions(frame, np.array([translation]), np.array([quaternion]))[0]
         if not np.isfinite(position).all():
@@ -68,12 +67,12 @@ class PalmFrame:
         return position
 
     def positions(self, frame: str, translations: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-        """The positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`, finite where they are.
+        """Positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`; not finite where a pose is not.
 
         Raises
         ------
         MeasurementError
-            The poses are in a frame that cannot be brought into the material's.
+            The frame is unknown.
         """
         if frame not in self._from:
             known = " or ".join(repr(name) for name in self._from)

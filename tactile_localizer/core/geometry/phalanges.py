@@ -1,8 +1,8 @@
-"""Positions of the phalanges on the material, from those of the palm.
+"""Positions of the phalanges on the material.
 
-With ``T_material_palm`` the palm's state (x, y, yaw) and ``T_palm_phalanx`` the phalanx's offset in the
-palm's frame, a phalanx is at ``T_material_phalanx = T_material_palm @ T_palm_phalanx``: its offset turns with
-the palm. An axis that the scene does not name is zero.
+``T_material_phalanx = T_material_palm @ T_palm_phalanx``, where ``T_material_palm`` is the palm's state
+(x, y, yaw) and ``T_palm_phalanx`` the phalanx's offset in the palm's frame: the offset turns with the palm.
+An axis that the scene does not name is zero.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tactile_localizer.scene import Phalanx, Scene
 
 
 def phalanx_positions(scene: Scene, phalanx: Phalanx, states: np.ndarray) -> np.ndarray:
-    """Position of a phalanx at palm ``states`` (P, d): (P, d), m (yaw: rad), full turns in [-pi, pi)."""
+    """Positions (P, d), m (yaw: rad), of a phalanx at palm ``states`` (P, d); full-turn axes in [-pi, pi)."""
     positions = states + turned_offsets(scene, phalanx, states)
     for axis in np.flatnonzero(scene.wraps):
         positions[:, axis] = wrap_angle(positions[:, axis])
@@ -22,7 +22,7 @@ def phalanx_positions(scene: Scene, phalanx: Phalanx, states: np.ndarray) -> np.
 
 
 def turned_offsets(scene: Scene, phalanx: Phalanx, states: np.ndarray) -> np.ndarray:
-    """Offset of a phalanx from the palm at ``states`` (P, d) along the scene's axes: (P, d), m (yaw: rad)."""
+    """Offsets (P, d), m (yaw: rad), of a phalanx from the palm at ``states`` (P, d), on the scene's axes."""
     names = scene.axis_names
     offsets = np.tile(np.asarray(phalanx.offset, dtype=np.float64), (len(states), 1))
     if "yaw" not in names:
@@ -38,7 +38,7 @@ def turned_offsets(scene: Scene, phalanx: Phalanx, states: np.ndarray) -> np.nda
 
 
 def phalanges_on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
-    """Which phalanges are in the feature's region at ``states`` (P, d): (P, F); all, without a region."""
+    """Whether each phalanx is in the feature's region at ``states`` (P, d): (P, F); all without a region."""
     on = np.ones((len(states), len(scene.phalanges)), dtype=bool)
     if scene.feature is not None:
         for index, phalanx in enumerate(scene.phalanges):
@@ -47,5 +47,5 @@ def phalanges_on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
 
 
 def on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
-    """At which palm ``states`` (P, d) some phalanx is in the feature's region: (P,) bool."""
+    """Whether any phalanx is in the feature's region at palm ``states`` (P, d): (P,) bool."""
     return np.logical_or.reduce(phalanges_on_feature(scene, states).T)

@@ -1,7 +1,7 @@
 """Palm poses, buffered and interpolated at the stamps of strain vectors.
 
-Positions are interpolated linearly and yaw along the shortest arc. Nothing here reads a clock: what
-is old, late or missing follows from stamps alone, so a recording played at any rate gives the same result.
+Positions are interpolated linearly and yaw along the shortest arc. Stamps alone decide what is old, late or
+missing; nothing reads a clock, so a recording gives the same result at any playback rate.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from bisect import bisect_left
 
 import numpy as np
 
+from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 
@@ -21,23 +22,12 @@ DEFAULT_MAX_GAP_S = 0.1
 
 
 def near_bounds(axes: tuple[Axis, ...], positions: np.ndarray) -> np.ndarray:
-    """The same positions with yaw within half a turn of the middle of its bounds.
-
-    Parameters
-    ----------
-    axes : the d axes
-    positions : (n, d) palm positions, m (yaw: rad)
-
-    Returns
-    -------
-    (n, d) ndarray
-        ``positions`` itself where no axis is a yaw.
-    """
+    """Positions (n, d), m (yaw: rad), with yaw within half a turn of the middle of its bounds."""
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
             middle = (axis.lower + axis.upper) / 2
             positions = positions.copy()
-            positions[:, column] = middle + _shortest_arc(positions[:, column] - middle)
+            positions[:, column] = middle + wrap_angle(positions[:, column] - middle)
     return positions
 
 
@@ -48,14 +38,14 @@ def interpolate_poses(
     stamp_ns: np.ndarray,
     max_gap_s: float = DEFAULT_MAX_GAP_S,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Palm positions at the stamps of strain vectors, from poses recorded at other times.
+    """Interpolate recorded palm poses at the stamps of strain vectors.
 
     Parameters
     ----------
     axes : the d axes
     pose_ns : (m,) stamps of the poses, ns, ascending
     poses : (m, d) palm positions, m (yaw: rad)
-    stamp_ns : (n,) stamps at which positions are wanted, ns
+    stamp_ns : (n,) stamps of the strain vectors, ns
     max_gap_s : longest time between the two poses around a stamp, s
 
     Returns
@@ -75,28 +65,33 @@ def interpolate_poses(
     before = np.where(exact, after, np.maximum(after - 1, 0))
     span = pose_ns[after] - pose_ns[before]
     found = inside & (span <= round(max_gap_s * NANOSECONDS))
-    share = (stamp_ns - pose_ns[before]) / np.maximum(span, 1)
-    step = poses[after] - poses[before]
-    yaw = [axis.name == "yaw" for axis in axes]
-    step[:, yaw] = _shortest_arc(step[:, yaw])
-    moved = poses[before] + share[:, None] * step
-    positions[found] = near_bounds(axes, moved[found])
+    fraction = ((stamp_ns - pose_ns[before]) / np.maximum(span, 1))[:, None]
+    positions[found] = _between(axes, poses[before], poses[after], fraction)[found]
     return positions, found
+
+
+def _between(
+    axes: tuple[Axis, ...], first: np.ndarray, second: np.ndarray, fraction: float | np.ndarray
+) -> np.ndarray:
+    """Positions (n, d) at a ``fraction`` of the way from ``first`` to ``second``, (n, d) each."""
+    step = second - first
+    for column, axis in enumerate(axes):
+        if axis.name == "yaw":
+            step[:, column] = wrap_angle(step[:, column])
+    return near_bounds(axes, first + fraction * step)
 
 
 class PoseBuffer:
     """The palm poses of the last seconds.
+
+    A pose whose stamp is not later than the newest is dropped as late. A stamp that is earlier by more than
+    ``length_s`` means that time itself has jumped back (a looping bag): the buffer is cleared.
 
     Parameters
     ----------
     axes : the d axes
     max_gap_s : longest time between the two poses around a stamp, s
     length_s : how long poses are kept, s
-
-    Notes
-    -----
-    A pose whose stamp is not later than the newest is dropped as late. One that is earlier by more
-    than ``length_s`` means that time itself was set back (a looping bag): the buffer starts anew.
     """
 
     def __init__(
@@ -104,7 +99,6 @@ class PoseBuffer:
     ) -> None:
         self.axes = axes
         self._max_gap_ns = round(max_gap_s * NANOSECONDS)
-        self._yaw = [column for column, axis in enumerate(axes) if axis.name == "yaw"]
         self._length_ns = round(length_s * NANOSECONDS)
         self._stamps: list[int] = []
         self._poses: list[np.ndarray] = []
@@ -118,17 +112,7 @@ class PoseBuffer:
         return self._stamps[-1] if self._stamps else None
 
     def add(self, stamp_ns: int, position: np.ndarray) -> bool:
-        """Add a pose.
-
-        Parameters
-        ----------
-        stamp_ns : its stamp, ns
-        position : (d,) palm position, m (yaw: rad)
-
-        Returns
-        -------
-        bool
-            False when the pose came late and was dropped.
+        """Add the palm position (d,), m (yaw: rad), at a stamp; returns false if it was dropped as late.
 
         Raises
         ------
@@ -144,42 +128,28 @@ class PoseBuffer:
             self.clear()
         self._stamps.append(stamp_ns)
         self._poses.append(np.asarray(position, dtype=np.float64))
-        # Half as much again is kept before the old ones go, so that going costs nothing on average.
+        # Deleting only once the buffer is half full of old poses makes the cost per pose constant.
         if 2 * (stamp_ns - self._stamps[0]) > 3 * self._length_ns:
             old = bisect_left(self._stamps, stamp_ns - self._length_ns)
             del self._stamps[:old], self._poses[:old]
         return True
 
     def at(self, stamp_ns: int) -> np.ndarray | None:
-        """The palm position (d,) at a stamp, m (yaw: rad).
+        """The palm position (d,) at a stamp, m (yaw: rad), as by :func:`interpolate_poses`.
 
-        Returns
-        -------
-        ndarray or None
-            ``None`` when the stamp is older than all poses, newer than all, or in a gap. A caller
-            that would wait for a newer pose compares with :attr:`newest_ns` first.
+        ``None`` if the stamp is older than all poses, newer than all (see :attr:`newest_ns`), or in a gap.
         """
         after = bisect_left(self._stamps, stamp_ns)
         if after == len(self._stamps):
             return None
-        if self._stamps[after] == stamp_ns:
-            return near_bounds(self.axes, self._poses[after][None])[0]
-        if after == 0 or self._stamps[after] - self._stamps[after - 1] > self._max_gap_ns:
+        before = after if self._stamps[after] == stamp_ns else after - 1
+        if before < 0 or self._stamps[after] - self._stamps[before] > self._max_gap_ns:
             return None
-        # As interpolate_poses, without its cost for arrays: this runs for every strain vector.
-        span = self._stamps[after] - self._stamps[after - 1]
-        share = (stamp_ns - self._stamps[after - 1]) / span
-        step = self._poses[after] - self._poses[after - 1]
-        if self._yaw:
-            step[self._yaw] = _shortest_arc(step[self._yaw])
-        return near_bounds(self.axes, (self._poses[after - 1] + share * step)[None])[0]
+        span = max(self._stamps[after] - self._stamps[before], 1)
+        fraction = (stamp_ns - self._stamps[before]) / span
+        return _between(self.axes, self._poses[before][None], self._poses[after][None], fraction)[0]
 
     def clear(self) -> None:
-        """Forget all poses."""
+        """Remove all poses."""
         self._stamps.clear()
         self._poses.clear()
-
-
-def _shortest_arc(angle: np.ndarray) -> np.ndarray:
-    """The same angles within half a turn of zero, rad."""
-    return angle - math.tau * np.round(angle / math.tau)

@@ -1,7 +1,6 @@
-"""Pairs each strain vector with the palm position at its stamp, waiting for the pose that follows it.
+"""Pairing of live strain vectors with the palm position at their stamps.
 
-One class for all that do so live: the mapping node records the pairs, the filter node localises by
-them. Whichever topic is late, the pairs are those that
+A strain vector waits for the pose that follows it. Whichever topic is late, the pairs are those that
 :func:`~tactile_localizer.core.geometry.pose_buffer.interpolate_poses` finds in a recording of both.
 """
 
@@ -19,27 +18,27 @@ from tactile_localizer.scene import Axis
 T = TypeVar("T")
 
 DEFAULT_PATIENCE_S = 1.0
-"""How long, by stamps, a strain vector waits for the pose that follows it, s."""
+"""Longest time, by stamps, that a strain vector waits for the pose that follows it, s."""
 
 
 @dataclass(frozen=True)
 class Pair(Generic[T]):
-    """Where the palm was when something was felt.
+    """A strain vector with the palm position at its stamp.
 
     Parameters
     ----------
-    stamp_ns : stamp of what was felt, ns
+    stamp_ns : of the strain vector, ns
     position : (d,) palm position, m (yaw: rad); ``None`` when no pose was near enough in time
-    felt : what came with the strain vector
+    measurement : the strain vector, in the form given to :meth:`Pairing.add_strain`
     """
 
     stamp_ns: int
     position: np.ndarray | None
-    felt: T
+    measurement: T
 
 
 class Pairing(Generic[T]):
-    """Brings strain vectors and palm poses together by their stamps.
+    """Pairs strain vectors with palm positions by their stamps.
 
     Parameters
     ----------
@@ -49,8 +48,8 @@ class Pairing(Generic[T]):
 
     Attributes
     ----------
-    late : poses and strain vectors dropped because a later one had come before, so far
-    resets : times that stamps jumped back and everything began anew, so far
+    late : number of poses and strain vectors dropped because a later one had already arrived
+    resets : number of backward jumps of the stamps, each of which clears everything
     """
 
     def __init__(
@@ -63,7 +62,7 @@ class Pairing(Generic[T]):
         self.late = 0
         self.resets = 0
         self._patience_ns = round(patience_s * NANOSECONDS)
-        # Poses are kept for as long as a strain vector that needs them may still wait.
+        # Poses are kept for as long as a strain vector that needs them may wait.
         self._length_s = 2 * patience_s + max_gap_s
         self._poses = PoseBuffer(axes, max_gap_s=max_gap_s, length_s=self._length_s)
         self._waiting: deque[tuple[int, T]] = deque()
@@ -80,12 +79,7 @@ class Pairing(Generic[T]):
         return self._waiting[0][0] if self._waiting else None
 
     def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Pair[T]]:
-        """Add a palm pose; returns what need not wait any more, in the order of the stamps.
-
-        Parameters
-        ----------
-        stamp_ns : its stamp, ns
-        position : (d,) palm position, m (yaw: rad)
+        """Add a palm position (d,), m (yaw: rad); returns the pairs that are now complete, by stamp.
 
         Raises
         ------
@@ -100,8 +94,8 @@ class Pairing(Generic[T]):
             done = self._reset()
         return done + self._complete()
 
-    def add_strain(self, stamp_ns: int, felt: T) -> list[Pair[T]]:
-        """Add a strain vector; returns what need not wait any more, in the order of the stamps."""
+    def add_strain(self, stamp_ns: int, measurement: T) -> list[Pair[T]]:
+        """Add a strain vector; returns the pairs that are now complete, by stamp."""
         newest = self._newest_strain_ns
         done: list[Pair[T]] = []
         if newest is not None and stamp_ns <= newest:
@@ -111,12 +105,12 @@ class Pairing(Generic[T]):
             self._poses.clear()
             done = self._reset()
         self._newest_strain_ns = stamp_ns
-        self._waiting.append((stamp_ns, felt))
+        self._waiting.append((stamp_ns, measurement))
         return done + self._complete()
 
     def finish(self) -> list[Pair[T]]:
-        """No more will come: returns the strain vectors that still wait, without positions."""
-        unpaired = [Pair(stamp_ns, None, felt) for stamp_ns, felt in self._waiting]
+        """End of the stream: returns the strain vectors that are still waiting, without positions."""
+        unpaired = [Pair(stamp_ns, None, measurement) for stamp_ns, measurement in self._waiting]
         self._waiting.clear()
         return unpaired
 
@@ -124,12 +118,12 @@ class Pairing(Generic[T]):
         pairs = []
         newest_pose, newest_strain = self._poses.newest_ns, self._newest_strain_ns
         while self._waiting and newest_strain is not None:
-            stamp_ns, felt = self._waiting[0]
+            stamp_ns, measurement = self._waiting[0]
             must_wait = newest_pose is None or stamp_ns > newest_pose
             if must_wait and newest_strain - stamp_ns <= self._patience_ns:
                 break
             self._waiting.popleft()
-            pairs.append(Pair(stamp_ns, self._poses.at(stamp_ns), felt))
+            pairs.append(Pair(stamp_ns, self._poses.at(stamp_ns), measurement))
         return pairs
 
     def _reset(self) -> list[Pair[T]]:

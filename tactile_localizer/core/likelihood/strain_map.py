@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.geometry.motion import YAW_LEVER
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, held_out
 from tactile_localizer.core.likelihood.student_t import log_density
@@ -44,7 +44,7 @@ class VarianceModel:
     visit : factor of the noise of the visit and of the mean
     signal : factor of the squared signal: visits differ more where more is felt; zero where the material has
         no featureless strain to measure the signal from
-    doubt : factor of what interpolation leaves open (:attr:`.Expectation.doubt`)
+    interpolation : factor of :attr:`.Expectation.interpolation_error`
     summed_correlation : m of travel that make one independent look at the residual
     signal_correlation : m of travel over which the material itself feels alike: the sum of its
         autocorrelation
@@ -52,15 +52,17 @@ class VarianceModel:
 
     visit: float = 1.0
     signal: float = 0.0
-    doubt: float = 0.5
+    interpolation: float = 0.5
     summed_correlation: float = 0.003
     signal_correlation: float = 0.01
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
         """Variance of a new visit, (M, K, F)."""
         counts = np.array(layout.counts)
-        signal, doubt = layout.sum(expected.mean**2) / counts, layout.sum(expected.doubt) / counts
-        return self.visit * (1.0 + expected.noise[..., None]) + self.signal * signal + self.doubt * doubt
+        signal = layout.sum(expected.mean**2) / counts
+        error = layout.sum(expected.interpolation_error) / counts
+        visit = self.visit * (1.0 + expected.noise[..., None])
+        return visit + self.signal * signal + self.interpolation * error
 
 
 class StrainMap(NamedTuple):
@@ -103,7 +105,7 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
     On three axes they are as large as keeps their number below :data:`MOST_CELLS_IN_SPACE`.
     """
     length = PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
-    sizes = np.array([length / YAW_LEVER if axis.name == "yaw" else length for axis in scene.axes])
+    sizes = length / levers(scene)
     extent = scene.upper - scene.lower
     if scene.dimension == 3:
         sizes *= max(1.0, float(np.prod(extent / sizes)) / MOST_CELLS_IN_SPACE) ** (1.0 / 3.0)
@@ -128,8 +130,8 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     counts = np.array(layout.counts)
 
     def model(log_factors: np.ndarray) -> VarianceModel:
-        visit, doubt, signal = np.exp(log_factors).tolist()
-        return VarianceModel(visit, signal * estimate.featureless, doubt)
+        visit, interpolation, signal = np.exp(log_factors).tolist()
+        return VarianceModel(visit, signal * estimate.featureless, interpolation)
 
     def cost(log_factors: np.ndarray) -> float:
         variance = model(log_factors).variance(expected, layout)

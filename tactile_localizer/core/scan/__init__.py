@@ -1,1 +1,1 @@
-"""The training scan: pairs of palm position and strain, in sweeps."""
+"""The training scan: pairs of palm position and strain vector, grouped in sweeps."""

@@ -1,4 +1,4 @@
-"""How much of the scene's bounds a scan has come near."""
+"""Coverage of the scene's bounds by a scan."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ SWEEP_DISTANCE_M = 0.00254
 SWEEP_DISTANCE_RAD = 0.1
 """The same along yaw."""
 
-_CELLS_A_DISTANCE = 4
+_CELLS_PER_DISTANCE = 4
 
 
 class Coverage:
-    """Share of the scene's bounds that lies within one sweep distance of a pair.
+    """Fraction of the volume within the scene's bounds that is within one sweep distance of a pair.
 
     Parameters
     ----------
-    scene : its bounds count
+    scene : axes and bounds
     distance_m : sweep distance, m
     distance_rad : the same along yaw, rad
     """
@@ -32,35 +32,35 @@ class Coverage:
         distance = np.array([distance_rad if axis.name == "yaw" else distance_m for axis in scene.axes])
         extent = scene.upper - scene.lower
         self._lower = scene.lower
-        self._shape = np.ceil(_CELLS_A_DISTANCE * extent / distance).astype(int)
+        self._shape = np.ceil(_CELLS_PER_DISTANCE * extent / distance).astype(int)
         self._cell = extent / self._shape
-        # Distances are counted in sweep distances, so that metres and radians can be compared.
+        # In units of the sweep distance, so that metres and radians can be compared.
         self._sampling = self._cell / distance
         self._visited = np.zeros(self._shape, dtype=bool)
-        self._share: float | None = 0.0
+        self._fraction: float | None = 0.0
 
     def add(self, states: np.ndarray) -> None:
-        """Count pairs at ``states`` (n, d), which lie within the bounds, as visited."""
+        """Add pairs at ``states`` (n, d) within the bounds."""
         cells = np.clip(((states - self._lower) / self._cell).astype(int), 0, self._shape - 1)
         if not self._visited[tuple(cells.T)].all():
             self._visited[tuple(cells.T)] = True
-            self._share = None
+            self._fraction = None
 
     @property
     def fraction(self) -> float:
-        """Covered fraction of the bounds, 0 to 1."""
-        if self._share is None:
-            self._share = float(np.mean(self._distances() < 1.0))
-        return self._share
+        """Covered fraction, 0 to 1."""
+        if self._fraction is None:
+            self._fraction = float(np.mean(self._distances() < 1.0))
+        return self._fraction
 
     def largest_hole(self) -> tuple[np.ndarray, float]:
-        """The place (d,) that is farthest from any pair, and how far that is, in sweep distances."""
+        """The place (d,) that is farthest from any pair, and its distance from it in sweep distances."""
         distances = self._distances()
         cell = np.array(np.unravel_index(np.argmax(distances), distances.shape))
         return self._lower + (cell + 0.5) * self._cell, float(distances.max())
 
     def _distances(self) -> np.ndarray:
-        """Distance of every cell from the nearest visited one, in sweep distances; infinite without any."""
+        """Distance of each cell from the nearest visited one, in sweep distances; infinite without any."""
         if not self._visited.any():
             return np.full(self._shape, np.inf)
         return ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)

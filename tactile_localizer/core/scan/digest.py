@@ -1,4 +1,4 @@
-"""Digest of a scan and a scene: the key under which what was learned from both can be reused."""
+"""Digest of a scan and a scene, the key of results that were computed from them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,10 @@ from tactile_localizer.scene import Scene
 
 
 def digest_of(scan: Scan, scene: Scene) -> str:
-    """Hexadecimal digest of everything in ``scan`` and ``scene`` that a result can depend on.
+    """Hexadecimal digest of the contents of ``scan`` and ``scene``.
 
     Equal values give equal digests on every machine and in every process, whatever the memory layout of
-    the arrays and whether a number is an ``int``, a ``float`` or a numpy scalar. The scene's name counts
-    as well. What is stored under the digest should say in its key which algorithm, of which version,
-    computed it.
+    the arrays and whether a number is an ``int``, a ``float`` or a numpy scalar.
     """
     digest = hashlib.blake2b(digest_size=16)
     text = {"scene": _plain(scene), "axes": scan.axes, "phalanges": scan.phalanges, "pairs": len(scan)}
@@ -31,7 +29,7 @@ def digest_of(scan: Scan, scene: Scene) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """``value`` as mappings, lists and text that JSON writes in one way only."""
+    """``value`` as mappings, lists and strings, which have only one JSON representation."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):

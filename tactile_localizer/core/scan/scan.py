@@ -1,4 +1,4 @@
-"""The training scan as arrays: palm positions and what the fingers felt there."""
+"""The training scan as arrays of palm positions and strain vectors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_localizer.errors import ScanError
 
 @dataclass(frozen=True)
 class Scan:
-    """State-measurement pairs D = {(x_n, z_n)} (paper, III-B), in the order in which they were felt.
+    """State-measurement pairs D = {(x_n, z_n)} (paper, III-B), in the order of recording.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class Scan:
     sweep : (N,) int, number of the sweep that each pair belongs to
     axes : names of the d axes
     phalanges : names of the F phalanges
-    channels : channels of each phalanx, C in all; empty: the default for each
+    channels : number of channels of each phalanx, C in all; empty: the default for each
 
     Raises
     ------
@@ -56,17 +56,17 @@ class Scan:
 
     @cached_property
     def layout(self) -> ChannelLayout:
-        """The elements of the strain vector by phalanx."""
+        """Channels of the strain vector by phalanx."""
         return ChannelLayout.of(self.channels, len(self.phalanges))
 
     def __len__(self) -> int:
         return len(self.states)
 
     def select(self, keep: np.ndarray) -> Scan:
-        """The pairs that ``keep`` (boolean mask or indices) names."""
+        """A scan of some of the pairs, by boolean mask or indices."""
         return replace(self, states=self.states[keep], strain=self.strain[keep], sweep=self.sweep[keep])
 
     @property
     def sweep_numbers(self) -> np.ndarray:
-        """The sweeps' numbers, ascending."""
+        """Numbers of the sweeps, ascending, (S,)."""
         return np.unique(self.sweep)

@@ -1,4 +1,4 @@
-"""How far apart the sweeps of a scan are, and how much they disagree where they pass each other."""
+"""Spacing of the sweeps of a scan, and the difference of their strains at neighbouring places."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 
 _LEAST_WIDTH = 0.002
-"""m, or rad; sweeps that run over each other leave no spacing to go by."""
+"""m, or rad: least spacing, for sweeps that run over each other."""
 
 
 def divided(sweep: np.ndarray) -> np.ndarray:
-    """Sweep numbers; a lone sweep is dealt into two interleaved ones, so that something can be held out."""
+    """Sweep numbers (N,); a single sweep is split into two interleaved ones, so that one can be held out."""
     return sweep if len(np.unique(sweep)) > 1 else np.arange(len(sweep)) % 2
 
 
 def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """For pairs spread over the scan, indices (M,), the nearest of another sweep each (M,), and its distance.
+    """Nearest neighbours in another sweep of pairs spread over the scan.
 
-    Distances (M,) are in shares of the scene's extents.
+    Returns
+    -------
+    own, nearest : (M,) indices of the pairs and of their neighbours
+    distance : (M,) between them, as fractions of the scene's extents
 
     Raises
     ------
@@ -42,21 +45,22 @@ def nearest_of_other_sweeps(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.nd
 
 
 def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Kernel widths of the right order: the sweeps' spacing (d,) and their disagreement (C,).
+    """Kernel widths of the right order of magnitude, from :func:`nearest_of_other_sweeps`.
 
-    In m (yaw: rad) and V. The spacing is the median distance from a pair to the nearest one of another
-    sweep, in shares of the scene's extents; the disagreement the median difference of their strains, a
-    channel.
+    Returns
+    -------
+    position : (d,) m (yaw: rad), median distance of neighbours in different sweeps
+    strain : (C,) V, median difference of their strains
     """
     own, nearest, distance = nearest_of_other_sweeps(scan, scene)
     strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
     spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
-    # A channel on which most sweeps agree to the last digit still has some width.
+    # A positive width also for a channel in which most sweeps agree exactly.
     spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
     spacing = max(float(np.median(distance)), 0.002) * (scene.upper - scene.lower)
     return np.maximum(spacing, _LEAST_WIDTH), spread
 
 
 def scaled_states(scan: Scan, scene: Scene) -> np.ndarray:
-    """States (N, d) on the scene's axes, in shares of its extents."""
+    """States (N, d) on the scene's axes, as fractions of its extents."""
     return scan.states[:, scene.columns(scan.axes)] / (scene.upper - scene.lower)

@@ -1,4 +1,4 @@
-"""Finding sweeps in the palm's motion: one ends where the hand reverses or rests."""
+"""Detection of sweeps in the palm's motion: a sweep ends where the hand reverses or rests."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.scene import Axis
 
 DEFAULT_REVERSAL_M = 0.002
-"""Travel against a sweep's direction that ends it, and travel out of rest that begins one, m."""
+"""Travel against a sweep's direction that ends it, and travel from rest that begins one, m."""
 
 DEFAULT_REST_S = 2.0
-"""Time without that much travel after which the hand rests, s."""
+"""Time without that much travel after which the hand is at rest, s."""
 
 
 class SweepDetector:
-    """Tells for each sample, as it comes, which sweep it belongs to.
+    """Assigns a sweep number to each sample as it arrives.
 
-    A reversal is known only once the hand has gone back by ``reversal_m``, so the first samples of the
-    way back still count to the sweep that it ends. A step aside neither ends nor begins a sweep.
+    A reversal is detected once the hand has gone back by ``reversal_m``, so the first samples of a stroke are
+    assigned to the sweep before it. A step sideways neither ends nor begins a sweep.
 
     Parameters
     ----------
-    axes : the d axes; travel is that along x and y (along yaw where there is nothing else)
-    one_way : strokes against the first one's direction, as the hand's return, are no sweeps
+    axes : the d axes; travel is measured in x and y, or in yaw if there is no other axis
+    one_way : whether strokes against the direction of the first one are ignored, as returns of the hand
     reversal_m : travel that makes a reversal, m (yaw: rad)
-    rest_s : time without that travel that makes a rest, s
+    rest_s : time without that much travel after which the hand is at rest, s
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class SweepDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the motion, as when time was set back; sweeps go on being numbered."""
+        """Forget the motion, as after a jump in time; the numbering continues."""
         self._first_direction: np.ndarray | None = None
         self._direction: np.ndarray | None = None
         self._is_sweep = False
@@ -53,17 +53,12 @@ class SweepDetector:
         self._mark_ns: int | None = None
 
     def update(self, stamp_ns: int, position: np.ndarray) -> int:
-        """Take the next sample.
+        """Number of the sweep of the next sample, from 1; 0 if it belongs to none.
 
         Parameters
         ----------
-        stamp_ns : its stamp, ns
+        stamp_ns : stamp of the sample, ns
         position : (d,) palm position, m (yaw: rad)
-
-        Returns
-        -------
-        int
-            Number of the sweep that the sample belongs to, from 1; 0 when it belongs to none.
         """
         place = position[self._columns]
         if self._mark_ns is None:

@@ -1,4 +1,4 @@
-"""The tactile map (paper, II-B): every strain element interpolated on a regular grid of palm positions."""
+"""Tactile map (paper, II-B): the strains of a scan interpolated on a regular grid of palm positions."""
 
 from __future__ import annotations
 
@@ -13,18 +13,16 @@ from scipy.spatial import cKDTree
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanx_positions, turned_offsets
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Phalanx, Scene
 
-DEFAULT_NEIGHBOURS = 8
-"""Neighbours that a node of the grid is interpolated from; the paper's k."""
+NODES = {1: 1200, 2: 120}
+"""Nodes along the longer axis, for maps of one and of two axes."""
 
-DEFAULT_NODES = {1: 1200, 2: 120}
-"""Nodes along the longer axis, by the number of axes that are shown."""
-
+_NEIGHBOURS = 8
+"""Neighbours from which a node is interpolated; the paper's k."""
 
 _SWEEPS, _PAIRS = 40, 200
-"""Most sweeps, and half the most pairs of each, that the sweeps' distance is found from."""
+"""Numbers of sweeps, and about half the pairs per sweep, from which the sweep distance is computed."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +34,9 @@ class TactileMap:
     axes : names of the axes, one or two
     nodes : by axis, the palm positions of the grid's nodes, m (yaw: rad), ascending
     values : (n1, C) or (n1, n2, C) strain voltages, V; NaN where no pair is near enough
-    background : (C,) strain of featureless material: the median over the scan's pairs, V
+    background : (C,) strain of featureless material, V: the median over the scan's pairs
     phalanges : names of the F phalanges
-    channels : channels of each phalanx; empty: the default for each
+    channels : number of channels of each phalanx; empty: the default for each
     """
 
     axes: tuple[str, ...]
@@ -50,16 +48,16 @@ class TactileMap:
 
     @cached_property
     def layout(self) -> ChannelLayout:
-        """The channels by phalanx."""
+        """Channels of the strain vector by phalanx."""
         return ChannelLayout.of(self.channels, len(self.phalanges))
 
     def phalanx(self, name: str) -> np.ndarray:
-        """The channels of a phalanx less their background, (..., channels), V."""
+        """Strains of a phalanx minus their background, (..., channels), V."""
         columns = self.layout.slices[self.phalanges.index(name)]
         return self.values[..., columns] - self.background[columns]
 
     def places(self, scene: Scene, phalanx: Phalanx) -> np.ndarray:
-        """Where a phalanx is when the palm is at the nodes, (n1, 1) or (n1, n2, 2), m (yaw: rad)."""
+        """Positions of a phalanx with the palm at the nodes, (n1, 1) or (n1, n2, 2), m (yaw: rad)."""
         nodes = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1)
         states = np.zeros((*nodes.shape[:-1], scene.dimension))
         states[..., : len(self.axes)] = nodes
@@ -68,48 +66,28 @@ class TactileMap:
 
     @property
     def covered(self) -> np.ndarray:
-        """Which nodes have data, bool of the grid's shape."""
+        """Whether each node has data, bool of the grid's shape."""
         return np.asarray(np.isfinite(self.values).all(axis=-1))
 
 
-def make_map(
-    scan: Scan,
-    scene: Scene,
-    *,
-    nodes: int | None = None,
-    neighbours: int = DEFAULT_NEIGHBOURS,
-    reach: float | None = None,
-) -> TactileMap:
-    """Interpolate a scan on a regular grid over the scene's bounds.
+def make_map(scan: Scan, scene: Scene) -> TactileMap:
+    """Interpolate a scan on a regular grid over the scene's bounds, axes and phalanges.
 
-    A node's value is the mean of its nearest neighbours, with biweight weights that fall to zero at the
-    first one that does not count, so that the map changes without steps. Pairs are first averaged by
-    cells of half the sweeps' distance, so that the neighbours lie on several sweeps and a slow palm does
-    not outweigh a fast one. Of three axes the first two are shown; pairs of all values of the third count.
-    Where that is yaw, each phalanx is shown where it was: the nodes are palm positions of a hand at yaw zero.
-
-    Parameters
-    ----------
-    scan : the pairs; of axes and phalanges that the scene does not name nothing is shown
-    scene : its bounds and axes
-    nodes : nodes along the longer axis; by default :data:`DEFAULT_NODES`
-    neighbours : cells that a node is interpolated from
-    reach : distance beyond which a pair does not contribute to a node, m; by default 1.5 times the distance
-        of the sweeps, or of the pairs on a sweep where that is greater
+    A node's value is the mean of its nearest neighbours within 1.5 sweep distances, with biweight weights
+    that fall to zero at the next neighbour, so that the map is continuous. Pairs are first averaged over
+    cells of half the sweep distance, so that the neighbours lie on several sweeps and a slow palm does not
+    outweigh a fast one. Of three axes the first two are shown, with the pairs at all values of the third;
+    if that is yaw, each phalanx is shown at its own position: nodes are palm positions at yaw zero.
 
     Raises
     ------
-    ParameterError
-        ``nodes`` or ``neighbours`` is less than 2.
+    SceneError
+        The scene names an axis or a phalanx that the scan does not have.
     """
     shown = min(scene.dimension, 2)
-    nodes = DEFAULT_NODES[shown] if nodes is None else nodes
-    for name, value in (("nodes", nodes), ("neighbours", neighbours)):
-        if value < 2:
-            raise ParameterError(f"{name}: expected at least 2, got {value}")
     scale = axis_scale(scene)[:shown]
     lower, upper = scene.lower[:shown] * scale, scene.upper[:shown] * scale
-    step = float(np.max(upper - lower)) / (nodes - 1)
+    step = float(np.max(upper - lower)) / (NODES[shown] - 1)
     counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
     grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
     palms = scan.states[:, scene.columns(scan.axes)]
@@ -123,13 +101,12 @@ def make_map(
     )
     distance = sweep_distance(scan, step)
     cell = max(step, distance / 2)
-    if reach is None:
-        reach = max(1.5 * distance, 1.5 * _pair_distance(scan), cell)
+    reach = max(1.5 * distance, 1.5 * _pair_distance(scan), cell)
     queries = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
     values = np.empty((len(queries), scan.strain.shape[1]))
-    for columns, states in _shown_where(scene, palms, shown):
+    for columns, states in _shown_positions(scene, palms, shown):
         places, strain = _cell_means(states * scale, scan.strain[:, columns], lower, cell)
-        values[:, columns] = _local_mean(places, strain, queries, neighbours, reach)
+        values[:, columns] = _local_mean(places, strain, queries, reach)
     return TactileMap(
         axes=scan.axes,
         nodes=tuple(nodes / unit for nodes, unit in zip(grid, scale, strict=True)),
@@ -140,8 +117,8 @@ def make_map(
     )
 
 
-def _shown_where(scene: Scene, palms: np.ndarray, shown: int) -> Iterator[tuple[slice, np.ndarray]]:
-    """Columns of the strain and where on the first axes their pairs are shown, (N, shown)."""
+def _shown_positions(scene: Scene, palms: np.ndarray, shown: int) -> Iterator[tuple[slice, np.ndarray]]:
+    """Columns of the strain, and the positions (N, shown) at which their pairs are shown."""
     if "yaw" not in scene.axis_names[shown:]:
         yield slice(None), palms[:, :shown]
         return
@@ -151,10 +128,7 @@ def _shown_where(scene: Scene, palms: np.ndarray, shown: int) -> Iterator[tuple[
 
 
 def axis_scale(scene: Scene) -> np.ndarray:
-    """Metres that a unit of each axis counts for in distances, (d,).
-
-    Beside lengths a yaw counts for as much as makes its extent that of the longest axis.
-    """
+    """Display scale of each axis, (d,): 1 for lengths; yaw is scaled to the extent of the longest of them."""
     extent = scene.upper - scene.lower
     angle = np.array([axis.name == "yaw" for axis in scene.axes])
     if angle.all() or not angle.any():
@@ -163,13 +137,13 @@ def axis_scale(scene: Scene) -> np.ndarray:
 
 
 def sweep_distance(scan: Scan, least: float = 0.0) -> float:
-    """Typical distance of a pair to the nearest of another sweep in the plane, m; 0 for one sweep.
+    """Median distance from a pair to the nearest pair of another sweep in the plane, m; 0 for one sweep.
 
-    Pairs within ``least``, m, of a sweep are on the same line, as those of a way back, and do not count.
+    Pairs within ``least``, m, of a sweep are taken to be on the same line, as those of a return, and ignored.
     """
     numbers = scan.sweep_numbers
     rows = [np.flatnonzero(scan.sweep == number) for number in numbers]
-    rows = [own[:: max(1, len(own) // _PAIRS)] for own in rows]  # enough to know a line by
+    rows = [own[:: max(1, len(own) // _PAIRS)] for own in rows]
     distances = [np.empty(0)]
     for index in np.unique(np.linspace(0, len(numbers) - 1, _SWEEPS).astype(int)):
         mine = scan.states[rows[index], :2]
@@ -183,7 +157,7 @@ def sweep_distance(scan: Scan, least: float = 0.0) -> float:
 
 
 def _pair_distance(scan: Scan) -> float:
-    """Typical distance of two consecutive pairs of a sweep; 0 where no sweep has two."""
+    """Median distance of consecutive pairs of a sweep; 0 where no sweep has two."""
     steps = np.linalg.norm(np.diff(scan.states, axis=0), axis=1)[np.diff(scan.sweep) == 0]
     return float(np.median(steps)) if len(steps) else 0.0
 
@@ -191,7 +165,7 @@ def _pair_distance(scan: Scan) -> float:
 def _cell_means(
     states: np.ndarray, strain: np.ndarray, lower: np.ndarray, size: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean state and strain of the pairs in each cell of a grid that has any."""
+    """Mean state and strain of the pairs in each non-empty cell of a grid."""
     cells = np.floor((states - lower) / size).astype(np.int64)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(cell.ravel(), kind="stable")
@@ -200,21 +174,18 @@ def _cell_means(
     return means[0], means[1]
 
 
-def _local_mean(
-    places: np.ndarray, strain: np.ndarray, queries: np.ndarray, neighbours: int, reach: float
-) -> np.ndarray:
+def _local_mean(places: np.ndarray, strain: np.ndarray, queries: np.ndarray, reach: float) -> np.ndarray:
     """Weighted mean strain (Q, C) of the nearest places to each query; NaN beyond reach."""
-    k = min(neighbours + 1, len(places))
+    k = min(_NEIGHBOURS + 1, len(places))
     distance, index = cKDTree(places).query(queries, k=list(range(1, k + 1)))
-    width = np.minimum(distance[:, -1:], reach) if k > neighbours else np.full((len(queries), 1), reach)
+    width = np.minimum(distance[:, -1:], reach) if k > _NEIGHBOURS else np.full((len(queries), 1), reach)
     weights = np.clip(1 - (distance / np.maximum(width, 1e-12)) ** 2, 0, None) ** 2
-    # Where all neighbours are as far as the width, the nearest one alone is left.
-    weights[:, 0] += 1e-12
+    weights[:, 0] += 1e-12  # the nearest one alone counts where all are at the width
     near = distance[:, 0] <= reach
     values = np.full((len(queries), strain.shape[1]), math.nan)
-    shares = weights[near] / weights[near].sum(axis=1, keepdims=True)
-    # One neighbour at a time: the strain of all at once would take k times the memory of the map.
+    weights = weights[near] / weights[near].sum(axis=1, keepdims=True)
+    # One neighbour at a time: the strains of all of them would take k times the memory of the map.
     values[near] = sum(
-        share[:, None] * strain[nearest] for share, nearest in zip(shares.T, index[near].T, strict=True)
+        weight[:, None] * strain[nearest] for weight, nearest in zip(weights.T, index[near].T, strict=True)
     )
     return values

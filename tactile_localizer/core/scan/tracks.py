@@ -1,4 +1,4 @@
-"""Sweeps as evenly spaced tracks, and predictions between neighbouring tracks."""
+"""Tracks, the sweeps of a scan averaged over equal stretches, and interpolation between them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.motion import YAW_LEVER
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
@@ -18,60 +18,52 @@ PITCH = 0.0005
 """Least distance between two points of a track, m: finer than any load cell resolves."""
 
 _NEAREST = 6
-"""Tracks around a place that are considered, three on either side of it."""
+"""Tracks from which a place is interpolated, three on either side of it."""
 _SPARE = 2
-"""Tracks beyond the nearest that are looked at, because the nearest point of a track is not its foot."""
-_PRIOR_PER_LINE = 0.5
-"""nats that a pair of tracks loses for each further line it spans: the nearest two need not be in the same
-deformation mode as the sweep that is to come. By judgement, not varied yet."""
-_AT_ONCE = 2048
-"""Places interpolated together, close to each other: memory does not grow with the scan."""
-_SPACED_TRACKS = 50
-"""Tracks from which the spacing is found, spread over the scan."""
+"""Further candidates for them: the distance to a track's points is larger than that to the line between."""
+_PENALTY_PER_LINE = 0.5
+"""nats by which the prior of a pair falls for each line between its two tracks. Such pairs are components
+because the nearest two need not be in the deformation mode of the next sweep. By judgement, not varied."""
+_PENALTY_OUTSIDE = 16.0
+"""nats by which the prior of a pair falls at one line spacing outside of it, squared with the distance."""
+_PLACES_AT_ONCE = 2048
+"""Neighbouring places interpolated together, which bounds memory."""
+_TRACKS_FOR_SPACING = 50
+"""Tracks, spread over the scan, from which the line spacing is computed."""
 _DISTANCES_AT_ONCE = 2**17
-"""Distances that are held at a time: a megabyte, which stays in the processor's cache."""
-_OUTSIDE = 16.0
-"""nats that a pair loses at one line spacing from the place: it should lie between the two tracks."""
+"""Distances computed at a time: a megabyte, which fits the processor's cache."""
 
 
 class Track(NamedTuple):
-    """One sweep: ``positions`` (n, d), m (yaw: rad), and ``strain`` (n, C) there, in the order of travel."""
+    """One sweep: ``positions`` (n, d), m (yaw: rad), and ``strain`` (n, C), in the order of travel."""
 
     positions: np.ndarray
     strain: np.ndarray
 
 
 class Expectation(NamedTuple):
-    """What tracks let one expect at M places, by K components.
+    """Expected strains at M places, as mixtures of K components.
 
     Parameters
     ----------
     mean : (M, K, C) strain
-    doubt : (M, K, C) squared difference of the two tracks, times how far the place is from either:
-        what interpolation leaves open
-    noise : (M, K) variance of the mean in units of one visit's noise
+    interpolation_error : (M, K, C) squared difference of the two tracks, scaled by l (1 - l) with l the
+        fraction of the way from one to the other
+    noise : (M, K) variance of the mean, in units of the noise of one visit
     log_prior : (M, K) logarithms of the components' prior probabilities
     distance : (M,) from the place to the nearest track, m
     """
 
     mean: np.ndarray
-    doubt: np.ndarray
+    interpolation_error: np.ndarray
     noise: np.ndarray
     log_prior: np.ndarray
     distance: np.ndarray
 
 
-def lever(scene: Scene) -> np.ndarray:
-    """Metres that one unit of each axis counts for in the distance between two states, (d,)."""
-    return np.array([YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes])
-
-
 def tracks_of(scan: Scan, scene: Scene) -> list[Track]:
-    """The sweeps of a scan with their strains averaged over stretches of :data:`PITCH`.
-
-    A hand that rests adds nothing. A sweep that never moves is one point.
-    """
-    positions = scan.states[:, scene.columns(scan.axes)] * lever(scene)
+    """The sweeps of a scan, averaged over stretches of :data:`PITCH`; a sweep without motion is one point."""
+    positions = scan.states[:, scene.columns(scan.axes)] * levers(scene)
     strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
     tracks = []
     order = np.argsort(scan.sweep, kind="stable")
@@ -82,18 +74,18 @@ def tracks_of(scan: Scan, scene: Scene) -> list[Track]:
             np.stack([np.bincount(stretch, column) for column in values[rows].T], axis=1) / count
             for values in (positions, strain)
         ]
-        tracks.append(Track(means[0] / lever(scene), means[1]))
+        tracks.append(Track(means[0] / levers(scene), means[1]))
     return tracks
 
 
 def line_spacing(tracks: Sequence[Track], scene: Scene) -> float:
-    """Median distance from a point to the nearest other track, m; zero where tracks run over each other."""
+    """Median distance from a point to the nearest other track, m; near zero for repeats of one line."""
     if len(tracks) < 2:
         return 0.0
-    scale = lever(scene)
+    scale = levers(scene)
     points = [track.positions * scale for track in tracks]
     nearest = []
-    for index in evenly(len(tracks), _SPACED_TRACKS):
+    for index in evenly(len(tracks), _TRACKS_FOR_SPACING):
         own = points[index][:: max(1, len(points[index]) // 20)]
         others = np.concatenate(points[:index] + points[index + 1 :])
         nearest.append(NearestPoints(own).among(others)[0])
@@ -108,17 +100,17 @@ def evenly(count: int, most: int) -> list[int]:
 def expectation(
     tracks: Sequence[Track], scene: Scene, places: np.ndarray, spacing: float, components: int
 ) -> Expectation:
-    """What is to be felt at ``places`` (M, d), interpolated between the tracks around each.
+    """Expected strains at ``places`` (M, d), interpolated between the tracks around each.
 
-    On one axis tracks repeat each other: their mean is the one component. On more axes the components are
-    pairs of tracks on either side of the place, each interpolated linearly.
+    On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
+    are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m.
     """
-    scale = lever(scene)
-    near = _NearTracks(tracks, scene)
+    scale = levers(scene)
+    candidates = _Candidates(tracks, scene)
     tiles = list(_tiles(places * scale))
     parts = []
     for tile in tiles:
-        own, here = near.tracks(places[tile] * scale), places[tile]
+        own, here = candidates.near(places[tile] * scale), places[tile]
         feet, strain, distance = _feet(own, scene, here)
         if scene.dimension == 1 or len(tracks) == 1:
             parts.append(_repeats(strain, distance))
@@ -131,11 +123,11 @@ def expectation(
 
 
 def _tiles(points: np.ndarray) -> Iterator[np.ndarray]:
-    """Indices of points (M, d) that lie close together, at most :data:`_AT_ONCE` at a time."""
+    """Indices of neighbouring points of (M, d), at most :data:`_PLACES_AT_ONCE` at a time."""
     waiting = [np.arange(len(points))]
     while waiting:
         rows = waiting.pop()
-        if len(rows) <= _AT_ONCE:
+        if len(rows) <= _PLACES_AT_ONCE:
             yield rows
             continue
         along = points[rows, np.ptp(points[rows], axis=0).argmax()]
@@ -143,25 +135,25 @@ def _tiles(points: np.ndarray) -> Iterator[np.ndarray]:
         waiting += [rows[order[half:]], rows[order[:half]]]
 
 
-class _NearTracks:
-    """Finds the tracks among which the nearest ones of some places are, without a look at all of them."""
+class _Candidates:
+    """Preselects tracks by their distance, so that a large scan is not compared with every place."""
 
     def __init__(self, tracks: Sequence[Track], scene: Scene) -> None:
         self._tracks = tracks
-        # On one axis all tracks that reach a place count, on more axes the nearest ones.
+        # On one axis all tracks that reach a place are needed, on more axes the nearest ones.
         one = scene.dimension == 1 or len(tracks) == 1
         self._count = 1 if one else min(len(tracks), _NEAREST + _SPARE)
         self._slack = 2.0 * PITCH if one else 0.0
         self._every = bool(scene.wraps.any()) or len(tracks) <= 2 * self._count
         if not self._every:
-            points = np.concatenate([track.positions for track in tracks]) * lever(scene)
+            points = np.concatenate([track.positions for track in tracks]) * levers(scene)
             starts = np.cumsum([0, *(len(track.positions) for track in tracks[:-1])])
             self._points = np.split(points, starts[1:])
             self._low = np.minimum.reduceat(points, starts, axis=0)
             self._high = np.maximum.reduceat(points, starts, axis=0)
 
-    def tracks(self, places: np.ndarray) -> Sequence[Track]:
-        """Those that can be among the nearest of any of ``places`` (m, d), in metres."""
+    def near(self, places: np.ndarray) -> Sequence[Track]:
+        """Tracks that can be among the nearest of any of ``places`` (m, d), in metres."""
         if self._every:
             return self._tracks
         centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -177,12 +169,12 @@ class _NearTracks:
         return [self._tracks[row] for row in rows[distance <= self._nearest(distance) + reach].tolist()]
 
     def _nearest(self, distances: np.ndarray) -> float:
-        """The last of the distances that count."""
+        """The largest of the distances of as many tracks as are needed."""
         return float(np.partition(distances, self._count - 1)[self._count - 1])
 
 
 def _stretches(positions: np.ndarray) -> np.ndarray:
-    """Number of the stretch of at least one pitch that each of (n, d) points belongs to, (n,) from zero."""
+    """Index (n,) of the stretch, at least one pitch long, to which each of the points (n, d) belongs."""
     numbers = np.zeros(len(positions), dtype=np.intp)
     points = positions.tolist()
     anchor, current = points[0], 0
@@ -196,13 +188,15 @@ def _stretches(positions: np.ndarray) -> np.ndarray:
 def _feet(
     tracks: Sequence[Track], scene: Scene, places: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nearest point of each of the nearest tracks to each place, its strain there, and its distance.
+    """Foot of the perpendicular from each place on the nearest tracks, interpolated between their points.
 
-    Shapes (d, M, T), (M, T, C) and (M, T), nearest first; T at most :data:`_NEAREST` but on one axis, where
-    it is all tracks. Strains are linear between a track's points.
+    Returns
+    -------
+    feet, strain, distance : (d, M, T) m, (M, T, C) and (M, T) m, nearest first; T is at most
+        :data:`_NEAREST`, on one axis all tracks
     """
-    queries = places * lever(scene)
-    points = [_unwrapped(track.positions, scene, places) * lever(scene) for track in tracks]
+    queries = places * levers(scene)
+    points = [_unwrapped(track.positions, scene, places) * levers(scene) for track in tracks]
     near = NearestPoints(queries)
     found = [near.among(each) for each in points]
     distance, index = (np.stack(each, axis=1) for each in zip(*found, strict=True))
@@ -211,10 +205,10 @@ def _feet(
     index = index + first
     rows = np.arange(len(places))[:, None]
     every = scene.dimension == 1 or len(tracks) == 1
-    if not every:  # tracks further away than these have no nearer foot between their points either
+    if not every:
         nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _SPARE]
         index, first, last = index[rows, nearest], first[nearest], last[nearest]
-    # An axis at a time, (d, M, T): sums over a short last axis take several times longer.
+    # (d, M, T), because sums over a short last axis take several times longer.
     joined = np.ascontiguousarray(np.concatenate(points).T)
     nodes = joined.take(index, axis=1)
     away = queries.T[:, :, None] - nodes
@@ -243,10 +237,9 @@ def _feet(
 
 
 class NearestPoints:
-    """Finds the nearest of some points to each of ``queries`` (M, d).
+    """Nearest-neighbour search for ``queries`` (M, d), by brute force.
 
-    All distances are computed: for the few hundred points of a track that is as fast as a k-d tree, whose
-    import takes half a second.
+    For the few hundred points of a track that is as fast as a k-d tree, whose import takes half a second.
     """
 
     def __init__(self, queries: np.ndarray) -> None:
@@ -258,9 +251,9 @@ class NearestPoints:
         """Distance to the nearest of ``points`` (n, d), and its index, (M,) each."""
         away = (points - self._centre).T
         squared = _dot(away, away)
-        # Points further away than this are nearest to no query.
+        # Points farther than this are nearest to no query; the margin is for rounding.
         limit = (math.sqrt(squared.min()) + self._diameter) ** 2
-        kept = (squared <= limit * (1.0 + 1e-9)).nonzero()[0]  # rounding must not leave out the nearest
+        kept = (squared <= limit * (1.0 + 1e-9)).nonzero()[0]
         away, squared = away[:, kept], squared[kept]
         doubled = 2.0 * away
         index = np.empty(len(self._queries), dtype=np.intp)
@@ -283,7 +276,7 @@ def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.nd
     wraps = scene.wraps
     if not wraps.any():
         return positions
-    near = places[NearestPoints(positions * lever(scene)).among(places * lever(scene))[1]]
+    near = places[NearestPoints(positions * levers(scene)).among(places * levers(scene))[1]]
     return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 
@@ -294,8 +287,8 @@ def _repeats(strain: np.ndarray, distance: np.ndarray) -> Expectation:
     count = reaches.sum(axis=1)
     mean = np.einsum("mt,mtc->mc", reaches, strain) / count[:, None]
     excess = np.maximum(nearest - 2.0 * PITCH, 0.0)[:, None]
-    doubt = (excess / (8.0 * PITCH)) ** 2 * mean**2
-    return Expectation(mean[:, None], doubt[:, None], 1.0 / count[:, None], np.zeros((len(mean), 1)), nearest)
+    error = (excess / (8.0 * PITCH)) ** 2 * mean**2
+    return Expectation(mean[:, None], error[:, None], 1.0 / count[:, None], np.zeros((len(mean), 1)), nearest)
 
 
 def _pairs(
@@ -306,7 +299,7 @@ def _pairs(
     spacing: float,
     components: int,
 ) -> Expectation:
-    """The best pairs of tracks for each place, by how well they enclose it and how close they are."""
+    """The pairs of tracks with the highest prior for each place: those close to it and on either side."""
     pairs = list(combinations(range(feet.shape[2]), 2))
     ratios, scores, outside = [], [], []
     of_track = [np.ascontiguousarray(each) for each in np.moveaxis(feet, 2, 0)]
@@ -318,7 +311,7 @@ def _pairs(
         left = away - ratio * edge
         rest = np.sqrt(_dot(left, left)) / spacing
         further = np.maximum(np.sqrt(length) / spacing - 1.0, 0.0)
-        scores.append(-_PRIOR_PER_LINE * further - _OUTSIDE * rest**2)
+        scores.append(-_PENALTY_PER_LINE * further - _PENALTY_OUTSIDE * rest**2)
         ratios.append(ratio)
         outside.append(rest)
     score = np.stack(scores, axis=1)

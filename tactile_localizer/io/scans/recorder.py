@@ -221,8 +221,8 @@ class SweepRecorder:
             return
         stamp_ns = np.array([pair.stamp_ns for pair in self._batch], dtype=np.int64)
         states = np.array([pair.position for pair in self._batch])
-        strain = np.array([pair.felt[0] for pair in self._batch])
-        status = np.array([pair.felt[1] for pair in self._batch])
+        strain = np.array([pair.measurement[0] for pair in self._batch])
+        status = np.array([pair.measurement[1] for pair in self._batch])
         self._batch = []
         screening = screen(self.store.scene, states, strain, status)
         self.skipped += screening.skipped

@@ -157,7 +157,7 @@ class OnlineLocalizer:
         if pair.stamp_ns <= self._since_ns:
             counts.earlier += 1
             return None
-        strain, status = pair.felt
+        strain, status = pair.measurement
         present = usable(status)
         for phalanx, ok in zip(counts.absent, present, strict=True):
             counts.absent[phalanx] += not ok

@@ -11,7 +11,7 @@ from support.scans import scene
 from tactile_localizer.core.geometry.motion import YAW_LEVER, MotionModel
 
 
-def test_states_move_by_the_displacement_and_spread_by_the_travelled_distance():
+def test_sampled_states_have_the_modelled_moments():
     model, rng = MotionModel(scene(3)), np.random.default_rng(0)
     states = np.full((200_000, 3), [0.01, 0.02, 0.1])
     moved = model.sample(states, np.array([0.005, -0.003, 0.2]), 0.04, rng)
@@ -22,7 +22,7 @@ def test_states_move_by_the_displacement_and_spread_by_the_travelled_distance():
 
 
 @given(parts=st.lists(st.floats(1e-6, 0.01), min_size=1, max_size=30))
-def test_the_variance_does_not_depend_on_how_a_way_is_cut(parts):
+def test_variance_is_additive_over_parts_of_the_travel(parts):
     model = MotionModel(scene())
     np.testing.assert_allclose(sum(model.variance(part) for part in parts), model.variance(sum(parts)))
 
@@ -34,13 +34,13 @@ def test_a_hand_at_rest_stays_where_it_is():
 
 
 @given(st.lists(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3), min_size=1))
-def test_many_displacements_are_as_long_as_each(displacements):
+def test_travels_agree_with_travel(displacements):
     model = MotionModel(scene(3))
     each = [model.travel(np.array(displacement)) for displacement in displacements]
     np.testing.assert_array_equal(model.travels(np.array(displacements)), each)
 
 
-def test_a_turn_counts_for_the_way_of_a_fingertip():
+def test_yaw_counts_by_its_lever():
     model = MotionModel(scene(3))
     assert model.travel(np.array([0.003, 0.004, 0.0])) == pytest.approx(0.005)
     assert model.travel(np.array([0.0, 0.0, 0.5])) == pytest.approx(0.5 * YAW_LEVER)
@@ -54,6 +54,6 @@ def test_a_displacement_in_yaw_takes_the_shortest_arc(before, turn):
     np.testing.assert_allclose(step, [0.001, 0.0, turn], atol=1e-9)
 
 
-def test_where_yaw_is_no_full_turn_it_is_a_plain_number():
+def test_yaw_of_less_than_a_full_turn_does_not_wrap():
     step = MotionModel(scene(3)).displacement(np.array([0.0, 0.0, -0.4]), np.array([0.0, 0.0, 0.45]))
     assert step[2] == pytest.approx(0.85)

@@ -16,7 +16,7 @@ YAW = Axis("yaw", -math.pi, math.pi)
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 
-def test_a_pose_in_the_material_frame_is_taken_as_it_is_on_the_axes_of_the_scene():
+def test_a_pose_in_the_material_frame_is_not_transformed():
     quaternion = Rotation.from_euler("z", 0.3).as_quat()
     np.testing.assert_allclose(
         PalmFrame((YAW, Y, X)).position("material", (1, 2, 3), quaternion), [0.3, 2, 1]
@@ -24,7 +24,7 @@ def test_a_pose_in_the_material_frame_is_taken_as_it_is_on_the_axes_of_the_scene
     np.testing.assert_array_equal(PalmFrame((Y,)).position("material", (1, 2, 3), (0, 0, 0, 0)), [2])
 
 
-def test_a_pose_in_the_reference_frame_is_brought_into_the_material_frame():
+def test_a_pose_in_the_reference_frame_is_transformed():
     rng = np.random.default_rng(5)
     for _ in range(20):
         pose = np.concatenate([rng.normal(size=3), rng.uniform(-1.4, 1.4, 3)])
@@ -37,7 +37,7 @@ def test_a_pose_in_the_reference_frame_is_brought_into_the_material_frame():
         np.testing.assert_allclose(found, [*place[:2], math.atan2(heading[1], heading[0])], atol=1e-12)
 
 
-def test_a_frame_that_is_not_known_is_refused_by_name():
+def test_an_unknown_frame_is_refused():
     with pytest.raises(MeasurementError, match=r"palm pose frame 'map': expected 'material'$"):
         PalmFrame((X,)).position("map", (0, 0, 0), LEVEL)
     with pytest.raises(MeasurementError, match=r"palm pose frame '': expected 'sheet' or 'base'$"):
@@ -54,6 +54,6 @@ def test_a_pose_that_is_not_finite_is_refused(place, quaternion):
 
 
 @pytest.mark.parametrize("pose", [[0.0] * 5, [0.0, 0.0, 0.0, 0.0, 0.0, math.nan]])
-def test_a_material_pose_of_other_than_six_finite_numbers_is_refused(pose):
+def test_an_invalid_material_pose_is_refused(pose):
     with pytest.raises(ParameterError, match="material_pose: expected x, y, z, roll, pitch, yaw"):
         PalmFrame((X,), reference_frame="base", material_pose=pose)

@@ -17,7 +17,7 @@ def transform(x: float, y: float, yaw: float) -> np.ndarray:
     return np.array([[cos, -sin, x], [sin, cos, y], [0.0, 0.0, 1.0]])
 
 
-def test_a_phalanx_is_at_the_product_of_the_palms_and_its_own_transform() -> None:
+def test_phalanx_position_is_a_product_of_transforms() -> None:
     scene = Scene(
         "turned",
         (Axis("yaw", -math.pi, math.pi), Axis("x", 0.0, 1.0), Axis("y", 0.0, 1.0)),
@@ -36,13 +36,13 @@ def test_a_fifth_of_a_radian_moves_a_fingertip_by_two_and_a_half_millimetres() -
     assert np.hypot(*(placed[1] - placed[0])[:2]) == pytest.approx(2.54e-3, rel=0.01)
 
 
-def test_without_yaw_an_offset_is_added_as_it_is() -> None:
+def test_without_yaw_the_offset_is_added() -> None:
     scene = Scene("plain", SCENE.axes[:2], (Phalanx("index", (0.001, 0.0127)),))
     placed = phalanx_positions(scene, scene.phalanges[0], np.array([[0.02, 0.03]]))
     np.testing.assert_allclose(placed, [[0.021, 0.0427]])
 
 
-def test_a_phalanx_that_turns_past_half_a_turn_comes_in_on_the_other_side() -> None:
+def test_the_yaw_of_a_phalanx_wraps() -> None:
     scene = Scene("turn", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (1.0,)),))
     placed = phalanx_positions(scene, scene.phalanges[0], np.array([[3.0]]))
     assert placed == pytest.approx(4.0 - 2 * math.pi)
@@ -55,7 +55,7 @@ def centre(strength: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("yaw", [-0.2, 0.2])
-def test_a_turned_simulated_hand_feels_the_feature_at_the_same_place(yaw: float) -> None:
+def test_a_turned_hand_senses_the_feature_at_the_same_place(yaw: float) -> None:
     for number, phalanx in enumerate(SCENE.phalanges):
         straight, turned = (
             centre(bump_strength(scan, number), phalanx_positions(SCENE, phalanx, scan.states))
@@ -65,7 +65,7 @@ def test_a_turned_simulated_hand_feels_the_feature_at_the_same_place(yaw: float)
 
 
 @pytest.mark.parametrize("yaw", YAWS)
-def test_a_turned_simulated_hand_feels_nothing_outside_the_region(yaw: float) -> None:
+def test_a_turned_hand_senses_nothing_outside_the_region(yaw: float) -> None:
     assert SCENE.feature == REGION
     scan = turned_scan((yaw,))
     on = phalanges_on_feature(SCENE, scan.states)
@@ -74,7 +74,7 @@ def test_a_turned_simulated_hand_feels_nothing_outside_the_region(yaw: float) ->
         assert strength[~on[:, number]].max() < 0.25 * strength.max()
 
 
-def test_the_map_of_a_turned_hand_shows_the_feature_at_the_same_place() -> None:
+def test_the_map_of_a_turned_hand_agrees_with_that_of_a_straight_one() -> None:
     turned, straight = (make_map(turned_scan(yaws), SCENE) for yaws in (YAWS, (0.0,)))
     for phalanx in SCENE.phalanges:
         found = [

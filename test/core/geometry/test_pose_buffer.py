@@ -24,18 +24,18 @@ def buffer_of(axes, *poses, **options) -> PoseBuffer:
     return buffer
 
 
-def test_a_position_between_two_poses_lies_on_the_line_between_them():
+def test_positions_are_interpolated_linearly():
     buffer = buffer_of((X, Y), (1.00, (0.1, 0.5)), (1.04, (0.3, 0.1)))
     np.testing.assert_allclose(buffer.at(1_010_000_000), [0.15, 0.4])
 
 
-def test_a_position_at_a_pose_is_that_pose_even_beside_a_gap():
+def test_a_pose_beside_a_gap_is_returned_at_its_stamp():
     buffer = buffer_of((X,), (1.0, (0.1,)), (2.0, (0.3,)), (3.0, (0.7,)))
     assert buffer.at(2 * SECOND) == 0.3
     assert buffer.at(1 * SECOND) == 0.1
 
 
-def test_yaw_goes_along_the_shortest_arc_and_stays_near_its_bounds():
+def test_yaw_follows_the_shortest_arc_near_its_bounds():
     buffer = buffer_of((YAW,), (1.0, (3.1,)), (1.1, (-3.1,)))
     np.testing.assert_allclose(np.abs(buffer.at(1_050_000_000)), math.pi)
     beyond = Axis("yaw", 3.0, 3.5)
@@ -43,7 +43,7 @@ def test_yaw_goes_along_the_shortest_arc_and_stays_near_its_bounds():
     np.testing.assert_allclose(buffer.at(1_100_000_000), math.tau - 3.1)
 
 
-def test_there_is_no_position_before_the_first_pose_after_the_last_or_in_a_gap():
+def test_no_position_outside_the_poses_or_in_a_gap():
     buffer = buffer_of((X,), (1.0, (0.1,)), (1.1, (0.2,)), (1.3, (0.4,)))
     assert buffer.at(999_999_999) is None
     assert buffer.at(1_300_000_001) is None
@@ -52,7 +52,7 @@ def test_there_is_no_position_before_the_first_pose_after_the_last_or_in_a_gap()
     assert PoseBuffer((X,)).at(1) is None
 
 
-def test_a_late_pose_is_dropped_and_time_set_back_starts_anew():
+def test_a_late_pose_is_dropped_and_a_backward_jump_clears():
     buffer = buffer_of((X,), (10.0, (0.1,)), (10.1, (0.2,)), length_s=5.0)
     assert not buffer.add(10_050_000_000, np.array([0.9]))
     assert not buffer.add(10_100_000_000, np.array([0.9]))
@@ -62,7 +62,7 @@ def test_a_late_pose_is_dropped_and_time_set_back_starts_anew():
     assert buffer.newest_ns == SECOND
 
 
-def test_old_poses_are_forgotten_so_that_memory_stays():
+def test_memory_is_bounded():
     buffer = PoseBuffer((X,), length_s=1.0)
     for step in range(10_000):
         buffer.add(step * 10_000_000, np.array([0.5]))
@@ -71,7 +71,7 @@ def test_old_poses_are_forgotten_so_that_memory_stays():
 
 
 @pytest.mark.parametrize("position", [[math.nan], [math.inf], [0.1, 0.2], []])
-def test_a_pose_that_is_not_finite_or_not_of_the_axes_is_refused(position):
+def test_an_invalid_pose_is_refused(position):
     buffer = buffer_of((X,), (1.0, (0.1,)))
     with pytest.raises(MeasurementError, match="palm position: expected finite x, got"):
         buffer.add(2 * SECOND, np.array(position))
@@ -99,7 +99,7 @@ def test_live_and_recorded_interpolation_agree_to_the_last_bit(steps, queries, s
             assert abs(position[1]) <= math.pi + 1e-12
 
 
-def test_positions_near_the_bounds_differ_by_whole_turns_only():
+def test_near_bounds_moves_yaw_by_whole_turns():
     axes = (X, Axis("yaw", -0.5, 0.5))
     given_positions = np.array([[0.1, 6.0], [0.2, -6.5], [0.3, 0.4]])
     moved = near_bounds(axes, given_positions)
@@ -108,7 +108,7 @@ def test_positions_near_the_bounds_differ_by_whole_turns_only():
     assert near_bounds((X,), given_positions) is given_positions
 
 
-def test_without_poses_there_is_no_position():
+def test_no_position_without_poses():
     positions, found = interpolate_poses((X,), np.array([], np.int64), np.empty((0, 1)), np.array([SECOND]))
     assert np.isnan(positions).all()
     assert not found.any()

@@ -37,7 +37,7 @@ def test_a_strain_vector_waits_for_the_pose_that_follows_it():
     assert pairing.waiting_ns is None
 
 
-def test_a_strain_vector_that_comes_after_its_poses_is_paired_at_once():
+def test_a_strain_vector_after_its_poses_is_paired_at_once():
     pairing = Pairing(AXES)
     pose(pairing, 100, 0.1)
     pose(pairing, 110, 0.2)
@@ -51,7 +51,7 @@ def test_a_gap_in_the_poses_gives_no_position():
     assert pose(pairing, 200, 0.2) == [(120, None)]
 
 
-def test_patience_ends_by_stamps_when_poses_stop():
+def test_patience_is_measured_by_stamps():
     pairing = Pairing(AXES, patience_s=0.1)
     pose(pairing, 100, 0.1)
     assert strain(pairing, 150) == []
@@ -60,7 +60,7 @@ def test_patience_ends_by_stamps_when_poses_stop():
     assert summary(pairing.finish()) == [(250, None), (251, None)]
 
 
-def test_what_comes_late_is_dropped_and_counted():
+def test_late_messages_are_dropped_and_counted():
     pairing = Pairing(AXES)
     pose(pairing, 100, 0.1)
     pose(pairing, 110, 0.2)
@@ -71,7 +71,7 @@ def test_what_comes_late_is_dropped_and_counted():
 
 
 @pytest.mark.parametrize("first", ["pose", "strain"])
-def test_time_that_is_set_back_begins_anew_whichever_topic_shows_it_first(first):
+def test_a_backward_jump_of_either_topic_resets(first):
     pairing = Pairing(AXES)
     pose(pairing, 100_000, 0.1)
     strain(pairing, 100_001)
@@ -85,7 +85,7 @@ def test_time_that_is_set_back_begins_anew_whichever_topic_shows_it_first(first)
     assert pairing.resets == 1
 
 
-def test_a_pose_that_is_not_finite_is_refused_and_changes_nothing():
+def test_a_refused_pose_changes_nothing():
     pairing = Pairing(AXES)
     pose(pairing, 100, 0.1)
     with pytest.raises(MeasurementError):
@@ -99,7 +99,7 @@ def test_a_pose_that_is_not_finite_is_refused_and_changes_nothing():
     pose_steps=st.lists(st.integers(1, 150), min_size=12, max_size=12),
     strain_steps=st.lists(st.integers(1, 100), min_size=15, max_size=15),
 )
-def test_any_order_of_arrival_gives_what_interpolating_the_recording_gives(order, pose_steps, strain_steps):
+def test_pairs_do_not_depend_on_the_order_of_arrival(order, pose_steps, strain_steps):
     pose_ms, strain_ms = np.cumsum(pose_steps), np.cumsum(strain_steps)
     x = np.random.default_rng(0).uniform(0, 1, len(pose_ms))
     pairing = Pairing(AXES, patience_s=10.0)
@@ -120,7 +120,7 @@ def test_any_order_of_arrival_gives_what_interpolating_the_recording_gives(order
             np.testing.assert_array_equal(pair.position, position)
 
 
-def test_it_knows_the_newest_strain_vector():
+def test_stamp_of_the_newest_strain_vector():
     pairing = Pairing(AXES)
     assert pairing.newest_ns is None
     strain(pairing, 105)

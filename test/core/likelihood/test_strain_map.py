@@ -86,7 +86,7 @@ def test_cells_in_space_are_as_large_as_keeps_their_number_small() -> None:
     np.testing.assert_allclose(coarse, [0.0015, 0.0015, 0.0015 / YAW_LEVER])
 
 
-def test_variance_grows_with_signal_and_doubt() -> None:
+def test_variance_grows_with_signal_and_interpolation_error() -> None:
     expected = expectation(tracks_of(lines(), PLANE), PLANE, np.array([[0.01, 0.012]]), SPACING, 3)
     plain = VarianceModel(1.0, 0.0, 0.0).variance(expected, PLANE.layout)
     np.testing.assert_allclose(plain, 1.0 + expected.noise[..., None])

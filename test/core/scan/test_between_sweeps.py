@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.scan.between_sweeps import (
-    leaves_gaps,
     with_interpolated_sweeps,
 )
 from tactile_localizer.core.scan.scan import Scan
@@ -32,12 +31,12 @@ def lines(spacing: float = 0.002, step: float = 0.00005) -> Scan:
     )
 
 
-def test_strains_between_the_sweeps_are_those_of_the_plane_through_them() -> None:
+def test_linear_strains_are_interpolated_exactly_between_sweeps() -> None:
     dense = with_interpolated_sweeps(lines(), PLANE)
     np.testing.assert_allclose(dense.strain, sloping(dense.states), atol=1e-12)
 
 
-def test_no_place_between_the_first_and_the_last_sweep_is_farther_than_half_a_spacing_from_a_pair() -> None:
+def test_pairs_fill_the_gaps_between_sweeps() -> None:
     scan = lines()
     dense = with_interpolated_sweeps(scan, PLANE)
     across = np.unique(np.round(dense.states[:, 1], 9))
@@ -46,7 +45,7 @@ def test_no_place_between_the_first_and_the_last_sweep_is_farther_than_half_a_sp
     assert across[-1] == pytest.approx(scan.states[:, 1].max())
 
 
-def test_a_place_of_a_sweep_also_has_what_the_sweeps_on_either_side_make_of_it() -> None:
+def test_pairs_are_also_interpolated_across_a_sweep() -> None:
     scan = lines()
     odd = scan.sweep == 5
     scan = Scan(
@@ -59,15 +58,14 @@ def test_a_place_of_a_sweep_also_has_what_the_sweeps_on_either_side_make_of_it()
     assert (found < 1.0).any()
 
 
-def test_sweeps_that_run_over_each_other_are_left_as_they_are() -> None:
+def test_repeats_of_one_line_are_unchanged() -> None:
     x = np.tile(np.linspace(0.0, SIDE, 400), 3)[:, None]
     scan = Scan(x, sloping(x), np.repeat([0, 1, 2], 400), ("x",), ("index",))
-    assert not leaves_gaps(scan, LINE)
     assert with_interpolated_sweeps(scan, LINE) is scan
 
 
 @pytest.mark.parametrize("pairs", [1, 2, 50])
-def test_a_lone_sweep_is_left_as_it_is(pairs: int) -> None:
+def test_a_single_sweep_is_unchanged(pairs: int) -> None:
     states = np.linspace(0.001, 0.019, pairs)[:, None] * [1.0, 0.5]
     scan = Scan(states, sloping(states), np.zeros(pairs, dtype=int), ("x", "y"), ("index",))
     assert with_interpolated_sweeps(scan, PLANE) is scan
@@ -89,14 +87,14 @@ def test_yaw_is_interpolated_along_the_shortest_arc() -> None:
     assert (np.abs(dense.states[:, 1] - np.radians(20.0)) < np.radians(20.1)).all()
 
 
-def test_the_nearest_of_another_sweep_is_of_another_sweep() -> None:
+def test_neighbours_are_in_another_sweep() -> None:
     scan = lines(spacing=0.004)
     own, nearest, distance = nearest_of_other_sweeps(scan, PLANE)
     assert (scan.sweep[own] != scan.sweep[nearest]).all()
     np.testing.assert_allclose(distance, 0.004 / SIDE)
 
 
-def test_a_lone_sweep_is_divided_so_that_something_can_be_held_out() -> None:
+def test_a_single_sweep_is_split_in_two() -> None:
     assert set(divided(np.zeros(10, dtype=int))) == {0, 1}
     np.testing.assert_array_equal(divided(np.array([3, 3, 5])), [3, 3, 5])
 

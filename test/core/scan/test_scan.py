@@ -15,7 +15,7 @@ GOOD = {
 }
 
 
-def test_a_good_scan_tells_its_size_and_sweeps():
+def test_a_scan_has_a_length_and_sweep_numbers():
     scan = Scan(**GOOD)
     assert len(scan) == 3
     assert scan.sweep_numbers.tolist() == [2, 5]
@@ -40,6 +40,6 @@ def test_pairs_are_selected_by_mask_or_index():
         ({"strain": np.full((3, 16), np.inf)}, "scan strain: expected finite values, found NaN or infinity"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(wrong, message):
+def test_inconsistent_arrays_are_refused(wrong, message):
     with pytest.raises(ScanError, match=message):
         Scan(**(GOOD | wrong))

@@ -33,7 +33,7 @@ def test_strains_in_another_unit_are_outside(known: ScanRange, sweep: SimulatedS
     assert known.strains_outside(1e3 * sweep.strain, ALL).all()
 
 
-def test_a_phalanx_that_is_absent_does_not_count(known: ScanRange, sweep: SimulatedSweep) -> None:
+def test_an_absent_phalanx_does_not_count(known: ScanRange, sweep: SimulatedSweep) -> None:
     strain = sweep.strain.copy()
     strain[:, :8] = 5.0
     assert known.strains_outside(strain, ALL).all()
@@ -47,7 +47,7 @@ def test_positions_in_another_unit_are_outside(known: ScanRange, sweep: Simulate
     assert known.positions_outside(positions, positions[0]).mean() > 0.9
 
 
-def test_an_axis_that_wraps_has_no_end() -> None:
+def test_a_full_turn_axis_has_no_range() -> None:
     scene = scene_of()
     scene = dataclasses.replace(
         scene, axes=(Axis("x", 0.0, 0.05), Axis("yaw", -np.pi, np.pi)), feature=None, measurement={}
@@ -58,7 +58,7 @@ def test_an_axis_that_wraps_has_no_end() -> None:
     assert known.positions_outside(np.array([0.06, 0.0]), np.zeros(2))
 
 
-def test_the_line_names_what_is_outside_and_the_usual_cause() -> None:
+def test_the_warning_names_the_usual_causes() -> None:
     assert describe_misfit(0.5, 0.05).startswith("50% of the strains are outside the range of the scan")
     both = describe_misfit(0.5, 1.0)
     assert "unit, tare" in both

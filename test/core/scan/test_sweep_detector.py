@@ -34,7 +34,7 @@ def raster(lines: int = 4) -> np.ndarray:
     return path(*points)
 
 
-def test_a_raster_of_there_and_back_has_a_sweep_a_line():
+def test_each_line_of_a_raster_is_a_sweep():
     positions = raster(4)
     found = numbers(SweepDetector(AXES), positions)
     assert set(found) == {0, 1, 2, 3, 4}
@@ -43,7 +43,7 @@ def test_a_raster_of_there_and_back_has_a_sweep_a_line():
     np.testing.assert_array_equal(found[middle], line[middle])
 
 
-def test_only_a_reversal_distance_at_the_ends_goes_to_the_wrong_sweep():
+def test_only_a_reversal_distance_is_assigned_to_the_wrong_sweep():
     positions = raster(2)
     found = numbers(SweepDetector(AXES, reversal_m=0.002), positions)
     line = np.round(positions[:, 1] / 0.0025).astype(int) + 1
@@ -51,7 +51,7 @@ def test_only_a_reversal_distance_at_the_ends_goes_to_the_wrong_sweep():
     assert wrong.sum() <= 2 * (0.002 / 0.01 * RATE + 2)
 
 
-def test_one_way_leaves_out_the_returns():
+def test_one_way_ignores_returns():
     there_and_back = path((0, 0), (0.05, 0), (0, 0), (0.05, 0), (0, 0))
     found = numbers(SweepDetector(AXES, one_way=True), there_and_back)
     assert found.max() == 2
@@ -66,7 +66,7 @@ def test_jitter_smaller_than_a_reversal_does_not_end_a_sweep():
     assert set(numbers(SweepDetector(AXES), positions)) == {0, 1}
 
 
-def test_a_hand_that_rests_is_in_no_sweep_and_begins_another_when_it_moves_on():
+def test_rest_ends_a_sweep():
     still = np.repeat([[0.02, 0.0]], 5 * RATE, axis=0)
     positions = np.concatenate([path((0, 0), (0.02, 0)), still, path((0.02, 0), (0.04, 0))])
     found = numbers(SweepDetector(AXES, rest_s=2.0), positions)
@@ -75,13 +75,13 @@ def test_a_hand_that_rests_is_in_no_sweep_and_begins_another_when_it_moves_on():
     assert found[-1] == 2
 
 
-def test_a_hand_that_never_moves_is_in_no_sweep():
+def test_a_hand_at_rest_is_in_no_sweep():
     rng = np.random.default_rng(1)
     positions = 0.02 + rng.normal(0, 0.0002, (60 * RATE, 2))
     assert not numbers(SweepDetector(AXES), positions).any()
 
 
-def test_after_a_reset_numbers_go_on_and_direction_is_found_anew():
+def test_numbering_continues_after_a_reset():
     detector = SweepDetector(AXES, one_way=True)
     numbers(detector, path((0, 0), (0.03, 0)), start_s=100.0)
     detector.reset()
@@ -89,7 +89,7 @@ def test_after_a_reset_numbers_go_on_and_direction_is_found_anew():
     assert found[-1] == 2
 
 
-def test_a_scene_of_yaw_alone_has_sweeps_of_yaw():
+def test_sweeps_of_a_scene_with_yaw_alone():
     detector = SweepDetector((Axis("yaw", -1.0, 1.0),), reversal_m=0.05)
     turn = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, 0, 100)])[:, None]
     assert numbers(detector, turn).max() == 2

@@ -5,7 +5,6 @@ import pytest
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map, sweep_distance
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SQUARE = Scene("s", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.04)), (Phalanx("index", (0.0, 0.0)),))
@@ -23,7 +22,7 @@ def raster(lines: np.ndarray, scene: Scene = SQUARE, value=plane) -> Scan:
     return Scan(states, strain, np.repeat(np.arange(len(lines)), len(x)), ("x", "y"), ("index",))
 
 
-def test_a_plane_is_found_again_between_the_sweeps():
+def test_a_plane_is_reproduced_between_the_sweeps():
     tactile_map = make_map(raster(np.arange(0, 0.0401, 0.0025)), SQUARE)
     assert tactile_map.covered.all()
     nodes = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)
@@ -33,13 +32,13 @@ def test_a_plane_is_found_again_between_the_sweeps():
     np.testing.assert_allclose(tactile_map.values[..., 7], 8 * tactile_map.values[..., 0])
 
 
-def test_nodes_have_the_same_step_on_both_axes_and_reach_the_bounds():
-    tactile_map = make_map(raster(np.arange(0, 0.0401, 0.0025)), SQUARE, nodes=51)
-    assert tactile_map.values.shape == (51, 41, 8)
+def test_nodes_are_equally_spaced_and_reach_the_bounds():
+    tactile_map = make_map(raster(np.arange(0, 0.0401, 0.0025)), SQUARE)
+    assert tactile_map.values.shape == (120, 96, 8)
     np.testing.assert_allclose([nodes[[0, -1]] for nodes in tactile_map.nodes], [[0, 0.05], [0, 0.04]])
 
 
-def test_where_no_sweep_has_come_near_there_is_no_value():
+def test_nodes_far_from_all_sweeps_have_no_value():
     tactile_map = make_map(raster(np.array([0.0, 0.0025, 0.005, 0.035, 0.0375, 0.04])), SQUARE)
     y = tactile_map.nodes[1]
     np.testing.assert_array_equal(tactile_map.covered.all(axis=0), tactile_map.covered.any(axis=0))
@@ -48,7 +47,7 @@ def test_where_no_sweep_has_come_near_there_is_no_value():
     assert not covered[(y > 0.01) & (y < 0.03)].any()
 
 
-def test_an_angle_beside_a_length_counts_by_its_extent():
+def test_yaw_is_scaled_by_its_extent():
     scene = Scene("turn", (Axis("x", 0.0, 0.1), Axis("yaw", -np.pi, np.pi)), (Phalanx("index", (0.0, 0.0)),))
     x = np.linspace(0.0, 0.1, 200)
     states = np.concatenate(
@@ -65,20 +64,20 @@ def test_an_angle_beside_a_length_counts_by_its_extent():
     np.testing.assert_allclose(tactile_map.values[inner][..., 0], expected[inner], atol=0.2)
 
 
-def test_sweeps_there_and_back_on_one_line_leave_no_holes_between_the_lines():
+def test_returns_on_the_same_line_leave_no_holes():
     scan = raster(np.repeat(np.arange(0, 0.0401, 0.0025), 2))
     assert make_map(scan, SQUARE).covered.all()
     assert sweep_distance(scan) == 0.0
     assert sweep_distance(scan, 0.0004) == pytest.approx(0.0025, rel=0.01)
 
 
-def test_a_single_sparse_sweep_is_a_line_without_gaps():
+def test_a_sparse_sweep_leaves_no_gaps():
     x = np.linspace(0.0, 0.5, 101)[:, None]
     scan = Scan(x, np.sin(20 * x) * np.ones(8), np.zeros(101, dtype=int), ("x",), ("index",))
     assert make_map(scan, LINE).covered.all()
 
 
-def test_an_extremum_is_never_exceeded():
+def test_values_stay_within_the_range_of_the_scan():
     rng = np.random.default_rng(0)
     scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda states: rng.normal(size=len(states)))
     values = make_map(scan, SQUARE).values
@@ -86,7 +85,7 @@ def test_an_extremum_is_never_exceeded():
     assert values.min() >= scan.strain.min()
 
 
-def test_a_phalanx_is_shown_less_its_background():
+def test_the_background_of_a_phalanx_is_subtracted():
     scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda s: 5.0 + (s[:, 0] > 0.045))
     tactile_map = make_map(scan, SQUARE)
     shown = tactile_map.phalanx("index")[..., 0]
@@ -94,7 +93,7 @@ def test_a_phalanx_is_shown_less_its_background():
     np.testing.assert_allclose(shown[-1], 1.0)
 
 
-def test_one_axis_gives_a_profile_fine_enough_for_a_weave():
+def test_a_profile_resolves_a_weave():
     x = np.linspace(0, 0.5, 5000)
     states = np.concatenate([x, x + 2e-5])[:, None]
     strain = np.sin(2 * np.pi * states / 0.005) * np.ones(8)
@@ -105,7 +104,7 @@ def test_one_axis_gives_a_profile_fine_enough_for_a_weave():
     assert np.corrcoef(tactile_map.values[:, 0], expected)[0, 1] > 0.98
 
 
-def test_three_axes_show_the_first_two():
+def test_of_three_axes_the_first_two_are_shown():
     scene = Scene("s", (*SQUARE.axes, Axis("yaw", -1.0, 1.0)), (Phalanx("index", (0.0,) * 3),))
     flat = raster(np.arange(0, 0.0401, 0.0025))
     states = np.column_stack([flat.states, np.linspace(-1, 1, len(flat))])
@@ -114,7 +113,7 @@ def test_three_axes_show_the_first_two():
 
 
 @pytest.mark.parametrize("pairs", [1, 2, 5])
-def test_a_handful_of_pairs_makes_a_map_of_what_is_near_them(pairs):
+def test_few_pairs_cover_only_their_surroundings(pairs):
     states = np.full((pairs, 2), 0.02) + 1e-4 * np.arange(pairs)[:, None]
     scan = Scan(states, np.ones((pairs, 8)), np.zeros(pairs, int), ("x", "y"), ("index",))
     tactile_map = make_map(scan, SQUARE)
@@ -123,12 +122,6 @@ def test_a_handful_of_pairs_makes_a_map_of_what_is_near_them(pairs):
     np.testing.assert_allclose(tactile_map.values[tactile_map.covered], 1.0)
 
 
-def test_the_distance_of_sweeps_is_that_to_the_nearest_other_sweep():
+def test_sweep_distance_is_that_to_the_nearest_other_sweep():
     assert sweep_distance(raster(np.arange(0, 0.0401, 0.0025))) == pytest.approx(0.0025, rel=0.01)
     assert sweep_distance(raster(np.array([0.01]))) == 0.0
-
-
-@pytest.mark.parametrize("options", [{"nodes": 1}, {"neighbours": 1}])
-def test_too_few_nodes_or_neighbours_are_refused(options):
-    with pytest.raises(ParameterError, match="expected at least 2, got 1"):
-        make_map(raster(np.array([0.01])), SQUARE, **options)

@@ -39,14 +39,14 @@ def inside(count: int, seed: int = 0) -> np.ndarray:
     return 0.002 + np.random.default_rng(seed).random((count, 2)) * (0.025 - 0.002)
 
 
-def test_a_track_has_points_a_pitch_apart_with_mean_strains() -> None:
+def test_points_of_a_track_are_a_pitch_apart() -> None:
     track = tracks_of(lines(), PLANE)[2]
     steps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
     np.testing.assert_allclose(steps[:-2], PITCH, atol=1e-4 + 1e-9)
     np.testing.assert_allclose(track.strain, sloping(track.positions), atol=1e-12)
 
 
-def test_a_hand_at_rest_adds_nothing() -> None:
+def test_a_hand_at_rest_adds_no_points() -> None:
     scan = lines()
     rows = np.concatenate([np.arange(50), np.full(1000, 50), np.arange(51, len(scan))])
     rested, moved = (tracks_of(each, PLANE)[0].positions for each in (scan.select(rows), scan))
@@ -55,21 +55,21 @@ def test_a_hand_at_rest_adds_nothing() -> None:
     assert len(tracks_of(still, PLANE)[0].positions) == 1
 
 
-def test_the_spacing_is_that_of_the_lines() -> None:
+def test_line_spacing() -> None:
     assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
     assert line_spacing(tracks_of(lines(), PLANE)[:1], PLANE) == 0.0
 
 
-def test_strains_that_are_linear_in_the_state_are_interpolated_exactly() -> None:
+def test_linear_strains_are_interpolated_exactly() -> None:
     places = inside(200)
     expected = expectation(tracks_of(lines(), PLANE), PLANE, places, SPACING, 1)
     np.testing.assert_allclose(expected.mean[:, 0], sloping(places), rtol=1e-9)
 
 
-def test_the_components_are_a_mixture() -> None:
+def test_component_priors_sum_to_one() -> None:
     expected = expectation(tracks_of(lines(), PLANE), PLANE, inside(200), SPACING, 3)
     np.testing.assert_allclose(np.exp(expected.log_prior).sum(axis=1), 1.0)
-    assert (expected.doubt >= 0.0).all()
+    assert (expected.interpolation_error >= 0.0).all()
     assert ((expected.noise >= 0.5) & (expected.noise <= 1.0)).all()
     assert (expected.distance <= SPACING / 2 + 1e-9).all()
 
@@ -86,7 +86,7 @@ def test_the_order_of_the_sweeps_is_irrelevant(order: list[int]) -> None:
         np.testing.assert_allclose(mine, theirs, atol=1e-9)
 
 
-def test_repeats_on_one_axis_are_averaged_where_they_reach() -> None:
+def test_repeats_on_one_axis_are_averaged() -> None:
     x = np.arange(0.0, 0.02, 0.0005)[:, None]
     short, long = Track(x[:20], np.zeros((20, 8))), Track(x, np.ones((40, 8)))
     expected = expectation([short, long], LINE, np.array([[0.004], [0.018]]), 0.0, 1)
@@ -94,14 +94,14 @@ def test_repeats_on_one_axis_are_averaged_where_they_reach() -> None:
     np.testing.assert_allclose(expected.noise[:, 0], [0.5, 1.0])
 
 
-def test_beyond_the_ends_of_the_tracks_the_expectation_is_in_doubt() -> None:
+def test_interpolation_error_grows_beyond_the_ends_of_tracks() -> None:
     x = np.arange(0.0, 0.02, 0.0005)[:, None]
     expected = expectation([Track(x, np.ones((40, 8)))] * 2, LINE, np.array([[0.01], [0.03]]), 0.0, 1)
-    assert expected.doubt[0].max() == 0.0
-    assert expected.doubt[1].min() > 1.0
+    assert expected.interpolation_error[0].max() == 0.0
+    assert expected.interpolation_error[1].min() > 1.0
 
 
-def test_a_full_turn_of_yaw_is_the_shortest_arc() -> None:
+def test_interpolation_across_the_wrap_of_yaw() -> None:
     scene = Scene("turn", (Axis("x", 0.0, SIDE), Axis("yaw", -np.pi, np.pi)), (Phalanx("index", (0.0, 0.0)),))
     x = np.arange(0.0, SIDE, 0.0005)
     yaws = (np.pi - 0.05, -np.pi + 0.05)
@@ -112,14 +112,14 @@ def test_a_full_turn_of_yaw_is_the_shortest_arc() -> None:
     assert expected.distance[0] == pytest.approx(0.05 * 0.02, abs=1e-6)
 
 
-def test_one_track_alone_is_its_own_expectation() -> None:
+def test_a_single_track_is_its_own_expectation() -> None:
     track = tracks_of(lines(), PLANE)[3]
     expected = expectation([track], PLANE, track.positions, 0.0, 3)
     np.testing.assert_allclose(expected.mean[:, 0], track.strain)
 
 
 @pytest.mark.parametrize("dimension", [1, 2])
-def test_many_places_and_tracks_are_interpolated_in_parts_with_the_same_result(
+def test_interpolation_in_parts_gives_the_same_result(
     monkeypatch: pytest.MonkeyPatch, dimension: int
 ) -> None:
     rng = np.random.default_rng(0)
@@ -130,7 +130,7 @@ def test_many_places_and_tracks_are_interpolated_in_parts_with_the_same_result(
     tracks = [Track(start + along, rng.standard_normal((40, 8))) for start in starts]
     places = rng.uniform(0.0, 0.5, (300, dimension))
     whole = expectation(tracks, wide, places, 0.01, 3)
-    monkeypatch.setattr("tactile_localizer.core.scan.tracks._AT_ONCE", 20)
+    monkeypatch.setattr("tactile_localizer.core.scan.tracks._PLACES_AT_ONCE", 20)
     for part, found in zip(whole, expectation(tracks, wide, places, 0.01, 3), strict=True):
         np.testing.assert_allclose(found, part, rtol=1e-12, atol=1e-15)
     monkeypatch.setattr("tactile_localizer.core.scan.tracks._SPARE", 1000)  # every track is looked at
@@ -140,7 +140,7 @@ def test_many_places_and_tracks_are_interpolated_in_parts_with_the_same_result(
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 @pytest.mark.parametrize("spread", [1e-9, 0.01, 1.0])
-def test_the_nearest_points_are_those_of_a_tree(dimension: int, spread: float) -> None:
+def test_nearest_points_agree_with_a_tree(dimension: int, spread: float) -> None:
     rng = np.random.default_rng(0)
     points, queries = 5.0 + rng.random((400, dimension)), 5.3 + spread * rng.random((1000, dimension))
     distance, index = NearestPoints(queries).among(points)
@@ -150,7 +150,7 @@ def test_the_nearest_points_are_those_of_a_tree(dimension: int, spread: float) -
 
 
 @given(st.lists(st.floats(1e-3, 1.0), min_size=2, max_size=2), st.integers(0, 2**32 - 1))
-def test_a_single_place_has_a_nearest_point(place: list[float], seed: int) -> None:
+def test_nearest_point_to_a_single_place(place: list[float], seed: int) -> None:
     points = np.random.default_rng(seed).random((5, 2))
     distance, index = NearestPoints(np.array([place])).among(points)
     expected = np.linalg.norm(points - place, axis=1)

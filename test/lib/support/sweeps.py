@@ -29,7 +29,7 @@ MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlatio
 CALIBRATION: dict[str, Any] = {
     "information_length": 0.0033,
     "registration_std": [0.0004, 0.0004],
-    "variance": {"visit": 0.21, "signal": 0.036, "doubt": 0.18, "summed_correlation": 0.005},
+    "variance": {"visit": 0.21, "signal": 0.036, "interpolation": 0.18, "summed_correlation": 0.005},
 }
 """Stored in the scan files of the shipped scenes, so that no test waits for it to be learned."""
 
