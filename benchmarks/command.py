@@ -17,11 +17,11 @@ status = main()
 print(open("/proc/self/status").read().partition("VmHWM:")[2].split()[0], file=sys.stderr)
 raise SystemExit(status)
 """
-"""Also prints the most memory that was held, kB; ru_maxrss would count that of the parent too."""
+"""Also prints the peak memory, kB; ru_maxrss would include that of the parent."""
 
 
 class Cost(NamedTuple):
-    """What a command took: s by the clock, s of processor time, and the most memory, MB."""
+    """Elapsed and processor time of a command, s, and its peak memory, MB."""
 
     wall_s: float
     cpu_s: float

@@ -1,7 +1,7 @@
-"""Speed and exactness of the core: the whole update and its parts, kernel updates, maps, models, axes.
+"""Speed and accuracy of the core: whole update and its parts, kernel updates, maps, models, axes.
 
-One thread. Beside each time stand its ratio to the floor (one read of the training strains, measured in the
-same run) and the total variation of the weights from those of the exact sum.
+In one thread. Each time has its ratio to the floor (one read of the training strain, measured in the same
+run) and the total variation distance of the weights from those of the exact sum.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/core.py [--only updates maps ...]``.
 """
@@ -56,7 +56,7 @@ from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 TILES = {PAIRS: (1, 1), 10 * PAIRS: (5, 2), 100 * PAIRS: (10, 10)}
-"""Squares side by side, by the number of pairs."""
+"""Numbers of squares side by side along x and y, by number of pairs."""
 PHASES = {False: "spread", True: "converged"}
 
 
@@ -74,18 +74,18 @@ def measured(
     shift: np.ndarray | float = 0.0,
     floor: float | None = None,
 ) -> dict[str, Any]:
-    """A row: resample, predict and weight the particles, every update, before convergence or after."""
+    """Row of an update that resamples, predicts and weights the particles, spread or converged."""
 
     def stopwatch(model: MeasurementModel) -> Stopwatch:
-        mine = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
+        own = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
 
         def run(displacement: np.ndarray, strain: np.ndarray) -> None:
-            mine.predict(displacement, float(np.hypot(*displacement)))
-            weight(mine, model, strain, PRESENT)
+            own.predict(displacement, float(np.hypot(*displacement)))
+            weight(own, model, strain, PRESENT)
 
         if converged:
-            return Stopwatch(run, lambda truth: mine.seed(truth, converged_std()), False, shift)
-        return Stopwatch(run, lambda _: mine.reset(), True, shift)
+            return Stopwatch(run, lambda truth: own.seed(truth, converged_std()), False, shift)
+        return Stopwatch(run, lambda _: own.reset(), True, shift)
 
     model = build()
     watch = stopwatch(model)
@@ -115,18 +115,18 @@ def measured(
 
 
 def weight(own: BayesFilter, model: MeasurementModel, strain: np.ndarray, present: np.ndarray) -> None:
-    """Weight the states of a filter by a strain."""
+    """Update a filter with a strain vector."""
     states, _ = own.prior()
     own.update(model.log_likelihood(states, strain, present))
 
 
 def sum_of_gaussians(scan: Scan, scene: Scene, **options: Any) -> SumOfGaussians:
-    """With the paper's widths."""
+    """Sum of Gaussians with the paper's widths."""
     return SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD, **options)
 
 
 def updates() -> list[dict[str, Any]]:
-    """The paper's scan, by particles, precision and evaluation, before and after convergence."""
+    """Updates on a scan of the paper's size, by particles, precision, evaluation and convergence."""
     scan, scene = bump_scan(), bump_scene()
     floor = floor_us(scan)
     exact = sum_of_gaussians(scan, scene, evaluation="exact")
@@ -134,7 +134,7 @@ def updates() -> list[dict[str, Any]]:
     for particles in (75, 1_000, 10_000):
         for precision in ("float64", "float32"):
             for converged in (False, True):
-                asked = particles == 75 and precision == Configuration().precision
+                required = particles == 75 and precision == Configuration().precision
                 rows.append(
                     measured(
                         f"update: {particles} particles, {PHASES[converged]}, {precision}",
@@ -144,7 +144,7 @@ def updates() -> list[dict[str, Any]]:
                         particles,
                         converged,
                         updates=300 if particles < 10_000 else 100,
-                        limit="<= 300" if asked else None,
+                        limit="<= 300" if required else None,
                         exact=exact,
                         floor=floor,
                     )
@@ -170,7 +170,7 @@ def updates() -> list[dict[str, Any]]:
 
 
 def maps() -> list[dict[str, Any]]:
-    """Ten and a hundred times the area: before and after convergence, loading, memory."""
+    """Updates on ten and a hundred times the area, spread and converged; loading and memory."""
     rows = []
     for pairs, tiles in TILES.items():
         scan, scene = bump_scan(tiles), bump_scene(tiles)
@@ -191,12 +191,12 @@ def maps() -> list[dict[str, Any]]:
                 )
             )
     small, large = rows[1]["median_us"], rows[3]["median_us"]
-    rows.append(row("map: converged, ten times the area costs", large / small, "x", "<= 1.5"))
+    rows.append(row("map: converged, cost of ten times the area", large / small, "x", "<= 1.5"))
     return rows + load()
 
 
 def load() -> list[dict[str, Any]]:
-    """From a scan file of 1.6 million pairs to the first update, in a process of its own."""
+    """Loading of a scan file of 1.6 million pairs and first update, in a separate process."""
     tiles = TILES[100 * PAIRS]
     scan, scene = bump_scan(tiles), bump_scene(tiles)
     with tempfile.TemporaryDirectory() as folder:
@@ -214,14 +214,14 @@ def load() -> list[dict[str, Any]]:
     pairs = len(scan)
     return [
         row("map of 1.6 million pairs: load", loaded_s, "s", "<= 3", pairs=pairs, python_mb=before_mb),
-        row("map of 1.6 million pairs: memory once loaded", loaded_mb, "MB", "<= 600", pairs=pairs),
+        row("map of 1.6 million pairs: memory after loading", loaded_mb, "MB", "<= 600", pairs=pairs),
         row("map of 1.6 million pairs: first update, spread", first_s, "s", pairs=pairs),
         row("map of 1.6 million pairs: memory, first update", first_mb, "MB", "<= 600", pairs=pairs),
     ]
 
 
 def models() -> list[dict[str, Any]]:
-    """The four models, the two filters and the whole localizer, on the paper's scan."""
+    """The four models, the two filters and the whole localizer, on a scan of the paper's size."""
     scan, scene = bump_scan(), bump_scene()
     floor = floor_us(scan)
     build: dict[str, Callable[[], MeasurementModel]] = {
@@ -245,7 +245,7 @@ def models() -> list[dict[str, Any]]:
             / _median(rows, f"model: sum_of_gaussians, 75 particles, {phase}")
             for phase in ("spread", "converged")
         )
-        rows.append(row(f"model: {name} costs, of sum_of_gaussians", ratio, "x", "<= 10"))
+        rows.append(row(f"model: {name}, cost relative to sum_of_gaussians", ratio, "x", "<= 10"))
     return rows + filters(scan, scene, floor)
 
 
@@ -254,7 +254,7 @@ def _median(rows: list[dict[str, Any]], name: str) -> float:
 
 
 def filters(scan: Scan, scene: Scene, floor: float) -> list[dict[str, Any]]:
-    """The kernel model's grid filter, and a measurement update of the whole localizer with either filter."""
+    """Updates of the kernel model's grid filter, and of the whole localizer with both filters."""
     model = sum_of_gaussians(scan, scene)
     grid = GridFilter(scene, 0.3 * np.full(2, POSITION_STD))
 
@@ -311,7 +311,7 @@ def filters(scan: Scan, scene: Scene, floor: float) -> list[dict[str, Any]]:
 
 
 def scenes() -> list[dict[str, Any]]:
-    """One to three axes, and one, two and five phalanges: what a scene does not name costs nothing."""
+    """Updates by number of axes and phalanges: axes and phalanges that a scene omits cost nothing."""
     scan = bump_scan()
     rng = np.random.default_rng(0)
     names = ("index", "middle", "ring", "little", "thumb")
@@ -384,14 +384,14 @@ def _scene_row(
 
 
 def drift() -> list[dict[str, Any]]:
-    """Ten million updates of weights: how far their sum ever is from one."""
+    """Largest deviation of the sum of weights from one over ten million updates."""
     likelihoods = 3.0 * np.random.default_rng(0).standard_normal((1000, 8))
     log_weights, worst = np.full(8, -math.log(8)), 0.0
     for update in range(10_000_000):
         log_weights, _ = normalize(0.99 * log_weights + likelihoods[update % 1000])
         if update % 1000 == 0:
             worst = max(worst, abs(float(np.exp(log_weights).sum()) - 1.0))
-    return [row("10 million updates: the weights' sum is off by", worst, "", "<= 1e-12")]
+    return [row("10 million updates: error of the sum of weights", worst, "", "<= 1e-12")]
 
 
 GROUPS = {

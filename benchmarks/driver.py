@@ -1,4 +1,4 @@
-"""How fast the driver is: decoding a recorded stream, and reading a bus between processes.
+"""Speed of the driver: decoding a recorded stream, and reading a bus between processes.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/driver.py [--seconds 60]``.
 """
@@ -41,7 +41,7 @@ def recorded_stream(protocol: LoadCellProtocol, cycles: int, rate_hz: float) -> 
 
 
 def decode(cycles: int = 5000, rate_hz: float = 500.0) -> list[dict[str, Any]]:
-    """14 phalanges, 2 classic frames each, at 500 Hz, from frames in memory and from a candump log."""
+    """Decode 2 classic frames of each of 14 phalanges at 500 Hz, from memory and from a candump log."""
     protocol = LoadCellProtocol.from_dbc(DBC, phalanges_of(load_dbc(DBC), SignalNames()))
     frames = recorded_stream(protocol, cycles, rate_hz)
     recorded_s = cycles / rate_hz
@@ -50,11 +50,11 @@ def decode(cycles: int = 5000, rate_hz: float = 500.0) -> list[dict[str, Any]]:
         assembler = CycleAssembler(protocol, wait_s=0.01)
         stream = iter(stream)
         begin_s = time.process_time()
-        made = 0
+        cycles_made = 0
         while batch := list(itertools.islice(stream, BATCH)):
-            made += len(assembler.feed(batch))
+            cycles_made += len(assembler.feed(batch))
         taken_s = time.process_time() - begin_s
-        assert made >= cycles - 5 and assembler.counts.incomplete <= 12  # noqa: PT018
+        assert cycles_made >= cycles - 5 and assembler.counts.incomplete <= 12  # noqa: PT018
         return recorded_s / taken_s
 
     in_memory = max(run(frames) for _ in range(3))
@@ -67,12 +67,12 @@ def decode(cycles: int = 5000, rate_hz: float = 500.0) -> list[dict[str, Any]]:
     what = {"phalanges": 14, "frames_per_s": 28 * rate_hz, "frames": len(frames), "cores": 1}
     return [
         row("driver: decode and assemble a recorded stream", in_memory, "x real time", ">= 20", **what),
-        row("driver: the same with python-can's reading of a candump log", from_log, "x real time", **what),
+        row("driver: the same, read from a candump log by python-can", from_log, "x real time", **what),
     ]
 
 
 def send(rate_hz: float, seconds: float) -> int:
-    """Send 2 phalanges' frames at ``rate_hz``, paced by the cycle; returns how many were sent."""
+    """Send the frames of 2 phalanges, cycle by cycle at ``rate_hz``; returns their number."""
     protocol = LoadCellProtocol.from_dbc(DBC, ("index", "middle"))
     frames = recorded_stream(protocol, 160, rate_hz)  # ten rounds of the counter
     cycles = [frames[i : i + 4] for i in range(0, len(frames), 4)]
@@ -90,11 +90,11 @@ def send(rate_hz: float, seconds: float) -> int:
 
 
 class Health:
-    """Counts of strain vectors, and what the driver's last diagnostics said."""
+    """Number of received strain vectors, and the driver's latest diagnostics."""
 
     def __init__(self, nodes: Nodes) -> None:
         self.strains = 0
-        self.told: dict[str, str] = {}
+        self.diagnostics: dict[str, str] = {}
         nodes.probe.create_subscription(StrainVectors, "strain", self._count, BEST_EFFORT, raw=True)
         nodes.probe.create_subscription(DiagnosticArray, "/diagnostics", self._keep, 10)
 
@@ -104,15 +104,15 @@ class Health:
     def _keep(self, array: DiagnosticArray) -> None:
         for status in array.status:
             if status.name == "driver: CAN bus":
-                self.told = {pair.key: pair.value for pair in status.values}
+                self.diagnostics = {pair.key: pair.value for pair in status.values}
 
 
 def bus(rate_hz: float = 1000.0, seconds: float = 60.0) -> list[dict[str, Any]]:
-    """2 phalanges at 1 kHz over the simulated bus, from one process to the driver to this one."""
+    """Send 2 phalanges at 1 kHz over the simulated bus to the driver, and receive its strain vectors."""
     with tempfile.TemporaryDirectory() as directory, Nodes() as nodes:
         driver = nodes.start_node("driver_node", BUS | {"tare_file": f"{directory}/tare.yaml"})
         health = Health(nodes)
-        nodes.until(lambda: health.told, "the driver", 20)
+        nodes.until(lambda: health.diagnostics, "the driver", 20)
         before_s = cpu_s(driver)
         sender = nodes.start(__file__, "--send", str(rate_hz), "--seconds", str(seconds))
         nodes.until(lambda: sender.poll() is not None, "the sender", seconds + 30)
@@ -120,16 +120,16 @@ def bus(rate_hz: float = 1000.0, seconds: float = 60.0) -> list[dict[str, Any]]:
         sent = int(json.loads(sender.stdout.read())["sent"])  # type: ignore[union-attr]
         settled_s = time.monotonic() + 2.5  # two more rounds of diagnostics
         nodes.until(lambda: time.monotonic() > settled_s, "the driver", 10)
-    told = health.told
-    dropped = int(told["queue_drops"])
-    read = sum(int(told[f"frames_{kind.name.lower()}"]) for kind in FrameKind)
-    missed = int(told["cycles"]) - health.strains
+    values = health.diagnostics
+    dropped = int(values["queue_drops"])
+    read = sum(int(values[f"frames_{kind.name.lower()}"]) for kind in FrameKind)
+    missed = int(values["cycles"]) - health.strains
     what = {"rate_hz": rate_hz, "seconds": seconds, "frames_sent": sent, "phalanges": 2}
     return [
         row("driver: CPU at 2 phalanges, 1 kHz", taken_s / seconds, "cores", "<= 0.5", **what),
         row("driver: frames lost after the socket", sent - dropped - read, "frames", "<= 0", **what),
         row("driver: frames dropped by the kernel's queue", dropped, "frames", **what),
-        row("driver: cycles incomplete", int(told["cycles_incomplete"]), "cycles", **what),
+        row("driver: cycles incomplete", int(values["cycles_incomplete"]), "cycles", **what),
         row("driver: cycles that a subscriber missed", missed, "cycles", **what),
     ]
 
@@ -137,7 +137,7 @@ def bus(rate_hz: float = 1000.0, seconds: float = 60.0) -> list[dict[str, Any]]:
 def main() -> None:
     """Measure and record."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0, help="how long to read the bus")
+    parser.add_argument("--seconds", type=float, default=60.0, help="duration of reading the bus, s")
     parser.add_argument("--send", type=float, metavar="HZ", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.send:

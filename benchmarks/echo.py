@@ -1,4 +1,4 @@
-"""A node that does nothing but send each strain message back: what rclpy and DDS cost on this machine."""
+"""Node that only returns each strain message, to measure the latency of rclpy and DDS on this machine."""
 
 import contextlib
 
@@ -11,7 +11,7 @@ from tactile_localizer.msg import StrainVectors
 
 
 def main() -> None:
-    """Echo until interrupted."""
+    """Return messages until interrupted."""
     rclpy.init()
     node = rclpy.create_node("echo")
     publisher = node.create_publisher(StrainVectors, "echo", QoSProfile(depth=1000))

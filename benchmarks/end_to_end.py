@@ -1,15 +1,13 @@
-"""From a frame on the bus to the posterior that it led to: all nodes, load cells at 200 Hz, in real time.
+"""Latency from a frame on the bus to the posterior, with all nodes running and load cells at 200 Hz.
 
-The time is from the kernel's receipt of the cycle's first frame, which is the posterior's stamp, to the
-receipt of the posterior in another process. A strain vector waits for the palm pose after it, so the poses'
-period is part of it; an arm's controller sends them at 500 Hz. It is taken from the first sweep on, with the
-ways back between the sweeps, not while the nodes start.
+The latency is from the kernel's receipt of the cycle's first frame, which is the posterior's stamp, to the
+receipt of the posterior in another process. A strain vector waits for the next palm pose, so the period of
+the poses counts; an arm's controller sends them at 500 Hz. It is measured from the first sweep on, including
+the return strokes, but not while the nodes start. The mapping node records what the filter node localizes on.
 
-All four nodes run: the mapping node records what the filter node localizes on. The latency
-is divided into its parts by the times that DDS records for each message: when it was sent, and when this
-process received it. For comparison, two things are measured in the same minute: how late the machine wakes a
-process that only sleeps, and how long a node takes that does nothing but send each strain message back,
-from the sending of the strain and from the frame.
+The latency is divided into parts by the send and receive times that DDS records for each message. Two
+references are measured at the same time: the delay with which the machine wakes a process that only sleeps,
+and the latency of a node that only returns each strain message.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/end_to_end.py [--sweeps 8] [--worst 10]``.
 """
@@ -41,13 +39,13 @@ LOAD_CELL_RATE_HZ = 200.0
 
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 4
-"""Of a serialized message that begins with a header: after CDR's own four bytes."""
+"""Offset of the stamp in a serialized message that begins with a header, after the four bytes of CDR."""
 
 STAMP, SENT, RECEIVED = range(3)
 
 
 def store_scan(path: Path, feature: str = "bump") -> None:
-    """A training scan of ``feature``, in a scan file."""
+    """Write a training scan of ``feature`` to a scan file."""
     train = simulate_scan(feature, seed=1)
     with ScanStore.create(path, load_scene(resource_path(f"config/scenes/{feature}.yaml"))) as store:
         for rows in train.slices():
@@ -56,10 +54,10 @@ def store_scan(path: Path, feature: str = "bump") -> None:
             store.end_sweep()
 
 
-class Way:
-    """Stamp, sending and receipt of the messages of a topic, ns of the system's clock.
+class MessageTimes:
+    """Stamp, send and receive time of the messages of a topic, ns of the system clock.
 
-    By DDS: this process also waits for services, and looks at what came later.
+    The times are those of DDS, because this process may take the messages later.
     """
 
     def __init__(self, nodes: Nodes, kind: Any, topic: str, quality: QoSProfile) -> None:
@@ -74,31 +72,31 @@ class Way:
         return len(self._times)
 
     def since(self, begin_ns: int) -> np.ndarray:
-        """(n, 3) those stamped at ``begin_ns`` or later, in the order of their stamps, each stamp once."""
+        """Times (n, 3) of the messages stamped from ``begin_ns`` on, sorted, each stamp once."""
         times = np.array(self._times, dtype=np.int64).reshape(-1, 3)
         times = times[times[:, STAMP] >= begin_ns]
         return times[np.unique(times[:, STAMP], return_index=True)[1]]
 
 
 def parts_ms(strains: np.ndarray, poses: np.ndarray, posteriors: np.ndarray) -> dict[str, np.ndarray]:
-    """Where the time of each posterior went, ms; the rows of all three are from :meth:`Way.since`."""
+    """Parts of the latency of each posterior, ms; the times are from :meth:`MessageTimes.since`."""
     strains = strains[np.searchsorted(strains[:, STAMP], posteriors[:, STAMP])]
     after = np.searchsorted(poses[:, STAMP], posteriors[:, STAMP])
     pose_received = np.maximum.accumulate(poses[:, RECEIVED])[np.minimum(after, len(poses) - 1)]
     ready = np.maximum(strains[:, RECEIVED], pose_received)
     parts = {
         "driver": strains[:, SENT] - strains[:, STAMP],
-        "strain's way": strains[:, RECEIVED] - strains[:, SENT],
+        "transport of the strain": strains[:, RECEIVED] - strains[:, SENT],
         "wait for the pose": ready - strains[:, RECEIVED],
         "filter": posteriors[:, SENT] - ready,
-        "posterior's way": posteriors[:, RECEIVED] - posteriors[:, SENT],
+        "transport of the posterior": posteriors[:, RECEIVED] - posteriors[:, SENT],
         "all": posteriors[:, RECEIVED] - posteriors[:, STAMP],
     }
     return {name: times * 1e-6 for name, times in parts.items()}
 
 
 def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
-    """Times over ``sweeps`` sweeps at unknown places; prints the parts of the ``worst`` ones."""
+    """Latencies over ``sweeps`` sweeps from unknown starts; prints the parts of the ``worst`` longest."""
     with tempfile.TemporaryDirectory() as directory, Nodes() as nodes:
         scan = Path(directory, "scan.db")
         store_scan(scan)
@@ -116,10 +114,10 @@ def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
         }
         nodes.start(Path(__file__).parent / "echo.py")
         reliable = QoSProfile(depth=1000)
-        posteriors = Way(nodes, Posterior, "filter/posterior", reliable)
-        strains = Way(nodes, StrainVectors, "strain", BEST_EFFORT)
-        poses = Way(nodes, PoseStamped, "palm_pose", reliable)
-        echoes = Way(nodes, StrainVectors, "echo", reliable)
+        posteriors = MessageTimes(nodes, Posterior, "filter/posterior", reliable)
+        strains = MessageTimes(nodes, StrainVectors, "strain", BEST_EFFORT)
+        poses = MessageTimes(nodes, PoseStamped, "palm_pose", reliable)
+        echoes = MessageTimes(nodes, StrainVectors, "echo", reliable)
         nodes.watch_sweeps()
         nodes.until(lambda: len(posteriors), "the first posterior", 300)
         with Machine() as machine:
@@ -131,17 +129,17 @@ def end_to_end(sweeps: int, worst: int) -> list[dict[str, Any]]:
             elapsed_s = (time.time_ns() - begin_ns) * 1e-9
             cores = {name: (cpu_s(process) - cpu[name]) / elapsed_s for name, process in started.items()}
             measuring = (time.process_time() - own_s) / elapsed_s
-    told = posteriors.since(begin_ns)
-    parts = parts_ms(strains.since(begin_ns), poses.since(begin_ns), told)
+    received = posteriors.since(begin_ns)
+    parts = parts_ms(strains.since(begin_ns), poses.since(begin_ns), received)
     echoed = echoes.since(begin_ns)
     echo_ms = echoed_ms(strains.since(begin_ns), echoed)
     floor_ms = (echoed[:, RECEIVED] - echoed[:, STAMP]) * 1e-6
-    late = [machine.during(*one) for one in told[:, [STAMP, RECEIVED]]]
-    print_worst(parts | {"machine late": np.array(late)}, (told[:, STAMP] - begin_ns) * 1e-9, worst)
+    late = [machine.during(*one) for one in received[:, [STAMP, RECEIVED]]]
+    print_worst(parts | {"machine late": np.array(late)}, (received[:, STAMP] - begin_ns) * 1e-9, worst)
     return [
         *rows(parts, echo_ms, machine, elapsed_s, cores),
-        row("frame to a trivial node's echo, 99th percentile", np.percentile(floor_ms, 99), "ms"),
-        row("frame to a trivial node's echo, median", np.median(floor_ms), "ms"),
+        row("frame to the echo of a node without work, 99th percentile", np.percentile(floor_ms, 99), "ms"),
+        row("frame to the echo of a node without work, median", np.median(floor_ms), "ms"),
         row("processor use of the measuring process", measuring, "cores"),
     ]
 
@@ -153,7 +151,7 @@ def echoed_ms(strains: np.ndarray, echoes: np.ndarray) -> np.ndarray:
 
 
 def print_worst(parts: dict[str, np.ndarray], at_s: np.ndarray, worst: int) -> None:
-    """Print the parts of the ones that took longest."""
+    """Print the parts of the ``worst`` longest latencies."""
     for i in np.sort(np.argsort(parts["all"])[len(at_s) - worst :]):
         print(
             f"{at_s[i]:8.3f} s: "
@@ -190,20 +188,29 @@ def rows(
             for part, ms in parts.items()
             if part != "all"
         ),
-        row("a trivial node's echo of the strain, 99th percentile", np.percentile(echo_ms, 99), "ms"),
-        row("a trivial node's echo of the strain, median", np.median(echo_ms), "ms"),
-        *(row(f"processor use at 200 Hz: {node}", share, "cores") for node, share in cores.items()),
+        row("echo of the strain by a node without work, 99th percentile", np.percentile(echo_ms, 99), "ms"),
+        row("echo of the strain by a node without work, median", np.median(echo_ms), "ms"),
+        *(row(f"processor use at 200 Hz: {node}", used, "cores") for node, used in cores.items()),
         row("processor use at 200 Hz: all four nodes", sum(cores.values()), "cores", "<= 1"),
-        row(f"{name}: the machine's own latest wake-up", machine.late[:, 1].max(initial=0.0), "ms"),
-        row(f"{name}: time the machine's host took", machine.stolen_s, "s", seconds=elapsed_s),
+        row(f"{name}: longest wake-up delay of the machine", machine.late[:, 1].max(initial=0.0), "ms"),
+        row(
+            f"{name}: time for which the host did not run the machine",
+            machine.stolen_s,
+            "s",
+            seconds=elapsed_s,
+        ),
     ]
 
 
 def main() -> None:
     """Measure and record."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sweeps", type=int, default=8, help="of 7.5 s each, with ways back of 1 s")
-    parser.add_argument("--worst", type=int, default=0, help="print where the time of the longest went")
+    parser.add_argument(
+        "--sweeps", type=int, default=8, help="number of sweeps, 7.5 s each with a return stroke of 1 s"
+    )
+    parser.add_argument(
+        "--worst", type=int, default=0, help="number of longest latencies whose parts are printed"
+    )
     args = parser.parse_args()
     record(end_to_end(args.sweeps, args.worst))
 

@@ -1,9 +1,8 @@
-"""Recordings of a tactile finger that slides along fabric: found by file name, paired, read, perturbed.
+"""Recordings of a tactile finger that slides along fabric: file names, pairs, reading, perturbation.
 
-A file is ``<fabric>_F<force>_V<speed>mmps_<repeat>.csv``, its columns are those of
-``config/import/fabric_slide.yaml``. Nothing recorded the position: it is |speed| times the time since the
-first sample. A negative speed slides the other way, so that its recordings never share a map with those of
-a positive one.
+Files are named ``<fabric>_F<force>_V<speed>mmps_<repeat>.csv`` and have the columns of
+``config/import/fabric_slide.yaml``. The position was not recorded: it is |speed| times the time since the
+first sample. A negative speed is the opposite direction, whose recordings need a separate map.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 KINDS = ("own", "speed", "force", "wrong")
-"""What differs between a map and a recording: nothing, the speed, the force, the fabric."""
+"""Difference between a map and a recording: none, speed, force or fabric."""
 
 _MAPPED, _TESTED = (0, 1), 2
-"""Repeats that make a map, and the one that is localized on it."""
+"""Repeats of which the map is made, and the one that is localized on it."""
 
 _NAME = re.compile(r"(.+)_F([\d.]+)_V(-?[\d.]+)mmps_(\d+)\.csv")
 _PHALANGES = (Phalanx("distal", (0.0,)), Phalanx("proximal", (0.0,)))
@@ -37,14 +36,14 @@ _OFFSET_SEED = 0
 
 @dataclass(frozen=True)
 class Condition:
-    """One fabric under one force at one speed.
+    """Recordings of one fabric with one force at one speed.
 
     Parameters
     ----------
-    fabric : its name
-    force : as the file name gives it
-    speed : mm/s, negative where the finger slides the other way
-    files : by repeat
+    fabric : name of the fabric
+    force : force in the file name
+    speed : speed, mm/s; negative in the opposite direction
+    files : repeats and their files
     """
 
     fabric: str
@@ -59,12 +58,12 @@ class Condition:
 
     @property
     def mapped(self) -> bool:
-        """Whether it has both repeats that make a map."""
+        """Whether both repeats of a map exist."""
         return set(_MAPPED) <= {repeat for repeat, _ in self.files}
 
     @property
     def tested(self) -> Path | None:
-        """The recording that is localized; of a condition that cannot be mapped, its first one."""
+        """Recording to localize; without a map of the condition, its first one."""
         files = dict(self.files)
         return files.get(_TESTED, None if self.mapped else self.files[0][1])
 
@@ -95,17 +94,17 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Perturbation:
-    """What differs between the scan and its use, beyond the condition.
+    """Changes to recordings before they are localized.
 
     Parameters
     ----------
-    every : only each such sample of a recording is used
-    resample_hz : recordings are interpolated linearly to this rate; ``None``: as recorded
-    speed : recordings are replayed so many times as fast: the same samples, their stamps closer together
-    scale : all strains, also the map's, are multiplied by this
-    offset : added to all strains of a recording, each channel with a random sign that is always the same, in
-        noise widths: standard deviations of the difference of the map's two repeats
-    tared : recordings of another fabric get the mean strain of the map
+    every : use every n-th sample
+    resample_hz : rate to which recordings are interpolated linearly; ``None``: as recorded
+    speed : factor of the replay speed, which brings the stamps closer together
+    scale : factor of all strains, including those of the map
+    offset : offset of the strain with a fixed random sign per channel, in noise widths: standard deviations
+        of the difference between the map's two repeats
+    tared : whether recordings of another fabric get the mean strain of the map
     """
 
     every: int = 1
@@ -116,7 +115,7 @@ class Perturbation:
     tared: bool = False
 
     def of(self, sweep: Sweep, noise_width: np.ndarray) -> Sweep:
-        """A recording as it is used; ``noise_width`` (16,) is of strains that are not scaled yet."""
+        """Apply the changes to a recording; ``noise_width`` (16,) refers to unscaled strain."""
         signs = np.random.default_rng(_OFFSET_SEED).choice([-1.0, 1.0], sweep.strain.shape[1])
         strain = self.scale * (sweep.strain + self.offset * signs * noise_width)
         since_ns = np.round((sweep.stamp_ns - sweep.stamp_ns[0]) / self.speed)
@@ -127,13 +126,13 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class FabricMap:
-    """The training scan of a condition, its scene of bounds and phalanges alone, and its noise.
+    """Training scan of a condition, its scene, and its noise.
 
     Parameters
     ----------
-    scan, scene : what a localizer is built from
-    length : m, of the scan
-    noise_width : (16,) counts, standard deviation of the difference of the two repeats
+    scan, scene : input of a localizer; the scene has bounds and phalanges only
+    length : length of the scan, m
+    noise_width : (16,) standard deviation of the difference between the two repeats, counts
     """
 
     scan: Scan
@@ -143,12 +142,12 @@ class FabricMap:
 
 
 def find_conditions(folder: Path) -> list[Condition]:
-    """All conditions of a folder, by name.
+    """All conditions in a folder, sorted by name.
 
     Raises
     ------
     ScanError
-        No file of the folder has such a name.
+        No file in the folder has such a name.
     """
     files: dict[tuple[str, float, float], list[tuple[int, Path]]] = defaultdict(list)
     for path in sorted(folder.glob("*.csv")):
@@ -162,9 +161,9 @@ def find_conditions(folder: Path) -> list[Condition]:
 
 
 def find_pairs(conditions: Iterable[Condition]) -> list[Pair]:
-    """Every map with its own recording, those of other speeds and forces, and those of other fabrics.
+    """Pair every map with its own recording, those of other speeds and forces, and those of other fabrics.
 
-    Of another fabric the recordings of the map's speed count; where it has none, those of the nearest speed.
+    Recordings of another fabric have the speed of the map, or the nearest one.
     """
     tested = [condition for condition in conditions if condition.tested is not None]
     pairs = []
@@ -180,7 +179,7 @@ def find_pairs(conditions: Iterable[Condition]) -> list[Pair]:
 
 
 def _kind(mapped: Condition, other: Condition) -> str | None:
-    """Kind of a recording of the same fabric; ``None`` where direction, or both force and speed differ."""
+    """Kind of a recording of the same fabric; ``None`` if the direction, or both force and speed, differ."""
     if other.fabric != mapped.fabric:
         return None
     if (other.force, other.speed) == (mapped.force, mapped.speed):
@@ -191,7 +190,7 @@ def _kind(mapped: Condition, other: Condition) -> str | None:
 
 
 def load_map(condition: Condition, scale: float = 1.0) -> FabricMap:
-    """The map of a condition's first two repeats, strains multiplied by ``scale``."""
+    """Map of a condition's first two repeats, with strain multiplied by ``scale``."""
     files = dict(condition.files)
     repeats = [load_sweep(files[repeat], condition.speed) for repeat in _MAPPED]
     length = float(max(repeat.position[-1] for repeat in repeats))
@@ -211,7 +210,7 @@ def load_map(condition: Condition, scale: float = 1.0) -> FabricMap:
 
 
 def load_sweep(path: Path, speed: float) -> Sweep:
-    """A recording at ``speed`` mm/s.
+    """Read a recording made at ``speed`` mm/s.
 
     Raises
     ------
@@ -220,13 +219,13 @@ def load_sweep(path: Path, speed: float) -> Sweep:
     """
     scene = Scene(path.stem, (Axis("x", -1e3, 1e3),), _PHALANGES)
     naming = load_naming(resource_path("config/import/fabric_slide.yaml"))
-    (sweep,) = read_csv(path, scene, naming, {"x": 1e-3 * abs(speed)}).sweeps
-    felt = np.isfinite(sweep.strain).all(axis=1)
-    return Sweep(sweep.stamp_ns[felt], sweep.position[felt, 0], sweep.strain[felt])
+    (sweep,) = read_csv(path, scene, replace(naming, speed={"x": 1e-3 * abs(speed)})).sweeps
+    valid = np.isfinite(sweep.strain).all(axis=1)
+    return Sweep(sweep.stamp_ns[valid], sweep.position[valid, 0], sweep.strain[valid])
 
 
 def cut(sweep: Sweep, begin: float, end: float) -> Sweep:
-    """The samples of a recording between two positions, m."""
+    """Samples of a recording between two positions, m."""
     part = slice(*np.searchsorted(sweep.position, (begin, end)))
     return replace(
         sweep, stamp_ns=sweep.stamp_ns[part], position=sweep.position[part], strain=sweep.strain[part]
@@ -240,5 +239,5 @@ def _resampled(sweep: Sweep, rate_hz: float) -> Sweep:
 
 
 def _interpolated(at: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Columns of ``values`` at places ``at``, linear between the ``known`` ones."""
+    """Columns of ``values`` at positions ``at``, interpolated linearly between the ``known`` ones."""
     return np.column_stack([np.interp(at, known, column) for column in values.T])

@@ -1,9 +1,8 @@
-"""From ``tactile-localizer replay`` to the first estimate, on a scan of 16,321 pairs without parameters.
+"""Time from ``tactile-localizer replay`` to the first estimate, on a scan of 16,321 pairs.
 
-The command replays two strains, so it lasts hardly longer than until the first estimate; imports count. Once
-with a scan file from which nothing was learned before, then with what was learned stored in it, and with
-threads of BLAS as the environment leaves them (``OMP_NUM_THREADS`` unset) beside one. ``--squares 10 10``
-takes a scan of 100 times the area, 1.6 million pairs.
+The command replays two samples, so its duration with imports is about the time to the first estimate. It
+runs on a scan file without a stored calibration, then on one with it, and with BLAS threads unset
+(``OMP_NUM_THREADS``) or one. ``--squares 10 10`` takes a scan of 100 times the area, 1.6 million pairs.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/first_estimate.py [--runs 3]``.
 """
@@ -31,7 +30,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def store(path: Path, scan: Scan, scene: Scene) -> None:
-    """A scan file from which nothing was learned."""
+    """Write a scan file without a stored calibration."""
     with ScanStore.create(path, scene) as file:
         for number in scan.sweep_numbers:
             own = scan.sweep == number
@@ -40,8 +39,8 @@ def store(path: Path, scan: Scan, scene: Scene) -> None:
             file.end_sweep()
 
 
-def two_strains(path: Path) -> None:
-    """A recording of two strains, as CSV."""
+def two_samples(path: Path) -> None:
+    """Write a recording of two samples as CSV."""
     test = simulate_scan("bump", 1, "test", sweeps=1)
     names = [f"{finger}_{gauge}" for finger in ("index", "middle") for gauge in range(1, 9)]
     rows = [",".join(("stamp_s", "x", "y", *names))]
@@ -52,21 +51,21 @@ def two_strains(path: Path) -> None:
 
 
 def measure(runs: int, squares: tuple[int, int] = (1, 1)) -> list[dict[str, Any]]:
-    """Medians over some runs, interleaved, of a scan of so many squares side by side."""
+    """Medians over interleaved runs, on a scan of several squares side by side."""
     scan, scene = bump_scan(squares), replace(bump_scene(squares), measurement={})
-    free = {name: value for name, value in os.environ.items() if name not in _THREADS}
-    one = free | dict.fromkeys(_THREADS, "1")
+    unset = {name: value for name, value in os.environ.items() if name not in _THREADS}
+    one = unset | dict.fromkeys(_THREADS, "1")
     arguments = ["replay", "two.csv", "--scan", "scan.db"]
     times: dict[str, list[Cost]] = {}
     for _ in range(runs):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             store(folder / "scan.db", scan, scene)
-            two_strains(folder / "two.csv")
+            two_samples(folder / "two.csv")
             for title, environment in (
-                ("nothing learned", free),
-                ("learned before", free),
-                ("learned before, one thread asked for", one),
+                ("nothing learned", unset),
+                ("learned before", unset),
+                ("learned before, one BLAS thread", one),
             ):
                 times.setdefault(title, []).append(run_command(arguments, folder, environment))
     limits = {"nothing learned": "<= 5", "learned before": "<= 1"} if len(scan) == PAIRS else {}
@@ -76,13 +75,15 @@ def measure(runs: int, squares: tuple[int, int] = (1, 1)) -> list[dict[str, Any]
         name = f"first estimate on {len(scan):,} pairs, {title}"
         rows.append(row(name, wall_s, "s", limits.get(title), pairs=len(scan), cpu_s=float(cpu_s)))
         rows.append(row(f"{name}: processor time", cpu_s, "s"))
-        rows.append(row(f"{name}: most memory", peak_mb, "MB"))
+        rows.append(row(f"{name}: peak memory", peak_mb, "MB"))
     return rows
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--squares", type=int, nargs=2, default=(1, 1), help="of the scan, along x and y")
+    parser.add_argument(
+        "--squares", type=int, nargs=2, default=(1, 1), help="numbers of squares of the scan along x and y"
+    )
     given = parser.parse_args()
     record(measure(given.runs, tuple(given.squares)))

@@ -1,7 +1,7 @@
-"""What it costs a robot to ask which feature it is: one filter of three scans, beside three filters of one.
+"""Cost of identifying the feature: one filter node with three scans against three with one scan each.
 
-All hear the same sweeps at the same time, in real time, as processes of their own; processor time is that of
-each whole process. What the localizers alone cost is in ``hand.py``.
+All receive the same sweeps at the same time, in real time; the processor time is that of each process.
+``hand.py`` measures the localizers alone.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/identifying.py [--sweeps 6]``.
 """
@@ -33,17 +33,17 @@ def identifying(sweeps: int) -> list[dict[str, Any]]:
         nodes.start_node("driver_node", BUS | {"tare_file": f"{directory}/tare.yaml"})
         scans = {feature: f"scan_file:={file}" for feature, file in zip(FEATURES, files, strict=True)}
         scans["all"] = f"candidate_scan_files:=[{', '.join(map(str, files))}]"
-        heard: Counter[str] = Counter()
+        received: Counter[str] = Counter()
         filters = {}
         for name, scan in scans.items():
             nodes.probe.create_subscription(
-                Posterior, f"{name}/posterior", lambda _, name=name: heard.update([name]), 1000
+                Posterior, f"{name}/posterior", lambda _, name=name: received.update([name]), 1000
             )
             command = ROOT / "scripts" / "filter_node"
             filters[name] = nodes.start(command, "--ros-args", "-r", f"__node:={name}", "-p", scan)
-        nodes.until(lambda: len(heard) == len(filters), "the first posteriors", 600)
+        nodes.until(lambda: len(received) == len(filters), "the first posteriors", 600)
         nodes.watch_sweeps()
-        heard.clear()
+        received.clear()
         taken = {name: -cpu_s(process) for name, process in filters.items()}
         for _ in range(sweeps):
             nodes.sweep()
@@ -51,12 +51,18 @@ def identifying(sweeps: int) -> list[dict[str, Any]]:
             taken[name] += cpu_s(process)
     apart = sum(taken[feature] for feature in FEATURES)
     return [
-        row("filter that identifies, to a filter each", taken["all"] / apart, "x", "<= 1", posteriors=heard),
+        row(
+            "filter that identifies, relative to one filter per scan",
+            taken["all"] / apart,
+            "x",
+            "<= 1",
+            posteriors=received,
+        ),
         *(row(f"processor time, filter of {name}", s, "s") for name, s in taken.items()),
     ]
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sweeps", type=int, default=6, help="of 7.5 s each")
+    parser.add_argument("--sweeps", type=int, default=6, help="number of sweeps, 7.5 s each")
     record(identifying(parser.parse_args().sweeps))

@@ -1,6 +1,6 @@
-"""Load a scan file and update once: prints times, s, and the most memory held until then, MB.
+"""Load a scan file and update a filter once; prints the times, s, and the peak memory, MB.
 
-Run by ``benchmarks/core.py`` in a process of its own, which imports nothing that loading does not need.
+Run by ``benchmarks/core.py`` in a separate process, which imports only what loading needs.
 """
 
 import math
@@ -17,15 +17,15 @@ from tactile_localizer.io.scans.store import ScanStore
 POSITION_STD, STRAIN_STD = 0.0254 * math.sqrt(0.0075), math.sqrt(0.001)
 
 
-def held_mb() -> float:
-    """Most memory that this process has held so far, MB: not ru_maxrss, which it inherits from its parent."""
+def peak_mb() -> float:
+    """Peak memory of this process so far, MB; ru_maxrss would be inherited from the parent."""
     return float(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) / 1e3
 
 
-start_mb, begin = held_mb(), time.perf_counter()
+start_mb, begin = peak_mb(), time.perf_counter()
 with ScanStore.open(sys.argv[1]) as store:
     scene, model = store.scene, SumOfGaussians(store.load(), store.scene, POSITION_STD, STRAIN_STD)
 particles = ParticleFilter(scene, np.random.default_rng(0), 75)
-loaded_s, loaded_mb, begin = time.perf_counter() - begin, held_mb(), time.perf_counter()
+loaded_s, loaded_mb, begin = time.perf_counter() - begin, peak_mb(), time.perf_counter()
 particles.update(model.log_likelihood(particles.prior()[0], np.zeros(16), np.ones(2, dtype=bool)))
-print(loaded_s, time.perf_counter() - begin, start_mb, loaded_mb, held_mb())
+print(loaded_s, time.perf_counter() - begin, start_mb, loaded_mb, peak_mb())

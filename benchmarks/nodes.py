@@ -1,4 +1,4 @@
-"""The package's nodes as processes of their own, for as long as a measurement takes."""
+"""The package's nodes as processes for the duration of a measurement."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Nodes:
-    """Processes that end with the ``with`` block, and a node of our own, ``probe``, that listens."""
+    """Context of processes, ended with the block, and a node ``probe`` in this process that subscribes."""
 
     def __init__(self) -> None:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         rclpy.init()
         self.probe = rclpy.create_node("bench")
-        # One executor for good: rclpy.spin_once adds and removes the node for each message.
+        # One executor throughout: rclpy.spin_once adds and removes the node for each message.
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.probe)
         self._started: list[subprocess.Popen[str]] = []
@@ -66,7 +66,7 @@ class Nodes:
         return self.start(ROOT / "scripts" / name, "--ros-args", *arguments)
 
     def until(self, condition: Callable[[], Any], what: str, timeout_s: float) -> None:
-        """Spin until ``condition`` holds; the program ends where it does not in time."""
+        """Spin until ``condition`` holds; ends the program after the timeout."""
         end_s = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > end_s:
@@ -74,23 +74,23 @@ class Nodes:
             self._executor.spin_once(timeout_sec=0.1)
 
     def call(self, kind: Any, service: str) -> Any:
-        """A service's answer."""
+        """Response of a service."""
         client = self.probe.create_client(kind, service)
         self.until(client.service_is_ready, f"service {service}", 30)
         future = client.call_async(kind.Request())
-        self.until(future.done, f"an answer of {service}", 60)
+        self.until(future.done, f"a response of {service}", 60)
         self.probe.destroy_client(client)
         return future.result()
 
     def watch_sweeps(self) -> None:
-        """Hear when the simulated hand sweeps, which :meth:`sweep` needs."""
+        """Subscribe to the sweeps of the simulated hand, as :meth:`sweep` requires."""
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.probe.create_subscription(
-            Bool, "simulator/sweep_active", lambda told: self._sweeping.append(told.data), kept
+            Bool, "simulator/sweep_active", lambda message: self._sweeping.append(message.data), kept
         )
 
     def sweep(self) -> None:
-        """Have the simulated hand make its next sweep, and wait for the end of it."""
+        """Start the next sweep of the simulated hand and wait for its end."""
         self.call(Trigger, "simulator/prepare")
         self._sweeping.clear()
         self.call(Trigger, "simulator/sweep")
@@ -98,6 +98,6 @@ class Nodes:
 
 
 def cpu_s(process: subprocess.Popen[str]) -> float:
-    """CPU time that a process has taken, s."""
+    """CPU time of a process, s."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""The packages that :mod:`peers` compares with, each used as its documentation shows, on one plain model."""
+"""Particle filters of other packages for :mod:`peers`, used as documented, on one plain model."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 _ROWS = 1000
-"""Particles whose kernels to all pairs are held at once."""
+"""Particles whose kernels to all pairs are in memory at once."""
 
 
 class PlainModel:
-    """The conditional sum of Gaussians with its floor, straightforwardly.
+    """Straightforward implementation of the conditional sum of Gaussians with its floor.
 
     Parameters
     ----------
-    scan : the training pairs
+    scan : training pairs
     position_std, strain_std : kernel widths, m and V
     """
 
@@ -50,7 +50,7 @@ class PlainModel:
         )
 
     def log_likelihood(self, states: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        """At states (P, 2) for a strain (16,): (P,)."""
+        """Log-likelihood (P,) of a strain vector (16,) at states (P, 2)."""
         squared = np.sum((self._strain - strain / self._strain_std) ** 2, axis=1)
         nearest = squared.min()
         both = np.stack([np.exp(-0.5 * (squared - nearest)), np.ones(len(squared))], axis=1)
@@ -77,7 +77,7 @@ class PlainModel:
 
 
 class Filterpy:
-    """filterpy: its resampling, in the loop that its book shows."""
+    """filterpy: its resampling in the loop of its book."""
 
     def __init__(self, model: PlainModel, scene: Scene, count: int) -> None:
         self._model, self._scene, self._count = model, scene, count
@@ -85,11 +85,11 @@ class Filterpy:
         self.spread()
 
     def spread(self) -> None:
-        """Uniform particles."""
+        """Draw uniform particles."""
         self.states = uniform(self._scene, self._count, self._rng)
 
     def step(self, displacement: np.ndarray, strain: np.ndarray) -> None:
-        """Predict, weigh, resample."""
+        """Predict, weight, resample."""
         self.states = (
             self.states + displacement + noise(self._scene, displacement, self.states.shape, self._rng)
         )
@@ -124,11 +124,11 @@ class Particles:
         next(self._smc)
 
     def spread(self) -> None:
-        """Uniform particles, as after the last weighing."""
+        """Draw uniform particles, as after a measurement update."""
         self._smc.X = self._slide.M0(self._smc.N)
 
     def step(self, displacement: np.ndarray, strain: np.ndarray) -> None:
-        """Resample, predict, weigh."""
+        """Resample, predict, weight."""
         self._slide.displacement, self._slide.strain = displacement, strain
         next(self._smc)
 
@@ -140,7 +140,7 @@ class Pfilter:
         self._scene, self._rng = scene, np.random.default_rng(0)
         self._displacement = np.zeros(2)
 
-        def weigh(states: np.ndarray, strain: np.ndarray, **_: Any) -> np.ndarray:
+        def weights(states: np.ndarray, strain: np.ndarray, **_: Any) -> np.ndarray:
             log_weights = model.log_likelihood(states, strain[0])
             return np.exp(log_weights - log_weights.max())
 
@@ -148,29 +148,29 @@ class Pfilter:
             prior_fn=lambda n: uniform(scene, n, self._rng),
             dynamics_fn=lambda states, **_: states + self._displacement,
             noise_fn=lambda states, **_: states + noise(scene, self._displacement, states.shape, self._rng),
-            weight_fn=weigh,
+            weight_fn=weights,
             resample_fn=pfilter_systematic,
             n_particles=count,
         )
 
     def spread(self) -> None:
-        """Uniform particles."""
+        """Draw uniform particles."""
         self._filter.init_filter()
 
     def step(self, displacement: np.ndarray, strain: np.ndarray) -> None:
-        """Predict, weigh, resample; its update takes moments as well."""
+        """Predict, weight, resample; the package's update also computes moments."""
         self._displacement = displacement
         with np.errstate(divide="ignore", invalid="ignore"):
             self._filter.update(strain)
 
 
 class Stonesoup:
-    """Stone Soup: predictor, updater and resampler, with motion and measurement models of one's own."""
+    """Stone Soup: predictor, updater and resampler, with user-defined motion and measurement models."""
 
     class _Slide(TransitionModel):
-        scene: Any = Property(doc="what is modelled")
-        displacement: Any = Property(doc="of the next prediction, (2,) m")
-        rng: Any = Property(doc="source of the noise")
+        scene: Any = Property(doc="scene")
+        displacement: Any = Property(doc="displacement of the next prediction, (2,) m")
+        rng: Any = Property(doc="generator of the noise")
 
         ndim_state = 2
 
@@ -179,9 +179,9 @@ class Stonesoup:
             moved = states + self.displacement + noise(self.scene, self.displacement, states.shape, self.rng)
             return StateVectors(moved.T)
 
-        rvs = pdf = None  # not asked for by a particle filter whose motion has its own noise
+        rvs = pdf = None  # not used by a particle filter whose motion model adds the noise
 
-    class _Felt(MeasurementModel):
+    class _Strain(MeasurementModel):
         model: Any = Property(doc="the plain model")
 
         ndim_meas = 16
@@ -190,29 +190,31 @@ class Stonesoup:
             states = np.asarray(state.state_vector, dtype=float).T
             return self.model.log_likelihood(states, np.asarray(detection.state_vector, dtype=float).ravel())
 
-        function = rvs = pdf = None  # not asked for by a particle filter
+        function = rvs = pdf = None  # not used by a particle filter
 
     def __init__(self, model: PlainModel, scene: Scene, count: int) -> None:
         self._scene, self._count, self._rng = scene, count, np.random.default_rng(0)
         self._slide = self._Slide(scene, np.zeros(2), self._rng)
-        self._felt = self._Felt(ndim_state=2, mapping=(0, 1), model=model)
+        self._measurement_model = self._Strain(ndim_state=2, mapping=(0, 1), model=model)
         self._predictor = ParticlePredictor(self._slide)
-        self._updater = ParticleUpdater(self._felt, SystematicResampler())
+        self._updater = ParticleUpdater(self._measurement_model, SystematicResampler())
         self._time = datetime.datetime(2020, 1, 1, tzinfo=datetime.timezone.utc)
         self.spread()
 
     def spread(self) -> None:
-        """Uniform particles."""
+        """Draw uniform particles."""
         states = StateVectors(uniform(self._scene, self._count, self._rng).T)
         weights = np.full(self._count, -math.log(self._count))
         self._state = ParticleState(states, log_weight=weights, timestamp=self._time)
 
     def step(self, displacement: np.ndarray, strain: np.ndarray) -> None:
-        """Predict, weigh, resample."""
+        """Predict, weight, resample."""
         self._time += datetime.timedelta(seconds=0.01)
         self._slide.displacement = displacement
         prediction = self._predictor.predict(self._state, timestamp=self._time)
-        detection = Detection(strain[:, None], timestamp=self._time, measurement_model=self._felt)
+        detection = Detection(
+            strain[:, None], timestamp=self._time, measurement_model=self._measurement_model
+        )
         self._state = self._updater.update(SingleHypothesis(prediction, detection))
 
 
@@ -224,7 +226,7 @@ def uniform(scene: Scene, count: int, rng: np.random.Generator) -> np.ndarray:
 def noise(
     scene: Scene, displacement: np.ndarray, shape: tuple[int, ...], rng: np.random.Generator
 ) -> np.ndarray:
-    """Motion noise of a displacement."""
+    """Motion noise of a displacement, of shape ``shape``."""
     return rng.standard_normal(shape) * scene.motion_std * math.sqrt(float(np.hypot(*displacement)))
 
 

@@ -1,8 +1,8 @@
-"""Our particle filter beside those of four packages, on the same model: predict, weight, resample.
+"""Speed of this package's particle filter against four other packages, on the same model.
 
-The packages bring the filter; the model is what their user would write in numpy and scipy: strain distances
-shared between the particles, then position kernels. All run in one process, in an environment of their own
-(``.venv-bench``, from ``requirements/bench.txt``), an update each in turn, so that noise hits all alike.
+The packages provide the filter; the model is what their user would write in numpy and scipy: strain distances
+once for all particles, then position kernels. All run in one process in a separate environment
+(``.venv-bench``, from ``requirements/bench.txt``) and take turns, so that noise affects all alike.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/peers.py``.
 """
@@ -25,31 +25,32 @@ ROOT = Path(__file__).resolve().parent.parent
 ENVIRONMENT = ROOT / ".venv-bench"
 REQUIREMENTS = ROOT / "requirements" / "bench.txt"
 SPEED_UPS = {75: 4.0, 1_000: 50.0, 10_000: 100.0}
-"""Times faster than every peer that we want to be, by particles."""
+"""Required speed-up over the fastest peer, by number of particles."""
 ROUNDS = {75: 40, 1_000: 15, 10_000: 5}
-"""Turns, by particles; in each a peer makes five updates (one at 10,000), ours twenty."""
-OURS_A_ROUND = 20
+"""Rounds by number of particles; in each a peer makes five updates (one at 10,000)."""
+OWN_UPDATES = 20
+"""Updates of this package's filter in a round."""
 
 
 def environment() -> Path:
-    """The interpreter of the peers' environment, made where it is missing or out of date."""
+    """Interpreter of the peers' environment, which is created if it is missing or out of date."""
     python, stamp = ENVIRONMENT / "bin" / "python", ENVIRONMENT / ".complete"
     want = hashlib.sha256(REQUIREMENTS.read_bytes()).hexdigest()
     if not (stamp.exists() and stamp.read_text() == want):
-        print(f"making {ENVIRONMENT.name} with the packages to compare with (a minute or two)", flush=True)
+        print(f"creating {ENVIRONMENT.name} with the other packages (a minute or two)", flush=True)
         pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         for command in (
             [sys.executable, "-m", "venv", "--clear", ENVIRONMENT],
             [*pip, "-r", REQUIREMENTS, "scipy>=1.11", "pyyaml"],
         ):
             if subprocess.run(command, check=False).returncode != 0:
-                sys.exit(f"{ENVIRONMENT.name}: could not be made; benchmarks/peers.py needs PyPI once")
+                sys.exit(f"{ENVIRONMENT.name}: could not be created; benchmarks/peers.py needs PyPI once")
         stamp.write_text(want)
     return python
 
 
 def compare() -> list[dict[str, Any]]:
-    """Rows of ours and of every peer, by the number of particles."""
+    """Rows of this package's filter and of every peer, by number of particles."""
     import numpy as np
     from peer_filters import PEERS, PlainModel
     from workload import (
@@ -79,14 +80,14 @@ def compare() -> list[dict[str, Any]]:
     rows = []
 
     def ours(particles: int) -> Stopwatch:
-        mine = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
+        bayes = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
 
         def run(displacement: np.ndarray, strain: np.ndarray) -> None:
-            mine.predict(displacement, float(np.hypot(*displacement)))
-            states, _ = mine.prior()
-            mine.update(model.log_likelihood(states, strain, PRESENT))
+            bayes.predict(displacement, float(np.hypot(*displacement)))
+            states, _ = bayes.prior()
+            bayes.update(model.log_likelihood(states, strain, PRESENT))
 
-        return Stopwatch(run, lambda _: mine.reset(), every_step=True)
+        return Stopwatch(run, lambda _: bayes.reset(), every_step=True)
 
     def peer(make: Callable[..., Any], particles: int) -> Stopwatch:
         theirs = make(plain, scene, particles)
@@ -121,12 +122,12 @@ def compare() -> list[dict[str, Any]]:
 
 
 def _take_turns(own: Any, peers: list[Any], rounds: int, updates: int) -> None:
-    """A burst of updates each in turn, after a few that do not count."""
+    """Update the filters in turn, after one update each that does not count."""
     for watch in (own, *peers):
         watch.step()
         watch.times.clear()
     for _ in range(rounds):
-        for _ in range(OURS_A_ROUND):
+        for _ in range(OWN_UPDATES):
             own.step()
         for watch in peers:
             for _ in range(updates):
@@ -134,7 +135,7 @@ def _take_turns(own: Any, peers: list[Any], rounds: int, updates: int) -> None:
 
 
 def main() -> None:
-    """Measure in the peers' environment, record in this one."""
+    """Measure in the peers' environment and record in this one."""
     if sys.argv[1:] == ["--measure"]:
         sys.path[:0] = [str(ROOT)]
         json.dump(compare(), sys.stdout)
@@ -150,7 +151,7 @@ def main() -> None:
         fastest = min(peers, key=lambda one: one["times_ours"])
         rows.append(
             row(
-                f"{particles} particles: times faster than every peer",
+                f"{particles} particles: speed-up over the fastest peer",
                 fastest["times_ours"],
                 "x",
                 f">= {wanted:g}",

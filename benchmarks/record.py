@@ -1,7 +1,7 @@
 """Rows of measurements, merged by name into ``out/bench.json``.
 
-The file holds ``machine``, ``versions`` and ``rows``. A row has a ``name``, a ``value``, its ``unit``; where
-something is asked for, also ``limit`` (with ``<=`` or ``>=``) and ``met``; and whatever else explains it.
+The file holds ``machine``, ``versions`` and ``rows``. A row has ``name``, ``value`` and ``unit``, if required
+a ``limit`` (with ``<=`` or ``>=``) and whether it is ``met``, and further values.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from rich.table import Table
 from tactile_localizer.io.whole_file import whole_file
 
 OUT = Path("out/bench.json")
-"""The file, below the working directory."""
+"""File in the working directory."""
 
 _PACKAGES = ("numpy", "scipy", "python-can", "cantools", "rclpy")
 
 
 def row(name: str, value: float, unit: str, limit: str | None = None, **more: Any) -> dict[str, Any]:
-    """One measurement; ``limit`` such as ``<= 0.5`` says what is asked for."""
+    """One measurement; ``limit`` is the required value, such as ``<= 0.5``."""
     value = float(value)
-    answer: dict[str, Any] = {"name": name, "value": value, "unit": unit}
+    made: dict[str, Any] = {"name": name, "value": value, "unit": unit}
     if limit is not None:
         relation, bound = limit.split()
-        answer["limit"] = limit
-        answer["met"] = value <= float(bound) if relation == "<=" else value >= float(bound)
-    return answer | more
+        made["limit"] = limit
+        made["met"] = value <= float(bound) if relation == "<=" else value >= float(bound)
+    return made | more
 
 
 def record(rows: Sequence[dict[str, Any]], path: Path = OUT) -> None:
@@ -55,7 +55,9 @@ def _machine() -> dict[str, Any]:
     return {
         "cpu": processor(),
         "cores": os.cpu_count(),
-        "load": round(os.getloadavg()[0], 1),  # of the last minute: processes that wanted a core
+        "load": round(
+            os.getloadavg()[0], 1
+        ),  # average number of processes that were ready to run in the last minute
         "system": platform.system(),
         "kernel": platform.release(),
     }
@@ -77,12 +79,12 @@ _DETAILS = {"p99_us": "p99", "peak_mb": "MB", "ratio_to_floor": "floors", "tv_to
 def _print(rows: Sequence[dict[str, Any]]) -> None:
     details = {key: head for key, head in _DETAILS.items() if any(key in one for one in rows)}
     table = Table()
-    for head in ("measurement", "value", *details.values(), "asked for", "met"):
+    for head in ("measurement", "value", *details.values(), "limit", "met"):
         table.add_column(head, no_wrap=True)
     for one in rows:
         met = {True: "yes", False: "NO"}.get(one.get("met"), "")
         more = [f"{one[key]:.3g}" if one.get(key) is not None else "" for key in details]
         table.add_row(one["name"], f"{one['value']:.4g} {one['unit']}", *more, one.get("limit", ""), met)
     console = Console()
-    console.width = max(console.width, 140)  # also where the output is a file
+    console.width = max(console.width, 140)  # also if the output is a file
     console.print(table)

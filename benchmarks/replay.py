@@ -1,7 +1,7 @@
-"""How fast a bag is replayed, and in how much memory: 10 minutes at 200 Hz, two phalanges, on one core.
+"""Speed and memory of the replay of a bag: 10 minutes at 200 Hz, two phalanges, on one core.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/replay.py [--minutes 10]``; with
-``--command`` it is replayed by ``tactile-localizer replay``, whose time and memory are printed.
+``--command`` the time and memory of ``tactile-localizer replay`` are measured instead.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ LIMITS = {"default": ">= 120", "balanced": ">= 250"}
 
 
 def write_bag(path: Path, minutes: float) -> int:
-    """Sweeps over the bump one after another, strain and pose at 200 Hz each; returns how many strains."""
+    """Write sweeps over the bump with strain and pose at 200 Hz; returns the number of strain messages."""
     store = typestore()
     types = store.types
     header, stamp_type = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
@@ -72,7 +72,7 @@ def write_bag(path: Path, minutes: float) -> int:
 
 
 def measure(minutes: float) -> list[dict[str, Any]]:
-    """Read and replay the bag, in processor time; single strains by the clock."""
+    """Measure the processor time of reading and replaying the bag, and of single samples."""
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     scan = simulate_scan("bump", 1).to_scan()
     with tempfile.TemporaryDirectory() as folder:
@@ -99,18 +99,18 @@ def measure(minutes: float) -> list[dict[str, Any]]:
             ),
             row(f"replay, {name}: localizing", replay_s / real_s * 1e3, "ms per second of bag"),
             row(f"replay, {name}: measurement update, median", taken["update_median_us"], "us"),
-            row(f"replay, {name}: any strain, mean", taken["strain_mean_us"], "us"),
+            row(f"replay, {name}: per sample, mean", taken["strain_mean_us"], "us"),
         ]
     tracemalloc.start()
     tracks = replay(localizer, recording)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    rows.append(row("replay: memory per strain", peak / sum(map(len, tracks)), "bytes", "<= 400"))
+    rows.append(row("replay: memory per sample", peak / sum(map(len, tracks)), "bytes", "<= 400"))
     return rows
 
 
 def measure_command(minutes: float) -> list[dict[str, Any]]:
-    """The command from its start to its end, with every update written, on a scan that was learned from."""
+    """Measure the command on a scan with a stored calibration, without and with ``--json``."""
     scan, scene = simulate_scan("bump", 1).to_scan(), load_scene(resource_path("config/scenes/bump.yaml"))
     rows = []
     with tempfile.TemporaryDirectory() as name:
@@ -123,7 +123,7 @@ def measure_command(minutes: float) -> list[dict[str, Any]]:
             cost = run_command(arguments, folder, os.environ)
             title = " ".join(["command: replay", *options[:1], f"of {minutes:g} minutes"])
             rows.append(row(title, cost.cpu_s, "s", minutes=minutes, wall_s=cost.wall_s))
-            rows.append(row(f"{title}: most memory", cost.peak_mb, "MB", minutes=minutes))
+            rows.append(row(f"{title}: peak memory", cost.peak_mb, "MB", minutes=minutes))
     return rows
 
 

@@ -1,4 +1,4 @@
-"""Benchmarks of accuracy as rows of named measures: made in parallel, written as JSON, printed as a table."""
+"""Rows of accuracy benchmarks: computed in parallel, written as JSON, printed as a table."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from tactile_localizer.io.whole_file import whole_file
 Row = dict[str, Any]
 
 _LEAST_WIDTH = 220
-"""Columns of the terminal, also where the output is a file."""
+"""Least width of the printed table, characters, also if the output is a file."""
 
 
 def in_parallel(
     function: Callable[..., list[Row]], arguments: Sequence[tuple[Any, ...]], jobs: int, what: str
 ) -> Iterator[list[Row]]:
-    """Rows of each call as it is finished, in any order, ``jobs`` processes of one thread at a time."""
+    """Rows of each call as soon as it is finished, in ``jobs`` processes with one thread each."""
     calls = [joblib.delayed(function)(*each) for each in arguments]
     with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
         results = joblib.Parallel(return_as="generator_unordered", batch_size=1)(calls)
@@ -42,16 +42,16 @@ def print_rows(
     columns: Mapping[str, tuple[str, str]],
     rows: Sequence[Row],
     totals: Sequence[Row],
-    asked: Sequence[Mapping[str, str]],
+    limits: Sequence[Mapping[str, str]],
 ) -> None:
     """Print rows, and totals below them.
 
     Parameters
     ----------
-    names : keys of what tells rows apart
-    columns : heading and format of each measure, by key; those that no row has are left out
-    rows, totals : ``None`` where something is not known
-    asked : what is asked for of each total, by key; printed below it where there is any
+    names : keys that identify a row
+    columns : heading and format of each value by key; columns without values are omitted
+    rows, totals : values by key; ``None`` where unknown
+    limits : required values of each total by key, printed below it
     """
     shown = {key: column for key, column in columns.items() if any(key in row for row in rows)}
     table = Table()
@@ -67,12 +67,12 @@ def print_rows(
     for row in rows:
         table.add_row(*texts(row))
     table.add_section()
-    for row, limits in zip(totals, asked, strict=True):
+    for row, required in zip(totals, limits, strict=True):
         table.add_row(*texts(row))
-        if limits:
+        if required:
             blank = [""] * (len(names) - 1)
-            limit = [limits.get(key, "") for key in shown]
-            table.add_row("asked for", *blank, *limit, end_section=True)
+            limit = [required.get(key, "") for key in shown]
+            table.add_row("limit", *blank, *limit, end_section=True)
     console = Console()
     console.width = max(console.width, _LEAST_WIDTH)
     console.print(table)

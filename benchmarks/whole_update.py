@@ -1,4 +1,4 @@
-"""The whole measurement update of a localizer, and its parts: each is timed where the localizer calls it."""
+"""Time of the whole measurement update of a localizer and of its parts, timed where it calls them."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import simulate_scan, simulate_sweep
 
 YAWS = np.radians([-10.0, -5.0, 0.0, 5.0, 10.0])
-"""Angles of the hand that are scanned on three axes."""
+"""Scanned angles of the hand on three axes, rad."""
 _TEST_YAWS = np.radians([-6.0, 0.0, 3.0, 7.0])
 _LINE_M = 0.0241
 _WITHIN_M = 0.01
 _FALSE_MM = 10.0
 _IN_95_PERCENT = 7.81
-"""Squared Mahalanobis distance, three axes."""
+"""95 % quantile of the chi-square distribution with three degrees of freedom."""
 _STEP_NS = 10_000_000
 _REST = "motion, estimate and the rest"
 
 
 class Parts:
-    """Seconds of each part of one update after another."""
+    """Times of the parts of consecutive updates, s."""
 
     def __init__(self) -> None:
         self.updates: list[dict[str, float]] = []
@@ -45,7 +45,7 @@ class Parts:
         self._running = False
 
     def run(self, update: Callable[[], Estimate], counts: bool) -> Estimate:
-        """Run one update; one that counts is noted with its parts."""
+        """Run an update, and record the times of its parts if it counts."""
         self._current = {} if counts else None
         begin = time.perf_counter()
         estimate = update()
@@ -55,7 +55,7 @@ class Parts:
         return estimate
 
     def timed(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, with its time added to ``part`` unless another part is running."""
+        """Wrap a function so that its time is added to ``part``, unless another part is running."""
 
         @wraps(function)
         def call(*arguments: Any, **options: Any) -> Any:
@@ -72,10 +72,7 @@ class Parts:
         return call
 
     def typical(self) -> dict[str, float]:
-        """Mean of each part over the half of the updates that is neither fastest nor slowest, s.
-
-        The parts sum to the whole.
-        """
+        """Mean time of each part over the middle half of the updates, s; the parts sum to the whole."""
         whole = np.array([update["whole"] for update in self.updates])
         low, high = np.quantile(whole, (0.25, 0.75))
         chosen = [u for u in self.updates if low <= u["whole"] <= high]
@@ -87,7 +84,7 @@ class Parts:
 
 @contextmanager
 def parts_of(localizer: Localizer) -> Iterator[Parts]:
-    """Times the parts of the updates of a localizer."""
+    """Context that times the parts of the updates of a localizer."""
     parts = Parts()
     bayes, model = type(localizer.filter), type(localizer.model)
     named = [
@@ -95,7 +92,7 @@ def parts_of(localizer: Localizer) -> Iterator[Parts]:
         ("filter: states", bayes, ("prior",)),
         ("likelihood", model, ("whitened", "evaluate")),
         ("filter: posterior and moments", bayes, ("update", "belief", "hypotheses", "mass_near")),
-        ("presence: is it the map", Presence, ("predict", "update")),
+        ("presence on the map", Presence, ("predict", "update")),
         ("convergence", Convergence, ("update",)),
         ("offset of the sweep", model, ("expected",)),
         ("offset of the sweep", SweepOffset, ("update", "phalanx_variance")),
@@ -164,9 +161,9 @@ def measured(
     limit_us: float | None,
     updates: int = 300,
 ) -> list[dict[str, Any]]:
-    """Rows of the whole and its parts: of updates of a converged belief, or of the second after a reset.
+    """Rows of the whole update and its parts, converged or in the second update after a reset.
 
-    None where no sweep converges.
+    There are no rows if no sweep converges.
     """
     with parts_of(localizer) as parts:
         for positions, strains in sweeps:
@@ -197,7 +194,7 @@ def measured(
 def _along(
     localizer: Localizer, parts: Parts, positions: np.ndarray, strains: np.ndarray, converged: bool
 ) -> None:
-    """Update along one sweep, half a millimetre apart; a spread belief is reset before every second one."""
+    """Update every 0.5 mm along a sweep; for a spread belief, reset before every second update."""
     localizer.reset()
     rows = [0]
     for number, position in enumerate(positions):
@@ -213,7 +210,7 @@ def _along(
 
 
 def turned_sweeps(localizer: Localizer) -> list[dict[str, Any]]:
-    """Rows of where sweeps of a hand at angles between the scanned ones converge, and of their errors."""
+    """Rows of convergence and errors of sweeps at angles between the scanned ones."""
     within, errors, turns, false, covered = [], [], [], [], []
     for yaw in _TEST_YAWS:
         test = simulate_scan("bump", 1, "test", yaw=float(yaw), sweeps=9)
@@ -234,16 +231,16 @@ def turned_sweeps(localizer: Localizer) -> list[dict[str, Any]]:
                     covered.append(off @ np.linalg.solve(estimate.covariance, off) <= _IN_95_PERCENT)
             within.append(converged_at <= _WITHIN_M)
     return [
-        row("3 axes: sweeps that converge within 10 mm of contact", np.mean(within), "share", ">= 0.95"),
-        row("3 axes: falsely converged strains", np.mean(false), "share"),
+        row("3 axes: sweeps that converge within 10 mm of contact", np.mean(within), "fraction", ">= 0.95"),
+        row("3 axes: falsely converged samples", np.mean(false), "fraction"),
         row("3 axes: error from contact to the feature's end", np.mean(errors), "mm"),
         row("3 axes: error of the yaw there", np.mean(turns), "deg"),
-        row("3 axes: coverage of the 95 % region there", np.mean(covered), "share"),
+        row("3 axes: coverage of the 95 % region there", np.mean(covered), "fraction"),
     ]
 
 
 def whole_updates() -> list[dict[str, Any]]:
-    """Default configuration: one axis converged, two axes converged and spread, three axes both."""
+    """Updates of the default configuration on one to three axes, converged and spread."""
     rows = []
     for dimension, limits in ((1, (250.0, None)), (2, (250.0, 400.0)), (3, (10_000.0, 10_000.0))):
         scan, scene, sweeps = scenario(dimension)

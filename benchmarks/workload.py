@@ -1,4 +1,4 @@
-"""What the core is measured on: simulated scans of the paper's size and larger, test sweeps, a stopwatch."""
+"""Workload of the core's benchmarks: simulated scans of the paper's size and larger, test sweeps, times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_localizer.sim import simulate_scan
 from tactile_localizer.sim.sweep import SIDE_M
 
 PAIRS = 16_321
-"""The paper's N."""
+"""Number of training pairs in the paper."""
 POSITION_STD = 0.0254 * np.sqrt(0.0075)
 """Square root of the paper's S_x, m."""
 STRAIN_STD = np.sqrt(0.001)
@@ -29,7 +29,7 @@ _KINDS = 4
 
 
 def bump_scene(tiles: tuple[int, int] = (1, 1)) -> Scene:
-    """The simulated bump's scene, or several such squares side by side, then without a region."""
+    """Scene of the simulated bump, or of several such squares side by side without a feature region."""
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     if tiles == (1, 1):
         return scene
@@ -41,12 +41,12 @@ def bump_scene(tiles: tuple[int, int] = (1, 1)) -> Scene:
 
 
 def middle(tiles: tuple[int, int]) -> np.ndarray:
-    """Where the square lies whose scan is the one that the test sweeps fit, (2,) m."""
+    """Position of the square that the test sweeps fit, (2,) m."""
     return SIDE_M * np.array([count // 2 for count in tiles], dtype=float)
 
 
 def bump_scan(tiles: tuple[int, int] = (1, 1)) -> Scan:
-    """16,321 pairs a square; the squares around the middle one are other scans, or have other signs."""
+    """Scan with 16,321 pairs per square; squares around the middle one have other scans or signs."""
     rng = np.random.default_rng(0)
     squares = [_paper_sized(seed) for seed in range(1, min(_KINDS, tiles[0] * tiles[1]) + 1)]
     parts = []
@@ -73,15 +73,15 @@ def _paper_sized(seed: int) -> Scan:
 
 
 def steps(shift: np.ndarray | float = 0.0) -> Iterator[tuple[np.ndarray | None, np.ndarray, np.ndarray]]:
-    """Updates along the test sweeps, half a millimetre apart, for ever.
+    """Endless updates along the test sweeps, 0.5 mm apart.
 
     Parameters
     ----------
-    shift : (2,) m, added to the true states
+    shift : (2,) offset of the true states, m
 
     Yields
     ------
-    displacement (2,) since the last, or ``None`` at the start of a sweep; true state (2,); strain (16,)
+    displacement (2,) since the last update, ``None`` at the start of a sweep; true state (2,); strain (16,)
     """
     test = simulate_scan("bump", 1, "test")
     while True:
@@ -95,14 +95,14 @@ def steps(shift: np.ndarray | float = 0.0) -> Iterator[tuple[np.ndarray | None, 
 
 
 class Stopwatch:
-    """Times of one thing, s.
+    """Times of an operation along the test sweeps, s.
 
     Parameters
     ----------
-    run : what is timed; called with a displacement (2,) and a strain (16,)
-    prepare : brings it to where it is measured, untimed; called with the true state (2,)
-    every_step : whether to prepare before each update, or only where a sweep starts
-    shift : (2,) m, added to the true states
+    run : timed operation, called with a displacement (2,) and a strain vector (16,)
+    prepare : untimed preparation, called with the true state (2,)
+    every_step : whether to prepare before each update, or only at the start of a sweep
+    shift : (2,) offset of the true states, m
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Stopwatch:
         self.times: list[float] = []
 
     def step(self) -> None:
-        """One update; the first two after a preparation for a whole sweep are not counted."""
+        """Time one update; the first two after the preparation for a whole sweep do not count."""
         displacement, truth, strain = next(self._steps)
         if displacement is None or self._every_step:
             self._prepare(truth)
@@ -133,22 +133,22 @@ class Stopwatch:
 
     @property
     def median_us(self) -> float:
-        """Median, microseconds."""
+        """Median time, µs."""
         return 1e6 * float(np.median(self.times))
 
     @property
     def p99_us(self) -> float:
-        """99th percentile, microseconds."""
+        """99th percentile of the time, µs."""
         return 1e6 * float(np.quantile(self.times, 0.99))
 
 
 def converged_std() -> np.ndarray:
-    """Spread of a converged belief, (2,) m."""
+    """Standard deviation of a converged belief, (2,) m."""
     return np.full(2, _CONVERGED_STD)
 
 
 def floor_us(scan: Scan) -> float:
-    """One read of the training strains, the fastest of two ways, microseconds."""
+    """Time of one read of the training strain, the faster of two methods, µs."""
     strain = np.ascontiguousarray(scan.strain.T)
     ones = np.ones(len(strain))
     times: list[list[float]] = [[], []]
@@ -161,7 +161,7 @@ def floor_us(scan: Scan) -> float:
 
 
 def peak_mb(build_and_run: Callable[[], object]) -> float:
-    """Most memory that Python and numpy held at once meanwhile, MB."""
+    """Peak memory of Python and numpy during a call, MB."""
     tracemalloc.start()
     try:
         build_and_run()
@@ -178,7 +178,7 @@ def tv_to_exact(
     shift: np.ndarray | float = 0.0,
     strains: int = 30,
 ) -> float:
-    """Largest total variation between the weights that two models give 75 states, over some strains."""
+    """Largest total variation distance between the weights of 75 states by two models, over some strains."""
     rng, worst = np.random.default_rng(0), 0.0
     source = steps(shift)
     for _ in range(strains):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -69,18 +68,16 @@ def read_recording(
     scene: Scene,
     *,
     naming: ColumnNaming | None = None,
-    speed: Mapping[str, float] | None = None,
     **bag_options: Any,
 ) -> Recording:
     """The sweeps of a recording: a bag, a scan file, or a CSV file.
 
     Parameters
     ----------
-    path : of the recording
+    path : file, or directory of a bag
     scene : axes and phalanges to read
-    naming, speed : of a CSV file, as for :func:`~tactile_localizer.io.csv.recording.read_csv`; by default
-        the standard columns
-    bag_options : of a bag, as for :func:`~tactile_localizer.io.bags.recording.read_bag`
+    naming : columns of a CSV file with other than the standard names
+    bag_options : arguments of :func:`~tactile_localizer.io.bags.recording.read_bag`
 
     Raises
     ------
@@ -96,4 +93,4 @@ def read_recording(
     if is_scan_file(Path(path)):
         with ScanStore.open(path) as store:
             return select(store.recording(), scene)
-    return read_csv(path, scene, naming, speed)
+    return read_csv(path, scene, naming)

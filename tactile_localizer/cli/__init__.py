@@ -23,7 +23,7 @@ COMMANDS: dict[str, str] = {
     "import": "make a scan file from recordings (CSV or rosbag2)",
     "scan": "inspect, plot, repair and convert scan files",
     "replay": "localize the palm in a recording, as the filter node would have",
-    "view": "replay into the Rerun viewer: belief, truth and strain on a timeline",
+    "view": "show a replay in the Rerun viewer: belief, truth and strain on a timeline",
     "identify": "identify which of several scans a recording belongs to, or none of them",
     "tune": "learn the noise model from a scan, print it, and store the calibration",
     "simulate": "write recordings of the simulated hand (train.csv, test.csv)",
@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     status 130, a closed standard output status 141.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    # BLAS threads do not pay for small matrices: on a busy machine updates take ten times longer with them.
+    # With BLAS threads, updates of small matrices take ten times longer on a busy machine.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     if _COMPLETING in os.environ:
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # The interpreter flushes once more at exit: into nothing.
+        # The interpreter flushes standard output again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
 
@@ -81,7 +81,7 @@ def _complete() -> None:
 
 
 def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """A parser of all subcommands, with the options of the one that ``arguments`` begin with."""
+    """Parser of all subcommands, with the options of the one that ``arguments`` begin with."""
     parser = argparse.ArgumentParser(
         prog="tactile-localizer",
         description="Localize a robot hand on flexible material by touch.",

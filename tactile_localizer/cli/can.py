@@ -38,10 +38,10 @@ DEFAULTS: dict[str, Any] = {
     "cycle_timeout_s": DriverSettings.cycle_timeout_s,
     "phalanges": [],
 }
-"""Defaults of the driver's parameters of the same names; no phalanges: those of the DBC."""
+"""Defaults of the driver node's parameters of the same names; by default all phalanges of the DBC."""
 
 _TIMEOUT_S = 0.0005, 1.0
-"""Range of ``cycle_timeout_s``, as the driver node has it."""
+"""Range of ``cycle_timeout_s``, as in the driver node."""
 
 _WAIT_S = 0.1
 _PIPE_WIDTH = 120
@@ -66,7 +66,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--dbc", help="CAN database: a path, or a shipped one (default loadcells.dbc)")
     parser.add_argument(
-        "--phalanges", nargs="+", metavar="NAME", help="load cells (default: those of the DBC that send)"
+        "--phalanges",
+        nargs="+",
+        metavar="NAME",
+        help="load cells (default: those in the DBC that send frames)",
     )
     parser.add_argument(
         "--seconds", type=float, help="duration, s (default: 5 for check; dump and logs: to the end)"
@@ -74,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read the bus or the log; 1 where ``check`` found a problem."""
+    """Read the bus or the log; returns 1 if ``check`` finds a problem."""
     if args.seconds is not None and not args.seconds > 0:
         raise ParameterError(f"--seconds: expected more than 0, got {args.seconds:g}")
     parameters = DEFAULTS
@@ -105,13 +108,13 @@ def _driver_parameters(content: Any) -> dict[str, Any]:
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ParameterError("expected ros__parameters of one node, found none") from None
     for name, value in parameters.items():
-        if expected := _kind_missed(name, value):
+        if expected := _wrong_type(name, value):
             raise ParameterError(f"{name}: expected {expected}, got {reprlib.repr(value)}")
     return parameters
 
 
-def _kind_missed(name: str, value: Any) -> str:
-    """Expected type of a parameter whose value has another; empty where it fits or is not used here."""
+def _wrong_type(name: str, value: Any) -> str:
+    """Expected type of a parameter whose value is of another; empty if it fits or is not used here."""
     default = [] if name.startswith("messages.") else DEFAULTS.get(name)
     if isinstance(default, list):
         fits = isinstance(value, list) and all(isinstance(entry, str) for entry in value)
@@ -138,7 +141,7 @@ def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:
 def _batches(
     args: argparse.Namespace, parameters: dict[str, Any], protocol: LoadCellProtocol, seconds: float | None
 ) -> Iterator[list[can.Message]]:
-    """Frames of the log or the bus, for ``seconds``; ``None``: the whole log, the bus until interrupted."""
+    """Frames of the log or the bus for ``seconds``; ``None``: the whole log, or the bus until interrupted."""
     if args.log is not None:
         yield from read_log(args.log, args.channel, seconds)
         return
@@ -152,12 +155,12 @@ def _batches(
     with open_bus(settings) as bus:  # no filters: unknown identifiers are reported too
         while end_s is None or time.monotonic() < end_s:
             try:
-                yield _waiting(bus)
+                yield _received(bus)
             except (can.CanError, OSError) as error:
                 raise CanError(f"CAN bus {settings}: expected frames, got: {error}") from error
 
 
-def _waiting(bus: can.BusABC) -> list[can.Message]:
+def _received(bus: can.BusABC) -> list[can.Message]:
     messages: list[can.Message] = []
     message = bus.recv(_WAIT_S)
     while message is not None:

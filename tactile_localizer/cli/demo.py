@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demonstration; its summary has the error after contact and the limit."""
+    """Run the demonstration, print its summary, and write it with figures."""
     _check(args)
     from tactile_localizer.demo.live_sweep import LIMIT_M, summarize
     from tactile_localizer.demo.run import SCAN_SWEEPS, DemoSettings, run_demo
@@ -107,12 +107,12 @@ def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     inch = summary["error_after_contact_inch"]
     shown = "no contact" if error is None else f"{error:.2f} mm, {inch:.3f} inch (limit 0.1 inch)"
     travel, duration = summary["travel_to_convergence_mm"], summary["time_to_convergence_s"]
-    belief = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
+    convergence = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
     table.add_row("training sweeps", f"{summary['training_sweeps']}, two along each line")
     converged, count = summary["error_converged_mm"], len(summary["sweeps"])
     table.add_row("mean error after contact", shown)
     table.add_row("mean error while converged", "never" if converged is None else f"{converged:.2f} mm")
-    table.add_row("time and travel to convergence", belief)
+    table.add_row("time and travel to convergence", convergence)
     table.add_row("sweeps that converged", f"{summary['converged_sweeps']} of {count}")
     table.add_row("converged before contact", str(summary["converged_before_contact"]))
     table.add_row("frames dropped", str(summary["frames_dropped"]))

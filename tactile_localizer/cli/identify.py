@@ -1,4 +1,4 @@
-"""``tactile-localizer identify``: which of several scans a recording belongs to, or none of them."""
+"""``tactile-localizer identify``: identification of the scan that a recording belongs to."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Identify, print the probabilities at the end of each sweep, and draw them along it."""
+    """Identify the scan of each sweep; print the probabilities at its end and draw them along it."""
     candidates = _candidates(args.scan)
     scene = next(iter(candidates.values()))[1]
     recording = odometry_from_arguments(args, scene).recording
@@ -82,8 +82,8 @@ def _candidates(paths: list[str]) -> dict[str, tuple[Scan, Scene]]:
         raise ParameterError(f"--scan: expected scans of different names, got {', '.join(names)}")
     first = loaded[0][2]
     for other, _, scene in loaded[1:]:
-        mine = (scene.axis_names, scene.phalanx_names, scene.layout.counts)
-        if mine != (first.axis_names, first.phalanx_names, first.layout.counts):
+        own = (scene.axis_names, scene.phalanx_names, scene.layout.counts)
+        if own != (first.axis_names, first.phalanx_names, first.layout.counts):
             raise ParameterError(
                 f"{other}: expected the axes, phalanges and channels of {loaded[0][0]}, found others"
             )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from tactile_localizer.cli.recording_options import (
     add_csv_arguments,
     bag_options,
     naming_from_arguments,
-    speed_from_arguments,
 )
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
@@ -37,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     from_csv = kinds.add_parser("csv", help="one or more CSV files")
     from_csv.add_argument(
-        "files", nargs="+", metavar="FILE", help="one sweep each, unless a column numbers the sweeps"
+        "files", nargs="+", metavar="FILE", help="one sweep per file, unless a column has the sweep numbers"
     )
     add_csv_arguments(from_csv)
     from_bag = kinds.add_parser(
@@ -48,18 +46,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from_bag.add_argument(
         "--detect-sweeps",
         choices=("both_ways", "one_way"),
-        help="detect sweeps in the motion; one_way: without the returns (default: those of the mapping node)",
+        help="detect sweeps in the motion; one_way: without the return strokes (default: as recorded by the "
+        "mapping node)",
     )
     for kind in (from_csv, from_bag):
         kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
-        kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
+        kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to create")
         kind.add_argument(
             "--force", action="store_true", help="import even if less than half of the samples are usable"
         )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import, and print what was kept and what was left out."""
+    """Import, and print the numbers of sweeps, pairs and skipped samples."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
     read = _read_csv if args.kind == "csv" else _read_bags
     recording, detail, unit = read(args, scene)
@@ -80,9 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _read_csv(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:
-    naming = naming_from_arguments(args)
-    speed = {**naming.speed, **speed_from_arguments(args.speed, scene)}
-    naming = replace(naming, speed=speed)
+    naming = naming_from_arguments(args, scene)
     naming.check(scene)
     guess = guess_columns(args.files[0], scene, naming)
     if guess.guessed:
@@ -92,7 +89,7 @@ def _read_csv(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[s
 
 
 def _print_guess(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
-    """Print the guessed columns, and write them to a file for reuse."""
+    """Print the guessed columns and write them to a file for reuse."""
     rows = []
     for quantity, why in guess.guessed.items():
         speed = guess.naming.speed.get(quantity)
@@ -104,7 +101,7 @@ def _print_guess(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
         else:
             rows.append([quantity, f"{speed:g} m/s x time", "", why])
     print_tables(
-        [Table(f"{args.files[0]}: columns as guessed", ["quantity", "columns", "factor", "reason"], rows)]
+        [Table(f"{args.files[0]}: guessed columns", ["quantity", "columns", "factor", "reason"], rows)]
     )
     path = Path(args.output).with_suffix(".columns.yaml")
     content = yaml.safe_dump(
@@ -116,7 +113,7 @@ def _print_guess(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
             unfinished.write_text(f"# Guessed columns of {Path(args.files[0]).name}: check them.\n{content}")
     except OSError as error:
         raise ScanError(f"{path}: expected to write the columns, {error.strerror}") from None
-    print(f"{path}: these columns; correct them and pass --columns {path}")
+    print(f"{path}: the guessed columns; if they are wrong, correct them and pass --columns {path}")
 
 
 def _read_bags(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:

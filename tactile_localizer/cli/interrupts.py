@@ -1,4 +1,4 @@
-"""Termination signals as interrupts, so that a command ends the processes it started."""
+"""Termination signals handled as interrupts, so that a command ends the processes it started."""
 
 from __future__ import annotations
 

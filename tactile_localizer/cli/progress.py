@@ -13,12 +13,12 @@ _PLAIN_EVERY_S = 10.0
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """A function that shows a description of the work and its completed fraction, 0 to 1, on stderr."""
+    """Context with a function that shows a description of the work and its completed fraction on stderr."""
     console = Console(stderr=True, markup=False, emoji=False)
     if not console.is_terminal:
         yield _plain(console)
         return
-    # Takes long to import, which a command without a terminal saves.
+    # This slow import is needed on a terminal only.
     from rich.progress import (
         BarColumn,
         Progress,
@@ -50,7 +50,7 @@ def _plain(console: Console) -> Callable[[str, float], None]:
 
     def show(text: str, fraction: float) -> None:
         now = time.monotonic()
-        # Work that ends within the interval prints nothing.
+        # Work that takes less than the interval prints nothing.
         if now - last.setdefault(text, now) >= _PLAIN_EVERY_S:
             last[text] = now
             console.print(f"{text}: {fraction:.0%}", highlight=False, soft_wrap=True)

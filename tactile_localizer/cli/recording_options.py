@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
@@ -81,20 +82,20 @@ def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     return {"topics": BagTopics(**topics), "frame": frame, "max_gap_s": args.max_gap, "adapter": adapter}
 
 
-def naming_from_arguments(args: argparse.Namespace) -> ColumnNaming:
-    """The column naming of ``--columns`` and ``--column``."""
-    base = load_naming(given_or_shipped(args.columns, "config/import")) if args.columns else ColumnNaming()
-    return naming_from_pairs(args.column, base)
-
-
-def speed_from_arguments(texts: Sequence[str], scene: Scene) -> dict[str, float]:
-    """The speeds of ``--speed``, by axis, m/s.
+def naming_from_arguments(args: argparse.Namespace, scene: Scene) -> ColumnNaming:
+    """The column naming of ``--columns``, ``--column`` and ``--speed``.
 
     Raises
     ------
     ParameterError
-        A speed is not a number, or names no axis in a scene of several.
+        A speed is not a number, or names no axis although the scene has several.
     """
+    base = load_naming(given_or_shipped(args.columns, "config/import")) if args.columns else ColumnNaming()
+    naming = naming_from_pairs(args.column, base)
+    return replace(naming, speed={**naming.speed, **_speeds(args.speed, scene)})
+
+
+def _speeds(texts: Sequence[str], scene: Scene) -> dict[str, float]:
     speeds = {}
     for text in texts:
         axis, equals, value = text.rpartition("=")

@@ -15,7 +15,6 @@ from tactile_localizer.cli.recording_options import (
     add_csv_arguments,
     bag_options,
     naming_from_arguments,
-    speed_from_arguments,
 )
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
@@ -43,7 +42,7 @@ def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
-    """The scan and the scene; prints a note where the scene is not that of the scan."""
+    """The scan and the scene; prints a note if the scene is not that of the scan."""
     with ScanStore.open(args.scan) as store:
         scanned = store.scene
         scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else scanned
@@ -54,7 +53,7 @@ def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
 
 
 def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare model, filter and preset."""
+    """Declare preset, model, filter and number of particles."""
     parser.add_argument(
         "--config",
         metavar="PRESET",
@@ -75,7 +74,7 @@ def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
     Raises
     ------
     ParameterError
-        An unusable choice, or particles for the grid filter.
+        An invalid value, or particles for the grid filter.
     """
     given = {"model": args.model, "filter": args.filter, "particles": args.particles}
     configuration = load_configuration(args.config, **given)
@@ -85,7 +84,7 @@ def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -> None:
-    """Declare the recordings and how to read them; ``count`` is the ``nargs`` of argparse."""
+    """Declare the recordings and the options to read them; ``count`` is the ``nargs`` of argparse."""
     parser.add_argument("recordings", nargs=count, metavar="RECORDING", help="CSV file, scan file or bag")
     parser.add_argument(
         "--odometry",
@@ -124,29 +123,28 @@ def check_starts(args: argparse.Namespace) -> None:
 
 
 def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, bool]:
-    """The recordings joined, and whether positions are the true ones (otherwise the arm's).
+    """The joined recordings, and whether their positions are true (otherwise they are the arm's).
 
     Raises
     ------
     ScanError
-        A recording cannot be read, or bags are mixed with others.
+        A recording cannot be read, or only some of them are bags.
     """
     bags = [is_bag(Path(path)) for path in args.recordings]
     if any(bags) and not all(bags):
         raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
-    csv = {"naming": naming_from_arguments(args), "speed": speed_from_arguments(args.speed, scene)}
-    options = {**csv, **bag_options(args, scene)}
+    options = {"naming": naming_from_arguments(args, scene), **bag_options(args, scene)}
     return join([read_recording(path, scene, **options) for path in args.recordings]), not any(bags)
 
 
-class GivenOdometry(NamedTuple):
-    """Recordings as given on the command line, and as the localizer gets them.
+class Recordings(NamedTuple):
+    """Recordings of the command line, as read and as input of the localizer.
 
     Parameters
     ----------
-    recorded : as read
-    recording : its positions are odometry; with ``--starts`` cut at random starts
-    kind : of the odometry
+    recorded : recording as read
+    recording : recording whose positions are odometry; with ``--starts``, from random starts
+    kind : kind of the odometry
     """
 
     recorded: Recording
@@ -154,8 +152,8 @@ class GivenOdometry(NamedTuple):
     kind: str
 
 
-def odometry_from_arguments(args: argparse.Namespace, scene: Scene) -> GivenOdometry:
-    """The recordings of ``add_recording_arguments``, with odometry.
+def odometry_from_arguments(args: argparse.Namespace, scene: Scene) -> Recordings:
+    """The recordings of ``add_recording_arguments`` with odometry.
 
     Raises
     ------
@@ -163,19 +161,19 @@ def odometry_from_arguments(args: argparse.Namespace, scene: Scene) -> GivenOdom
         As :func:`read_recordings`, or no sweep is long enough for a start.
     """
     recorded, true_positions = read_recordings(args, scene)
-    # The localizer has the random stream of the filter node; simulated noise has another.
+    # The noise must not use the random stream of the localizer, which is that of the filter node.
     recording, noise = recorded, np.random.default_rng([args.seed, 1])
     if getattr(args, "starts", None) is not None:
         recording = random_starts(recording, scene, args.starts, args.travel, noise)
     if not true_positions:
-        return GivenOdometry(recorded, recording, RECORDED)
-    return GivenOdometry(recorded, with_odometry(recording, scene, noise, args.odometry), args.odometry)
+        return Recordings(recorded, recording, RECORDED)
+    return Recordings(recorded, with_odometry(recording, scene, noise, args.odometry), args.odometry)
 
 
 def localizer_from_arguments(
     args: argparse.Namespace, scan: Scan, scene: Scene, progress: Callable[[str, float], None]
 ) -> tuple[Localizer, Calibration]:
-    """The localizer of the configuration on the command line, and the calibration of the scan."""
+    """The localizer with the configuration of the command line, and the calibration of the scan."""
     configuration = configuration_from_arguments(args)
     calibration = learned_calibration(Path(args.scan), scan, scene, progress)
     rng = np.random.default_rng(args.seed)

@@ -41,11 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration_arguments(parser)
     add_seed_argument(parser)
     add_start_arguments(parser)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every update")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay, print the error along the travel, and write every update with ``--json``."""
+    """Replay, print the error along the travel, and with ``--json`` write every estimate."""
     check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if mismatch.line is not None:
         print(mismatch.line)
     if configuration.uses_kernel_widths:
-        # Takes half a second to import, which the default model saves.
+        # An import of half a second that the default model does not need.
         from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
 
         if unfit := describe_unfit_widths(scan, scene):
@@ -77,10 +77,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _unconverged(tracks: Sequence[Track]) -> Iterator[str]:
-    """Reason of each sweep that did not converge, one per line."""
+    """One line with the reason for each sweep that did not converge."""
     for track in tracks:
         if not len(track):
-            yield f"sweep {track.number} did not converge: no usable strain"
+            yield f"sweep {track.number} did not converge: no usable sample"
         elif not track.converged.any():
             reason = track.reason[-1].partition(": ")[2] or track.reason[-1]
             yield f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}"
@@ -92,14 +92,14 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
     for note in document["recording"]["notes"]:
         console.print(f"note: {note}")
     console.print(
-        f"{summary['sweeps']} sweeps, {summary['strains']} strains, "
+        f"{summary['sweeps']} sweeps, {summary['strains']} samples, "
         f"{summary['measurement_updates']} measurement updates"
         + (f", {summary['refused']} refused" if summary["refused"] else "")
         + f"; {configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
     )
     console.print("learned: " + ", ".join(f"{name} {value}" for name, value in document["learned"].items()))
     if summary["contacts"]:
-        console.print(f"travel is counted from contact, which {summary['contacts']} sweeps reach")
+        console.print(f"travel counts from contact, which {summary['contacts']} sweeps reach")
     if summary["error_m"]["count"]:
         print_tables([_table(summary)])
         if "error_rad" in summary and summary["error_rad"]["count"]:
@@ -112,7 +112,7 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
             f"NEES {summary['nees']:.2f} per degree of freedom"
         )
     else:
-        console.print("no ground truth in the recording: errors are unknown")
+        console.print("errors are unknown: the recording has no ground truth")
     arrived = summary["travel_to_convergence_m"]
     since = "from contact" if summary["contacts"] else "of travel"
     after = f", after {arrived['median'] * 1e3:.1f} mm {since} (median)" if arrived["count"] else ""
@@ -121,13 +121,13 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
         console.print(f"{converged} converged{after}")
     else:
         console.print(
-            f"positions out of the scene's bounds cannot be right; reported as converged: {converged}"
+            f"positions outside the scene's bounds cannot be right; reported as converged: {converged}"
         )
     if timing["update_median_us"] is not None:
         console.print(
             f"measurement update {timing['update_median_us']:.0f} µs (median), "
             f"{timing['update_p99_us']:.0f} µs (99th percentile); "
-            f"{timing['strain_mean_us']:.0f} µs per strain"
+            f"{timing['strain_mean_us']:.0f} µs per sample"
         )
 
 
@@ -136,9 +136,9 @@ def _table(summary: dict[str, Any]) -> Table:
     for mark, error in summary["error_after_travel_m"].items():
         place = f"after {float(mark) * 1e3:g} mm" if float(mark) else "at contact"
         rows.append((place, str(error["count"]), *_lengths(error)))
-    names = {"error_m": "all strains", "error_contact_m": "on the feature", "error_converged_m": "converged"}
+    names = {"error_m": "all samples", "error_contact_m": "in contact", "error_converged_m": "converged"}
     rows += [(title, "", *_lengths(summary[name])) for name, title in names.items() if summary[name]["count"]]
-    return Table("", ("error", "sweeps", "median mm", "in", "mean mm", "in", "largest mm", "in"), rows)
+    return Table("", ("error", "sweeps", "median mm", "inch", "mean mm", "inch", "largest mm", "inch"), rows)
 
 
 def _lengths(error: dict[str, Any]) -> list[str]:

@@ -44,20 +44,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("list", "list the sweeps with lengths and rates", _list),
     ):
         action(name, text, work).add_argument("scan", metavar="SCAN")
-    drop = action("drop-sweep", "leave sweeps out of the map; their pairs stay in the file", _drop)
+    drop = action("drop-sweep", "exclude sweeps from the map; their pairs stay in the file", _drop)
     drop.add_argument("scan", metavar="SCAN")
     drop.add_argument("numbers", nargs="+", type=int, metavar="NUMBER")
-    drop.add_argument("--undo", action="store_true", help="restore them")
+    drop.add_argument("--undo", action="store_true", help="include them again")
     mend = action(
-        "repair", "recover the intact part of a damaged file; the damaged file is kept beside it", _repair
+        "repair", "recover the undamaged pairs of a damaged file, which is kept beside the new one", _repair
     )
     mend.add_argument("scan", metavar="SCAN")
     mend.add_argument(
-        "--scene", metavar="SCENE", help="scene of the scan (YAML), where its header is damaged"
+        "--scene", metavar="SCENE", help="scene of the scan (YAML), needed if the file's header is damaged"
     )
     merge = action("merge", "merge several files of one scene into a new one", _merge)
     merge.add_argument("scans", nargs="+", metavar="SCAN")
-    merge.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to make")
+    merge.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to create")
     export = action("export", "write the pairs as CSV or npz", _export)
     export.add_argument("scan", metavar="SCAN")
     export.add_argument("-o", "--output", required=True, metavar="FILE", help="*.csv or *.npz")
@@ -150,7 +150,7 @@ def _list(args: argparse.Namespace) -> int:
             ends = sweep.position[[0, -1]][:, plane] * MM
             length = float(np.linalg.norm(ends[1] - ends[0]))
             cells += [f"{length:.1f}", f"{length / INCH_MM:.2f}", *(_place(end) for end in ends)]
-        remark = "dropped" if info.dropped else "" if info.ended else "cut off"
+        remark = "dropped" if info.dropped else "" if info.ended else "interrupted"
         table.add_row(*cells, str(info.gaps), str(info.skipped), remark)
     width = None if sys.stdout.isatty() else _PIPE_WIDTH
     Console(width=width, markup=False, emoji=False).print(table)
@@ -174,7 +174,7 @@ def _repair(args: argparse.Namespace) -> int:
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
     report = repair(args.scan, scene)
     if report.damaged is None:
-        print(f"{args.scan}: nothing to repair, {report.pairs} pairs in {report.sweeps} sweeps are intact")
+        print(f"{args.scan}: nothing to repair, {report.pairs} pairs in {report.sweeps} sweeps are undamaged")
         return 0
     for note in report.notes:
         print(f"  {note}")
@@ -203,7 +203,7 @@ def _export(args: argparse.Namespace) -> int:
 
 
 def _region(args: argparse.Namespace) -> int:
-    # Imports of half a second that other actions do not need.
+    # An import of half a second that other actions do not need.
     from tactile_localizer.core.calibration.feature_region import propose_region
 
     with ScanStore.open(args.scan) as store:
@@ -234,7 +234,7 @@ def _box(scene: Scene) -> str:
 
 
 def _plot(args: argparse.Namespace) -> int:
-    # matplotlib takes a second, which no other action needs.
+    # Importing matplotlib takes a second; no other action needs it.
     from tactile_localizer.core.calibration.feature_region import propose_region
     from tactile_localizer.offline.figures.feature_region import region_sheet
     from tactile_localizer.offline.figures.tactile_map import DrawnScan, scan_figures
@@ -266,7 +266,7 @@ def _place(position_mm: np.ndarray) -> str:
 
 
 def _when(sweeps: list[SweepInfo]) -> str:
-    """First and last stamp as dates, or in seconds where they are not Unix time."""
+    """First and last stamp as dates, or in seconds if they are not Unix time."""
     ends = [end for sweep in sweeps if sweep.pairs for end in (sweep.first_ns, sweep.last_ns)]
     if not ends:
         return "never"

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "feature",
         choices=FEATURES,
-        help="feature in the material (none: featureless; seam: has no shipped scene)",
+        help="feature in the material (none: featureless material; seam has no shipped scene)",
     )
     parser.add_argument("-o", "--output", type=Path, default=Path("out/simulate"), metavar="DIR")
     add_seed_argument(parser)
@@ -37,13 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         default=(),
         metavar="N",
-        help="channels of the two phalanges (default: load cells with 8); also writes scene.yaml",
+        help="channels of the two phalanges (default: 8 each); also writes scene.yaml",
     )
     parser.add_argument("--never-reach", action="store_true", help="end the test sweeps before the feature")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the recordings: training with the arm's positions, test with the true ones."""
+    """Write the training sweeps with the arm's positions, and the test sweeps with the true ones."""
     channels = tuple(args.channels)
     train = simulate_scan(args.feature, args.seed, "train", sweeps=args.train, channels=channels)
     test = simulate_scan(
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _scene(feature: str, channels: tuple[int, ...]) -> Scene:
-    """The shipped scene of a feature, or of the bump, for other sensors and without their parameters."""
+    """The shipped scene of a feature (default: the bump) with other channels, without kernel widths."""
     name = feature if feature in SIMULATED_FEATURES else SIMULATED_FEATURES[0]
     shipped = load_scene(resource_path(f"config/scenes/{name}.yaml"))
     phalanges = tuple(
@@ -76,11 +76,13 @@ def _scene(feature: str, channels: tuple[int, ...]) -> Scene:
 
 
 def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
-    """Write a recording in the standard columns.
+    """Write simulated sweeps in the standard columns.
 
     Parameters
     ----------
-    position : (N, 2) m, for the columns of the axes
+    path : CSV file
+    scan : simulated sweeps, N samples
+    position : (N, 2) positions to write, m
 
     Raises
     ------

@@ -12,10 +12,10 @@ from rich.table import Table as Shown
 from tactile_localizer.offline.table import Table
 
 _TEXT_LENGTH = 60
-"""Length from which a cell is text rather than a number."""
+"""Length above which a cell is wrapped as text."""
 
 _NUMBERS_WIDTH = 250
-"""Width of tables of numbers, which are not wrapped to the terminal."""
+"""Width of tables without text, which are not wrapped to the terminal."""
 
 
 def print_tables(tables: Sequence[Table]) -> None:

@@ -1,4 +1,4 @@
-"""``tactile-localizer tune``: learn the noise model from a scan, print it, store the calibration."""
+"""``tactile-localizer tune``: noise model and calibration of a scan."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Learn from the scan, print the tables, and write a scene with ``--output``."""
+    """Learn from the scan, print the result, and with ``--output`` write a scene."""
     scan, scene = scan_from_arguments(args)
     with ScanStore.open(args.scan) as store:
         unit = store.units["strain"]

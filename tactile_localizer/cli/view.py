@@ -1,4 +1,4 @@
-"""``tactile-localizer view``: replay into the Rerun viewer."""
+"""``tactile-localizer view``: a replay in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration_arguments(parser)
     add_seed_argument(parser)
     parser.add_argument(
-        "--save", type=Path, metavar="FILE", help="write the view into a file (*.rrd) instead of opening it"
+        "--save", type=Path, metavar="FILE", help="write a file (*.rrd) instead of opening the viewer"
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay into the viewer, or into a file for it."""
+    """Write a replay to the viewer, or to a file that it opens."""
     scan, scene = scan_from_arguments(args)
     recording = odometry_from_arguments(args, scene).recording
     view = ReplayView(scan, scene, args.save)

@@ -1,4 +1,4 @@
-"""Axes of figures: millimetres with inches on the opposite side, degrees for yaw; legends."""
+"""Display units and axes of figures: mm with inches on the opposite side, degrees for yaw; legends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:  # users of the units alone need not import matplotlib, which takes a second
+if TYPE_CHECKING:  # importing matplotlib takes a second, which users of the units alone save
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -29,7 +29,7 @@ def display_units(axis: str, values: np.ndarray) -> np.ndarray:
 
 
 def literal(text: str) -> str:
-    """Text with dollar signs escaped, so that matplotlib does not read them as a formula."""
+    """Text with escaped dollar signs, which matplotlib would read as a formula."""
     return text.replace("$", r"\$")
 
 
@@ -38,11 +38,11 @@ def label_axis(plot: Axes, which: str, axis: str, *, inches: bool = True, label:
 
     Parameters
     ----------
-    plot : of values in display units (:func:`display_units`)
-    which : ``"x"`` or ``"y"`` of the plot
-    axis : name of the state's axis
-    inches : whether the opposite side is labelled
-    label : whether the near side is labelled
+    plot : plot of values in display units (:func:`display_units`)
+    which : axis of the plot, ``"x"`` or ``"y"``
+    axis : name of the axis of the state
+    inches : whether to label the opposite side
+    label : whether to label the near side
     """
     if label:
         getattr(plot, f"set_{which}label")(f"{axis}, {'degrees' if axis == 'yaw' else 'mm'}")
@@ -61,8 +61,8 @@ def legend_below(figure: Figure, plot: Axes) -> None:
 
     Parameters
     ----------
-    figure : with constrained layout, in which room is reserved (``"outside"`` needs matplotlib 3.7)
-    plot : with the entries
+    figure : figure whose constrained layout leaves room for the legend (``"outside"`` needs matplotlib 3.7)
+    plot : plot with the entries
     """
     handles, labels = plot.get_legend_handles_labels()
     if not handles:

@@ -1,4 +1,4 @@
-"""Identification of the scan that a recording belongs to: probabilities of candidates along each sweep."""
+"""Identification of the scan that a recording belongs to, with the probabilities along each sweep."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class IdentifiedSweep:
 
     Parameters
     ----------
-    number : of the sweep
-    names : of the K candidates and of the alternative "none"
-    travel : (n,) m from the sweep's start
-    probabilities : (n, K + 1), rows sum to one
+    number : number of the sweep
+    names : names of the K candidates and of the alternative "none"
+    travel : (n,) travel from the start of the sweep, m
+    probabilities : (n, K + 1); rows sum to one
     """
 
     number: int
@@ -43,14 +43,14 @@ class IdentifiedSweep:
     probabilities: np.ndarray
 
     @property
-    def answer(self) -> str:
+    def identified(self) -> str:
         """The most probable candidate at the end."""
         return self.names[int(np.argmax(self.probabilities[-1]))]
 
     @property
     def settled_m(self) -> float:
-        """Travel after which the most probable candidate no longer changed, m."""
-        others = np.flatnonzero(np.argmax(self.probabilities, axis=1) != self.names.index(self.answer))
+        """Travel after which the most probable candidate does not change, m."""
+        others = np.flatnonzero(np.argmax(self.probabilities, axis=1) != self.names.index(self.identified))
         return float(self.travel[others[-1] + 1]) if len(others) else 0.0
 
 
@@ -61,9 +61,9 @@ def identify(
 
     Parameters
     ----------
-    identifier : is reset before each sweep
-    scene : of the recording's axes
-    recording : its positions are the odometry
+    identifier : identifier, reset before each sweep
+    scene : scene with the axes of the recording
+    recording : recording whose positions are the odometry
     progress : called with a description of the work and the completed fraction
 
     Raises
@@ -101,21 +101,21 @@ def identify(
 
 
 def identification_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
-    """Probabilities at the end of each sweep, the answer, and the travel after which it was final."""
+    """Probabilities at the end of each sweep, identified scan, and the travel after which it is settled."""
     names = sweeps[0].names
     rows = [
         (
             f"{sweep.number}",
             f"{sweep.travel[-1] * MM:.1f}",
             *(f"{probability:.3f}" for probability in sweep.probabilities[-1]),
-            sweep.answer,
+            sweep.identified,
             f"{sweep.settled_m * MM:.1f}",
         )
         for sweep in sweeps
     ]
     return Table(
         "Probability at the end of each sweep",
-        ("sweep", "travel mm", *names, "answer", "final after mm"),
+        ("sweep", "travel mm", *names, "identified", "settled after mm"),
         rows,
         verdict(sweeps),
     )
@@ -134,13 +134,13 @@ def travel_table(sweeps: Sequence[IdentifiedSweep]) -> Table:
 
 
 def verdict(sweeps: Sequence[IdentifiedSweep]) -> str:
-    """Number of sweeps per answer, the most frequent first."""
-    counts = Counter(sweep.answer for sweep in sweeps).most_common()
+    """Number of sweeps by identified scan, most frequent first."""
+    counts = Counter(sweep.identified for sweep in sweeps).most_common()
     return ", ".join(f"{name}: {count} of {len(sweeps)} sweeps" for name, count in counts)
 
 
 def identification_figure(sweeps: Sequence[IdentifiedSweep], title: str) -> Figure:
-    """Probabilities along the travel, a plot per sweep (of the first :data:`_MAX_PLOTS`)."""
+    """Probabilities along the travel, one plot for each of the first :data:`_MAX_PLOTS` sweeps."""
     shown = sweeps[:_MAX_PLOTS]
     columns = min(_COLUMNS, len(shown))
     rows = -(-len(shown) // columns)

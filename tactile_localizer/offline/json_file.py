@@ -1,4 +1,4 @@
-"""JSON files of results: numpy arrays and numbers as plain values, non-finite numbers as null."""
+"""JSON files of results, with arrays as lists and numbers that are not finite as null."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_localizer.io.whole_file import whole_file
 
 
 def plain(value: Any) -> Any:
-    """Mappings, sequences, dataclasses, arrays and numbers as values that JSON can hold."""
+    """Convert mappings, sequences, dataclasses, arrays and numbers to values that JSON can hold."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):
@@ -31,7 +31,7 @@ def plain(value: Any) -> Any:
 
 
 def plain_columns(columns: Mapping[str, np.ndarray | list[Any]]) -> Iterator[dict[str, Any]]:
-    """Rows of equally long columns, as from :func:`plain` but faster."""
+    """Rows of columns of equal length, converted as by :func:`plain` but faster."""
     lists = [column if isinstance(column, list) else _entries(column) for column in columns.values()]
     return (dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True))
 
@@ -56,8 +56,9 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
 
     Parameters
     ----------
-    value : of types that :func:`plain` accepts
-    rows : name of a list to be written with one entry per line, as it is iterated
+    path : file to write; missing folders are created
+    value : mapping of values that :func:`plain` converts
+    rows : name of an iterable in ``value`` that is written row by row, one per line
 
     Raises
     ------

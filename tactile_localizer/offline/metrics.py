@@ -1,4 +1,4 @@
-"""Metrics of a replay: error, calibration, convergence, computing time."""
+"""Metrics of a replay: error, consistency of the covariance, convergence, computing time."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
 
 INCH = 0.0254
-"""m"""
+"""One inch, m."""
 
 MARKS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
-"""Travel at which the error is reported, m."""
+"""Travel after which the error is reported, m."""
 
 SQUARED_95 = {1: 3.841458820694124, 2: 5.991464547107979, 3: 7.814727903251179}
-"""Squared Mahalanobis distance within which 95 % are, by axes: quantiles of the chi-square distribution."""
+"""95 % quantiles of the chi-square distribution, by number of axes."""
 
 _ROUNDING = 1e-9
 """Rounding error of a sum of many steps, m."""
 
-_NARROWEST = 1e-18
-"""Least variance, m2 (yaw: rad2): the covariance of identical particles is zero."""
+_MIN_VARIANCE = 1e-18
+"""Lower bound of the variance, m² (yaw: rad²): the covariance of identical particles is zero."""
 
 
 def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Estimate minus truth (n, d); axes of a full turn along the shortest arc."""
+    """Estimate minus truth (n, d); on axes that wrap, along the shortest arc."""
     difference = mean - truth
     difference[:, scene.wraps] = wrap_angle(difference[:, scene.wraps])
     return difference
 
 
 def position_error(scene: Scene, track: Track) -> np.ndarray:
-    """Distance of the estimate from the truth on the axes that are lengths, m: (n,); NaN where unknown."""
+    """Distance between estimate and truth without the yaw, (n,) m; NaN where unknown."""
     lengths = np.array([axis.name != "yaw" for axis in scene.axes])
     if track.truth is None or not lengths.any():
         return np.full(len(track), np.nan)
@@ -46,20 +46,20 @@ def position_error(scene: Scene, track: Track) -> np.ndarray:
 
 
 def yaw_error(scene: Scene, track: Track) -> np.ndarray:
-    """Absolute error of the yaw, rad: (n,); NaN where there is no yaw or no truth."""
+    """Absolute error of the yaw, (n,) rad; NaN where there is no yaw or no truth."""
     if track.truth is None or "yaw" not in scene.axis_names:
         return np.full(len(track), np.nan)
     return np.abs(deviation(scene, track.mean, track.truth)[:, scene.axis_names.index("yaw")])
 
 
 def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
-    """Squared Mahalanobis distance of the estimate from the truth, (n,); d on average when consistent."""
+    """Squared Mahalanobis distance between estimate and truth, (n,); d on average if consistent."""
     if track.truth is None:
         return np.full(len(track), np.nan)
     difference = deviation(scene, track.mean, track.truth)
     values, vectors = np.linalg.eigh(track.covariance)
     along = np.einsum("ndk,nd->nk", vectors, difference)
-    return np.sum(along**2 / np.maximum(values, _NARROWEST), axis=1)
+    return np.sum(along**2 / np.maximum(values, _MIN_VARIANCE), axis=1)
 
 
 def calibration(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def calibration(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
 
 
 def statistics(values: np.ndarray) -> dict[str, Any]:
-    """Count, median, mean, 95th percentile and largest of the finite values; ``None`` for those of none."""
+    """Count, median, mean, 95th percentile and maximum of the finite values; ``None`` if there are none."""
     values = values[np.isfinite(values)]
     if not len(values):
         return {"count": 0, "median": None, "mean": None, "p95": None, "max": None}
@@ -88,7 +88,7 @@ def statistics(values: np.ndarray) -> dict[str, Any]:
 
 
 def error_at(errors: Sequence[np.ndarray], tracks: Sequence[Track], mark: float) -> np.ndarray:
-    """Errors at ``mark`` m of :func:`travel_from_contact`, of the tracks that are long enough."""
+    """Errors of the tracks that are long enough after ``mark`` m of :func:`travel_from_contact`."""
     found = []
     for error, track in zip(errors, tracks, strict=True):
         travel = travel_from_contact(track)
@@ -98,7 +98,7 @@ def error_at(errors: Sequence[np.ndarray], tracks: Sequence[Track], mark: float)
 
 
 def travel_from_contact(track: Track) -> np.ndarray:
-    """Travel (n,) m, from contact, negative before it; from the sweep's start where no contact is known."""
+    """Travel from contact, (n,) m, negative before it; from the start of a sweep without contact."""
     return track.travel - track.travel[track.start] if len(track) else track.travel
 
 
@@ -113,17 +113,16 @@ def travel_to_convergence(tracks: Sequence[Track]) -> np.ndarray:
 
 
 def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> Recording:
-    """The recording with contact known, where the truth is.
+    """Mark the samples in contact with a feature, in sweeps whose true positions are known.
 
-    A sample is on the feature where the signal exceeds the noise: as recorded (the simulator knows),
-    otherwise where the map predicts more than the noise of one visit for a phalanx at the true position.
-    Contact is the first such sample, the feature's end the last. Material without featureless places has no
-    contact.
+    A recorded mark is kept; the simulator writes one. Otherwise a sample is in contact if the map predicts
+    more than the noise of one sweep for a phalanx at the true position. Material that is textured everywhere
+    has no contact.
 
     Parameters
     ----------
-    recording : of ``scene``
-    strain_map : of the localizer
+    recording : recording with the axes and phalanges of ``scene``
+    strain_map : map of the localizer
     """
     if strain_map.featureless_variance is None:
         return recording
@@ -131,28 +130,27 @@ def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> R
     weights /= weights.sum(axis=1, keepdims=True)
     expected = np.einsum("mk,mkc->mc", weights, strain_map.mean)
     energy = scene.layout.sum(expected**2) / np.array(scene.layout.counts)
-    is_felt = (energy > 1.0).any(axis=1)
+    in_contact = (energy > 1.0).any(axis=1)
     sweeps = []
     for sweep in recording.sweeps:
         if sweep.felt is None and sweep.truth is not None and np.isfinite(sweep.truth).all():
-            sweep = replace(sweep, felt=is_felt[strain_map.nearest(sweep.truth)])
+            sweep = replace(sweep, felt=in_contact[strain_map.nearest(sweep.truth)])
         sweeps.append(sweep)
     return replace(recording, sweeps=tuple(sweeps))
 
 
 def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
-    """Summary of the tracks, by name, in SI units; ``None`` where unknown.
+    """Summary of the tracks by name, in SI units; ``None`` where unknown.
 
-    *On contact* is from contact to the feature's end (:func:`with_contact`); travel is counted from contact
-    where it is known.
+    ``error_contact_m`` is from contact to the end of the feature (:func:`with_contact`). If the contact of
+    any sweep is known, travel is counted from contact, and sweeps without contact do not count.
     """
     errors = [position_error(scene, track) for track in tracks]
     converged = [track.converged for track in tracks]
-    # Where any contact is known, travel of a sweep without one has no origin.
-    counted = [track.contact[0] >= 0 for track in tracks]
-    counts = [index for index, one in enumerate(counted) if one or not any(counted)]
+    has_contact = [track.contact[0] >= 0 for track in tracks]
+    counts = [index for index, one in enumerate(has_contact) if one or not any(has_contact)]
     after = [errors[index] for index in counts], [tracks[index] for index in counts]
-    marks = [mark for mark in ((0.0,) if any(counted) else ()) + MARKS if len(error_at(*after, mark))]
+    marks = [mark for mark in ((0.0,) if any(has_contact) else ()) + MARKS if len(error_at(*after, mark))]
     arrived = travel_to_convergence(tracks)
     summary = {
         "sweeps": len(tracks),
@@ -160,14 +158,14 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
         "measurement_updates": int(sum(track.updated.sum() for track in tracks)),
         "refused": sum(track.refused for track in tracks),
         "error_m": statistics(_pooled(errors)),
-        "contacts": sum(counted),
+        "contacts": sum(has_contact),
         "error_contact_m": statistics(_pooled(errors, [track.on_contact for track in tracks])),
         "error_converged_m": statistics(_pooled(errors, converged)),
         "error_after_travel_m": {f"{mark:g}": statistics(error_at(*after, mark)) for mark in marks},
         "final_error_m": statistics(np.array([error[-1] for error in errors if len(error)])),
         **calibration(scene, tracks),
         "converged_sweeps": int(np.isfinite(arrived).sum()),
-        "converged_share": float(np.mean(np.concatenate(converged))) if any(map(len, tracks)) else None,
+        "converged_fraction": float(np.mean(np.concatenate(converged))) if any(map(len, tracks)) else None,
         "travel_to_convergence_m": statistics(arrived),
     }
     if "yaw" in scene.axis_names:
@@ -176,7 +174,7 @@ def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
 
 
 def timing(tracks: Sequence[Track]) -> dict[str, Any]:
-    """Computing time, us: of a measurement update, of any strain vector, and per millimetre of travel."""
+    """Computing time per measurement update, per sample and per millimetre of travel, µs."""
     updates = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
     every = _pooled([track.seconds for track in tracks]) * 1e6
     travel_mm = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
@@ -191,7 +189,7 @@ def timing(tracks: Sequence[Track]) -> dict[str, Any]:
 
 
 def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:
-    """The finite values of all tracks, restricted to the entries that ``keep`` selects."""
+    """Finite values of all tracks, of the entries selected by ``keep``."""
     if not values:
         return np.empty(0)
     pooled = np.concatenate(values)

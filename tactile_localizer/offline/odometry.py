@@ -1,4 +1,4 @@
-"""Odometry for recordings that hold only the true positions of the palm."""
+"""Odometry for recordings of the palm's true positions, and random starts in a recording."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
 
 SIMULATED, EXACT, RECORDED = "simulated", "exact", "recorded"
-"""Kinds of odometry: true displacements with the scene's motion noise, without it, or those of the arm."""
+"""Kinds of odometry: true displacements with or without the scene's motion noise, or the arm's."""
 
 _ROUNDING = 1e-9
 """Rounding error of a sum of many steps, m."""
 
 
 def with_odometry(recording: Recording, scene: Scene, rng: np.random.Generator, kind: str) -> Recording:
-    """The recording with odometry as its positions, and its positions as the truth.
+    """Make the positions of a recording its truth, and odometry its positions.
 
     Parameters
     ----------
-    recording : its positions are the truth
-    scene : gives the motion noise: variance ``motion_std**2`` per metre of travel, on each axis
-    rng : of the noise
+    recording : recording of true positions
+    scene : gives the motion noise: variance ``motion_std**2`` per metre of travel on each axis
+    rng : generator of the noise
     kind : :data:`SIMULATED` or :data:`EXACT`
 
     Returns
     -------
     Recording
-        Each sweep's odometry starts at zero, so that it does not contain the position of the palm.
+        The odometry of each sweep starts at zero, so it does not reveal the position of the palm.
     """
     sweeps = []
     for sweep in recording.sweeps:
@@ -46,41 +46,41 @@ def with_odometry(recording: Recording, scene: Scene, rng: np.random.Generator, 
 
 
 def displacements(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Steps between positions (n, d), (n - 1, d); yaw along the shortest arc."""
+    """Differences (n - 1, d) between consecutive positions (n, d); yaw along the shortest arc."""
     steps = np.diff(position, axis=0)
     steps[:, scene.wraps] = wrap_angle(steps[:, scene.wraps])
     return steps
 
 
 def travel(scene: Scene, steps: np.ndarray) -> np.ndarray:
-    """Lengths of displacements (n, d), m: (n,); a turn counts as in the motion model."""
+    """Lengths (n,) of displacements (n, d), m; rotations count as in the motion model."""
     return np.linalg.norm(steps * levers(scene), axis=1)
 
 
 def travelled(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Travel from the first of the positions (n, d) to each of them, m: (n,)."""
+    """Travel (n,) from the first of the positions (n, d) to each of them, m."""
     return np.concatenate([[0.0], np.cumsum(travel(scene, displacements(scene, position)))])[: len(position)]
 
 
 def random_starts(
     recording: Recording, scene: Scene, count: int, length: float | None, rng: np.random.Generator
 ) -> Recording:
-    """Parts of a recording that begin at random samples, numbered from 1.
+    """Cut sweeps that begin at random samples out of a recording, numbered from 1.
 
     Parameters
     ----------
-    recording : its positions give the travel
-    count : number of parts
-    length : m, of each part; ``None``: to the end of its sweep. No part begins where less is left.
+    recording : recording whose positions give the travel
+    count : number of sweeps
+    length : travel of each, m; ``None``: to the end of the recorded sweep
     rng : draws the first samples
 
     Raises
     ------
     ScanError
-        No sweep is long enough.
+        No recorded sweep is long enough.
     """
-    ways = [travelled(scene, sweep.position) for sweep in recording.sweeps]
-    left = [way[-1:] - way for way in ways]
+    travels = [travelled(scene, sweep.position) for sweep in recording.sweeps]
+    left = [along[-1:] - along for along in travels]
     wanted = length - _ROUNDING if length is not None else np.finfo(float).tiny
     starts = [np.flatnonzero(rest >= wanted) for rest in left]
     places = [(index, int(start)) for index, own in enumerate(starts) for start in own]
@@ -94,7 +94,7 @@ def random_starts(
     pieces = []
     for number, place in enumerate(rng.integers(len(places), size=count), start=1):
         index, start = places[place]
-        way = ways[index]
-        end = len(way) if length is None else int(np.searchsorted(way, way[start] + wanted)) + 1
+        along = travels[index]
+        end = len(along) if length is None else int(np.searchsorted(along, along[start] + wanted)) + 1
         pieces.append(recording.sweeps[index].part(slice(start, end), number))
     return replace(recording, sweeps=tuple(pieces))

@@ -1,7 +1,7 @@
-"""Replay of a recording through the localizer that runs live, as fast as the machine allows.
+"""Replay of a recording through the localizer of the filter node, as fast as the machine allows.
 
-The localizer receives stamps, positions and strains exactly as from the filter node, and starts each sweep
-from a uniform prior.
+The localizer receives stamps, positions and strain as it does live, and starts each sweep from a uniform
+prior.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ from tactile_localizer.scene import Scene
 Progress = Callable[[str, float], None]
 
 _REPORT_EVERY = 500
-_AT_ONCE = 64
-"""Samples without an update that are taken in together: more than there usually are between two updates."""
+
+_MAX_COASTING = 64
+"""Most samples without a measurement update that are processed together; usually fewer are between two."""
+
 _LARGEST = 1e90
-"""Numbers beyond this are left to the localizer to refuse."""
-_TRAVEL = 3
-"""Column of the travel among the numbers of :class:`_Estimates`."""
+"""Larger numbers are passed to :meth:`Localizer.update`, which decides whether to refuse them."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Estimates along one sweep, an entry for each of its n strains that could be used.
+    """Estimates along one sweep, one for each of the n samples that the localizer accepted.
 
     Parameters
     ----------
-    number : of the sweep
-    row : (n,) int, which sample of the recorded sweep each entry belongs to
-    stamp_ns : (n,) int64
+    number : number of the sweep
+    row : (n,) int, index of the sample in the recorded sweep
+    stamp_ns : (n,) int64 stamps, ns
     mean, covariance : (n, d) and (n, d, d), m (yaw: rad)
     state : n states of convergence
     probability : (n,) probability that the palm is on the map and near the estimate
-    on_map : (n,) probability that it is on the map
-    log_marginal : (n,) nats
-    updated : (n,) bool, whether the strain led to a measurement update
-    moved : (n,) m, travel that the localizer has counted
+    on_map : (n,) probability that the palm is on the map
+    log_marginal : (n,) log marginal likelihood, nats
+    updated : (n,) bool, whether the sample led to a measurement update
+    moved : (n,) travel according to the localizer, m
     consistent : (n, F) bool, phalanges that are not stuck
     reason : n texts, the reason for each state
-    truth : (n, d) or ``None``
-    travel : (n,) m from the sweep's start, along the truth where all of it is known
-    seconds : (n,) s, computing time of the localizer
-    refused : strains that the localizer refused
-    contact : rows of the recorded sweep at which the feature's contact begins and ends; -1: none, or unknown
+    truth : (n, d) true positions, or ``None``
+    travel : (n,) travel from the start of the sweep, m, along the truth if all of it is known
+    seconds : (n,) computing time of the localizer, s
+    refused : number of samples that the localizer refused
+    contact : first and last sample of the recorded sweep in contact with the feature; -1: none, or unknown
     """
 
     number: int
@@ -93,13 +93,13 @@ class Track:
 
     @property
     def start(self) -> int:
-        """Index of the first entry on contact; 0 where there is none."""
+        """Index of the first estimate in contact; 0 if there is none."""
         first = self.contact[0]
         return min(int(np.searchsorted(self.row, first)), max(len(self) - 1, 0)) if first >= 0 else 0
 
     @property
     def on_contact(self) -> np.ndarray:
-        """Which entries lie between contact and the feature's end, (n,) bool."""
+        """Whether each estimate is between contact and the end of the feature, (n,) bool."""
         first, last = self.contact
         return (self.row >= first) & (self.row <= last) & (first >= 0)
 
@@ -114,10 +114,10 @@ def replay(
 
     Parameters
     ----------
-    localizer : is reset before each sweep
-    recording : of the localizer's scene; its positions are the odometry
+    localizer : localizer, reset before each sweep
+    recording : recording whose positions are the odometry, with the axes and phalanges of the localizer
     progress : called with a description of the work and the completed fraction
-    clock : s, measures the computing time of the localizer
+    clock : clock for the computing time of the localizer, s
     """
     tracks = []
     done, total = 0, max(len(recording), 1)
@@ -147,7 +147,7 @@ def mixture_of(localizer: Localizer) -> SweepMixture:
 def _localize(
     localizer: Localizer, sweep: RecordedSweep, estimates: _Estimates, clock: Callable[[], float]
 ) -> Iterator[int]:
-    """Add the estimates of a sweep; yields rows that are done."""
+    """Add the estimates of a sweep; yields the number of processed samples."""
     stamps, present = sweep.stamp_ns, usable(sweep.status)
     regular = _regular(sweep, present, localizer.scene.layout)
     row = 0
@@ -162,9 +162,9 @@ def _localize(
         if estimate is not None:
             estimates.append(row, estimate, clock() - began)
         row += 1
-        # What leads to no update is taken in many at a time, up to a strain that the localizer may refuse.
+        # Samples that lead to no update are processed together, up to one that the localizer may refuse.
         while estimate is not None and row < len(sweep):
-            until = row + _AT_ONCE
+            until = row + _MAX_COASTING
             if not regular[row:until].all():
                 until = row + int(regular[row:until].argmin())
             began = clock()
@@ -173,20 +173,20 @@ def _localize(
             if count:
                 estimates.extend(row, estimate, coasting, clock() - began)
             row += count
-            if count < _AT_ONCE:
+            if count < _MAX_COASTING:
                 break
         yield row
 
 
 def _regular(sweep: RecordedSweep, present: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Samples (n,) bool that the localizer refuses in no case: present phalanges and finite numbers."""
+    """Samples (n,) bool that the localizer cannot refuse: with a phalanx present, and finite numbers."""
     felt = np.where(layout.expand(present), sweep.strain, 0.0)
     small = [(np.abs(values) < _LARGEST).all(axis=1) for values in (felt, sweep.position)]  # false for NaN
     return np.asarray(small[0] & small[1] & present.any(axis=1))
 
 
 class _Estimates:
-    """Estimates along a sweep of at most ``count`` samples, as arrays: an hour has a million of them."""
+    """Arrays of the estimates along a sweep of at most ``count`` samples; an hour has a million."""
 
     def __init__(self, scene: Scene, count: int) -> None:
         d = scene.dimension
@@ -200,7 +200,7 @@ class _Estimates:
         self._reason: list[str] = []
 
     def append(self, row: int, estimate: Estimate, seconds: float) -> None:
-        """Add the estimate of a sample, and how long it took."""
+        """Add the estimate of a sample and its computing time."""
         n = self._count
         self._row[n] = row
         self._mean[n], self._covariance[n] = estimate.mean, estimate.covariance
@@ -217,20 +217,21 @@ class _Estimates:
         self._count += 1
 
     def extend(self, row: int, last: Estimate, coasting: Coasting, seconds: float) -> None:
-        """Add those of the samples from ``row`` on that led to no update, and how long all of them took."""
+        """Add the estimates of the samples from ``row`` on without an update, and their computing time."""
         begin, count = self._count, len(coasting.travel)
         part = slice(begin, begin + count)
         self._row[part] = np.arange(row, row + count)
         self._mean[part], self._covariance[part] = coasting.mean, coasting.covariance
-        self._numbers[part] = (last.probability, last.on_map, last.log_marginal, 0.0, seconds / count)
-        self._numbers[part, _TRAVEL] = coasting.travel
+        self._numbers[part, :3] = last.probability, last.on_map, last.log_marginal
+        self._numbers[part, 3] = coasting.travel
+        self._numbers[part, 4] = seconds / count
         self._updated[part], self._consistent[part] = False, last.consistent
         self._state += [last.state] * count
         self._reason += [last.reason] * count
         self._count += count
 
     def track(self, sweep: RecordedSweep) -> Track:
-        """The estimates of ``sweep``."""
+        """Track of the estimates along ``sweep``."""
         n = self._count
         row = self._row[:n]
         probability, on_map, log_marginal, moved, seconds = self._numbers[:n].T.copy()

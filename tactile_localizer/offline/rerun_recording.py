@@ -26,28 +26,28 @@ from tactile_localizer.scene import Scene
 Progress = Callable[[str, float], None]
 
 _NEIGHBOURS = 8
-"""Nearest pairs whose mean is the strain expected at a place."""
+"""Number of nearest pairs whose mean strain is expected at a position."""
 _SHOWN = 400
-"""Hypotheses drawn."""
+"""Number of hypotheses drawn."""
 _MAX_PAIRS = 20_000
 _ELLIPSE = np.linspace(0.0, 2.0 * np.pi, 49)
 _RADIUS_95 = 2.448
-"""Mahalanobis radius of 95 % of a Gaussian on two axes."""
+"""Mahalanobis radius of the 95 % region of a Gaussian on two axes."""
 _MARGIN_MM = 8.0
 _REPORT_EVERY = 100
 _AHEAD = 0.35
-"""Time shown after the cursor, as a fraction of a sweep: room for the legend."""
+"""Time shown after the cursor, in sweep durations, which leaves room for the legend."""
 
-_CONVERGED, _OPEN, _TRUE = [60, 220, 90], [235, 80, 80], [255, 255, 255]
+_CONVERGED, _UNCONVERGED, _TRUE = [60, 220, 90], [235, 80, 80], [255, 255, 255]
 _BELIEF = [255, 140, 0, 200]
 _EXPLANATIONS = {
     "map": ("the map", _CONVERGED),
-    "unknown": ("unknown material", _OPEN),
+    "unknown": ("unknown material", _UNCONVERGED),
     "featureless": ("featureless material off the map", [150, 150, 150]),
 }
 """Displayed name and colour of each explanation, by the name in its path."""
 _EXPECTED_BRIGHTNESS = 0.45
-"""Brightness of an expected strain against the measured one of the same channel."""
+"""Brightness of the line of expected strain relative to that of measured strain."""
 
 
 class ReplayView:
@@ -55,7 +55,7 @@ class ReplayView:
 
     Parameters
     ----------
-    scan, scene : the map
+    scan, scene : scan and scene of the map
     path : file to write (``*.rrd``); ``None``: open the viewer
 
     Raises
@@ -165,7 +165,7 @@ class ReplayView:
         states, weights = localizer.hypotheses()
         drawn = self._places(states[evenly(weights, _SHOWN)])
         log("material/belief", rr.Points2D(drawn, colors=_BELIEF, radii=0.4))
-        colour = _CONVERGED if estimate.converged else _OPEN
+        colour = _CONVERGED if estimate.converged else _UNCONVERGED
         mean, region = self._places(estimate.mean[None]), self._region(estimate)
         log("material/estimate", rr.Points2D(mean, colors=colour, radii=0.8, draw_order=20.0))
         log("material/region_95", rr.LineStrips2D([region], colors=colour, radii=0.2, draw_order=10.0))
@@ -201,7 +201,7 @@ class ReplayView:
         return f"**sweep {sweep}**, {MM * estimate.travel:.1f} mm of travel, {place}\n\n{estimate.reason}"
 
     def _end_sweep(self, end_s: float, pause_s: float) -> None:
-        """Clear the sweep, so that no line continues in the pause after it."""
+        """Clear the sweep's data, so that no line continues into the pause before the next sweep."""
         self._record.set_time("time", duration=end_s + 0.1 * pause_s)
         drawn = ("belief", "estimate", "region_95", "truth")
         for path in (
@@ -214,7 +214,7 @@ class ReplayView:
             self._record.log(path, self._rr.Clear(recursive=True))
 
     def _region(self, estimate: Estimate) -> np.ndarray:
-        """Outline (n, 2) of the 95 % region, as drawn."""
+        """Outline (n, 2) of the 95 % region, mm."""
         scale = np.diag(self._scale[:2] * MM)
         covariance = scale @ estimate.covariance[:2, :2] @ scale if len(self._scale) > 1 else None
         if covariance is None:
@@ -225,9 +225,11 @@ class ReplayView:
         return np.asarray(self._places(estimate.mean[None])[0] + outline * [1.0, -1.0])
 
     def _places(self, states: np.ndarray) -> np.ndarray:
-        """Drawn positions of states (P, d): (P, 2), mm; a single axis is horizontal."""
+        """Positions (P, 2) in the view of states (P, d), mm; a single axis is horizontal."""
         first = states[:, :2] * self._scale[:2] * MM
-        second = -first[:, 1] if first.shape[1] == 2 else np.zeros(len(first))  # the viewer's is downwards
+        second = (
+            -first[:, 1] if first.shape[1] == 2 else np.zeros(len(first))
+        )  # the view's second axis is downwards
         return np.column_stack([first[:, 0], second])
 
     def _blueprint(self, duration_s: float) -> Any:

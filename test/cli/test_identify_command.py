@@ -48,10 +48,10 @@ def test_incompatible_scans_are_refused_in_one_line(folder, monkeypatch, capsys)
     assert "--scan: expected scans of different names, got bump, bump" in capsys.readouterr().err
 
 
-def test_an_answer_is_final_after_its_last_change():
+def test_a_sweep_is_settled_after_the_last_change():
     probabilities = np.array([[0.5, 0.3, 0.2], [0.2, 0.6, 0.2], [0.5, 0.3, 0.2], [0.8, 0.1, 0.1]])
     sweep = IdentifiedSweep(3, ("a", "b", "none of them"), np.array([0.0, 0.01, 0.02, 0.03]), probabilities)
-    assert (sweep.answer, sweep.settled_m) == ("a", 0.02)
+    assert (sweep.identified, sweep.settled_m) == ("a", 0.02)
     assert verdict([sweep]) == "a: 1 of 1 sweeps"
     assert travel_table([sweep]).rows[2] == ("10", "1", "0.200", "0.600", "0.200")
     assert identification_table([sweep]).rows[0] == (

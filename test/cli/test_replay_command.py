@@ -55,7 +55,7 @@ def test_import_and_replay_localize_and_write_every_update(folder: Path, capsys)
     printed = capsys.readouterr().out
     assert "sweep_mixture, grid filter; odometry simulated" in printed
     assert "learned: material featureless between features, information length" in printed
-    assert "travel is counted from contact" in printed
+    assert "from contact" in printed
     assert "at contact" in printed
     assert "after 20 mm" in printed
     assert "does not fit" not in printed
@@ -84,10 +84,9 @@ def test_positions_in_millimetres_do_not_count_as_converged(folder: Path, tmp_pa
     ]
     (tmp_path / "mm.csv").write_text("\n".join([header, *scaled]) + "\n")
     assert main(f"replay {tmp_path / 'mm.csv'} --scan scan.db --seed 1".split()) == 0
-    verdict, *rest = capsys.readouterr().out.splitlines()
-    assert verdict.startswith("the recording does not fit the map: 100% of the positions are outside")
-    (line,) = (line for line in rest if "converged:" in line)
-    assert line.startswith("positions out of the scene's bounds cannot be right")
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert "does not fit the map" in first
+    assert any("reported as converged:" in line for line in rest)
     assert not any("sweeps converged" in line for line in rest)
 
 

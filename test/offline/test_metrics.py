@@ -95,7 +95,7 @@ def test_convergence_is_reached_at_the_first_converged_entry() -> None:
     np.testing.assert_array_equal(travel_to_convergence(tracks), [0.002, np.nan])
     summary = summarize(SCENE, tracks)
     assert summary["converged_sweeps"] == 1
-    assert summary["converged_share"] == 1 / 8
+    assert summary["converged_fraction"] == 1 / 8
 
 
 def test_errors_on_contact_are_those_from_contact_to_the_features_end() -> None:

@@ -151,5 +151,5 @@ def test_updates_are_rows_made_some_at_a_time(recording: Recording, monkeypatch:
     tracks = replay(localizer(), recording)
     whole = list(Updates(SCENE, tracks))
     assert len(whole) == len(Updates(SCENE, tracks)) == len(recording)
-    monkeypatch.setattr(Updates, "_AT_ONCE", 7)
+    monkeypatch.setattr(Updates, "BLOCK", 7)
     assert list(Updates(SCENE, tracks)) == whole

@@ -66,7 +66,9 @@ class ColumnNaming:
     ----------
     columns : columns by quantity: ``stamp_s``, ``sweep``, an axis or a phalanx
     strain_unit : unit of the strain values, for display
-    speed : constant speed by axis, m/s (rad/s), for axes without a position column
+    speed : constant speed by axis, m/s (rad/s), for axes without a position column. The position is the
+        speed times the time since the first stamp of the sweep; with negative speed the sweep ends at 0 if
+        the centre of the bounds is positive
     """
 
     columns: Mapping[str, Columns] = field(default_factory=dict)

@@ -13,8 +13,8 @@ import math
 import reprlib
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
@@ -57,7 +57,6 @@ def read_csv(
     paths: str | Path | Sequence[str | Path],
     scene: Scene,
     naming: ColumnNaming | None = None,
-    speed: Mapping[str, float] | None = None,
 ) -> Recording:
     """Read one or several CSV files as one recording.
 
@@ -65,9 +64,7 @@ def read_csv(
     ----------
     paths : the files; each is one sweep unless it has a column ``sweep``
     scene : axes and phalanges to read
-    naming : columns with other than the standard names
-    speed : constant speed by axis, m/s (rad/s); the position is speed x (stamp - first stamp of the sweep).
-        A sweep with negative speed ends at position 0 if the centre of the bounds is positive
+    naming : columns with other than the standard names, and constant speeds
 
     Returns
     -------
@@ -81,7 +78,6 @@ def read_csv(
         A file cannot be read, lacks a column, or has no valid row.
     """
     naming = naming or ColumnNaming()
-    naming = replace(naming, speed={**naming.speed, **(speed or {})})
     naming.check(scene)
     files = [paths] if isinstance(paths, str | Path) else paths
     return join([_read_file(Path(path), scene, naming) for path in files])

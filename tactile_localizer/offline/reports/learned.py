@@ -23,12 +23,13 @@ FEATURELESS, TEXTURED = "featureless between features", "textured everywhere"
 
 
 def noise_table(scene: Scene, model: SweepModel, unit: str = "V") -> Table:
-    """Noise between visits beside the signal, a row per phalanx.
+    """Noise between sweeps and signal of each phalanx.
 
     Parameters
     ----------
-    model : learned from a scan of ``scene``
-    unit : of the strain
+    scene : scene of the scan
+    model : model learned from the scan
+    unit : unit of the strain
     """
     noise = model.noise.model
     coloured = np.linalg.inv(noise.whitening)
@@ -63,7 +64,7 @@ def noise_table(scene: Scene, model: SweepModel, unit: str = "V") -> Table:
 
 
 def learned_table(scene: Scene, mixture: SweepMixture, calibration: Calibration) -> Table:
-    """Kind of the material, lengths and registration, a row each."""
+    """Kind of the material, information and presence length, and registration."""
     rows = [(name, value) for name, value in learned_values(scene, mixture, calibration).items()]
     note = (
         "Information length: travel per independent measurement of the position; presence length: the same "
@@ -74,7 +75,7 @@ def learned_table(scene: Scene, mixture: SweepMixture, calibration: Calibration)
 
 
 def learned_values(scene: Scene, mixture: SweepMixture, calibration: Calibration) -> dict[str, str]:
-    """Values learned from a scan, with units, by name."""
+    """Values learned from a scan by name, with units."""
     registration = ", ".join(
         _with_unit(axis, std)
         for axis, std in zip(scene.axis_names, calibration.registration_std, strict=True)
@@ -88,7 +89,7 @@ def learned_values(scene: Scene, mixture: SweepMixture, calibration: Calibration
 
 
 def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> Table:
-    """Widths of the kernel models, a row each."""
+    """Widths of the kernel models."""
     positions = np.broadcast_to(np.asarray(parameters.position_std, dtype=np.float64), scene.dimension)
     strains = np.broadcast_to(np.asarray(parameters.strain_std, dtype=np.float64), scene.layout.size)
     rows = [
@@ -104,7 +105,7 @@ def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> 
 
 
 def neighbours_table(trials: Sequence[NeighbourTrial], best: NeighbourTrial) -> Table:
-    """Numbers of neighbours tried for the Gaussian models; the chosen one is marked."""
+    """Scores of the Gaussian models by number of neighbours; the chosen one is marked."""
     rows = [
         (
             "*" if trial is best else "",

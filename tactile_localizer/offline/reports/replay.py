@@ -26,13 +26,17 @@ def replay_document(
     odometry: str,
     seed: int,
 ) -> dict[str, Any]:
-    """Document of a replay; all but ``timing`` is reproducible for a seed.
+    """JSON document of a replay; all but ``timing`` is reproducible for a seed.
 
     Parameters
     ----------
-    scene : of the localizer
-    recording : that was replayed; ``odometry`` names the kind of its positions
+    scene : scene of the localizer
+    configuration : configuration of the localizer
+    recording : replayed recording
+    tracks : its replay
     learned : values learned from the scan, by name
+    odometry : kind of the recording's positions
+    seed : random seed
     """
     return {
         "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, tracks)},
@@ -47,15 +51,15 @@ def replay_document(
 
 
 class Updates:
-    """Every update of some tracks as rows by name, made some at a time: an hour's take more than a gigabyte.
+    """Rows of all estimates of a replay, made in blocks: those of an hour take more than a gigabyte.
 
     Parameters
     ----------
-    scene : of the localizer
-    tracks : whose updates they are
+    scene : scene of the localizer
+    tracks : estimates, one track per sweep
     """
 
-    _AT_ONCE = 4096
+    BLOCK = 4096
 
     def __init__(self, scene: Scene, tracks: Sequence[Track]) -> None:
         self._scene, self._tracks = scene, tracks
@@ -65,8 +69,8 @@ class Updates:
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         for track in self._tracks:
-            for begin in range(0, len(track), self._AT_ONCE):
-                yield from self._rows(track, slice(begin, begin + self._AT_ONCE))
+            for begin in range(0, len(track), self.BLOCK):
+                yield from self._rows(track, slice(begin, begin + self.BLOCK))
 
     def _rows(self, track: Track, part: slice) -> Iterator[dict[str, Any]]:
         columns: dict[str, Any] = {
@@ -93,7 +97,7 @@ class Updates:
 
 
 def _known(track: Track, part: slice) -> list[list[float] | None]:
-    """True positions; ``None`` where an axis is unknown."""
+    """True positions; ``None`` where one is unknown."""
     if track.truth is None:
         return [None] * len(track.stamp_ns[part])
     truth = track.truth[part]

@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,7 @@ def test_each_file_is_a_sweep(tmp_path):
 def test_constant_speed_gives_positions(tmp_path, speed, expected):
     header = ["stamp_s", *GAUGES, "sweep"]
     rows = [[row[0], *row[2:], sweep] for sweep in (1, 2) for row in line_rows(4)]
-    recording = read_csv(write(tmp_path / "a.csv", header, rows), LINE, speed={"x": speed})
+    recording = read_csv(write(tmp_path / "a.csv", header, rows), LINE, ColumnNaming(speed={"x": speed}))
     for sweep in recording.sweeps:
         np.testing.assert_allclose(sweep.position[:, 0], expected, atol=1e-12)
 
@@ -281,7 +282,7 @@ def test_an_invalid_naming_file_is_refused(tmp_path, content):
 
 def test_speed_of_an_unknown_axis_is_refused(tmp_path):
     with pytest.raises(ScanError, match="speed of axis 'y': expected one of x"):
-        read_csv(tmp_path / "a.csv", LINE, speed={"y": 0.1})
+        read_csv(tmp_path / "a.csv", LINE, ColumnNaming(speed={"y": 0.1}))
 
 
 def test_fabric_recordings_are_read(data_dir):
@@ -289,7 +290,7 @@ def test_fabric_recordings_are_read(data_dir):
         scene = load_scene(ROOT / "config" / "scenes" / f"{material.lower()}.yaml")
         naming = load_naming(ROOT / "config" / "import" / "fabric_slide.yaml")
         files = sorted((data_dir / "fabric_slide").glob(f"{material}_F250_V10mmps_*.csv"))
-        recording = read_csv(files, scene, naming, speed={"x": 0.01})
+        recording = read_csv(files, scene, replace(naming, speed={"x": 0.01}))
         assert recording.notes == ()
         for sweep in recording.sweeps:
             assert len(sweep) > 2000
