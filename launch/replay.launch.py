@@ -14,5 +14,5 @@ def generate_launch_description():
     return nodes(
         FILTER_ON_BAG_TIME,
         arguments=ARGUMENTS,
-        beside=lambda context, started: Replay(context, *started).actions(),
+        further=lambda context, started: Replay(context, *started).actions(),
     )

@@ -1,6 +1,6 @@
-"""Where a robot hand is on a piece of flexible material, by touch alone.
+"""Localization of a robot hand on flexible material by touch.
 
-What a program needs is imported from here (:data:`__all__`), without ROS::
+The public names (:data:`__all__`) are imported from here and need no ROS::
 
     from tactile_localizer import load_scan, make_localizer, read_recording
 
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from tactile_localizer.library import load_scan, make_localizer, read_recording
     from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
-# The generated messages (tactile_localizer.msg) live in the installed package; without this, a source
-# tree on sys.path would hide them.
+# The generated messages (tactile_localizer.msg) are in the installed package, which a source tree on sys.path
+# would otherwise hide.
 __path__ = extend_path(__path__, __name__)
 
 __version__ = "0.1.0"

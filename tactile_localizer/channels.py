@@ -1,4 +1,4 @@
-"""Which elements of a strain vector belong to which phalanx."""
+"""Layout of a strain vector: the number of channels of each phalanx."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from functools import cached_property
 import numpy as np
 
 DEFAULT_CHANNELS = 8
-"""Channels of a phalanx whose number is not given: the gauge pairs of a Robonaut 2 load cell."""
+"""Default number of channels of a phalanx: the gauge pairs of a Robonaut 2 load cell."""
 
 
 @dataclass(frozen=True)
 class ChannelLayout:
-    """A strain vector of F phalanges and C channels in all: those of the first phalanx, of the second, ...
+    """Layout of a strain vector of C channels, grouped by its F phalanges.
 
     Parameters
     ----------
-    counts : channels of each phalanx, (F,) in the order of the strain vector
+    counts : number of channels of each of the F phalanges, in the order of the strain vector
     """
 
     counts: tuple[int, ...]
 
     @classmethod
     def of(cls, counts: Sequence[int], phalanges: int) -> ChannelLayout:
-        """The layout with ``counts`` channels; without any, the default for each of ``phalanges``."""
+        """The layout with ``counts`` channels; if empty, with the default for each of ``phalanges``."""
         return cls(tuple(map(int, counts)) or (DEFAULT_CHANNELS,) * phalanges)
 
     @classmethod
@@ -50,7 +50,7 @@ class ChannelLayout:
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """The elements of each phalanx."""
+        """Elements of the strain vector that belong to each phalanx."""
         ends = np.cumsum(self.counts).tolist()
         return tuple(slice(end - count, end) for end, count in zip(ends, self.counts, strict=True))
 
@@ -61,20 +61,20 @@ class ChannelLayout:
 
     @cached_property
     def _uniform(self) -> int:
-        """Channels per phalanx where all have as many; 0 where they differ."""
+        """Number of channels per phalanx if all have the same; 0 if they differ."""
         return self.counts[0] if len(set(self.counts)) == 1 else 0
 
     @cached_property
     def _starts(self) -> np.ndarray:
-        return np.array([own.start for own in self.slices])
+        return np.array([part.start for part in self.slices])
 
     def expand(self, values: np.ndarray) -> np.ndarray:
-        """One value per phalanx, (..., F), as one per channel, (..., C)."""
+        """Repeat one value per phalanx, (..., F), for each of its channels, (..., C)."""
         return np.asarray(values)[..., self.phalanx]
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
-        """Values (..., C) by phalanx: F arrays (..., channels of the phalanx)."""
-        return [values[..., own] for own in self.slices]
+        """Split values (..., C) by phalanx into F arrays (..., channels of the phalanx)."""
+        return [values[..., part] for part in self.slices]
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Sums over the channels of each phalanx, (..., C) to (..., F)."""
@@ -83,17 +83,17 @@ class ChannelLayout:
         return np.add.reduceat(values, self._starts, axis=-1)
 
     def all(self, flags: np.ndarray) -> np.ndarray:
-        """Whether the flags of all channels of each phalanx are set, (..., C) to (..., F) bool."""
+        """Whether all channels of each phalanx have their flag set, (..., C) to (..., F) bool."""
         if self._uniform:
             return np.asarray(self._reshaped(flags).all(axis=-1))
         return np.logical_and.reduceat(flags, self._starts, axis=-1)
 
     def min(self, values: np.ndarray) -> np.ndarray:
-        """Least value of the channels of each phalanx, (..., C) to (..., F)."""
+        """Minimum over the channels of each phalanx, (..., C) to (..., F)."""
         return np.minimum.reduceat(values, self._starts, axis=-1)
 
     def place(self, element: int) -> tuple[int, int]:
-        """Index of the phalanx of an element of the strain vector, and its channel there, from 1."""
+        """Phalanx index of an element of the strain vector, and its channel number there, from 1."""
         phalanx = int(self.phalanx[element])
         return phalanx, element - self.slices[phalanx].start + 1
 

@@ -1,4 +1,4 @@
-"""The package as a library: load a scan, make a localizer, read recordings."""
+"""Functions for use of the package as a library: load a scan, make a localizer, read recordings."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from tactile_localizer.scene import Scene
 
 
 def load_scan(path: str | Path) -> tuple[Scan, Scene]:
-    """The pairs of a scan file and the scene that they were recorded for.
+    """The training pairs of a scan file, and their scene.
 
     Raises
     ------
     ScanError
-        There is no such scan, or it is damaged.
+        The file does not exist or is damaged.
     """
     with ScanStore.open(path) as store:
         return store.load(), store.scene
@@ -39,24 +39,23 @@ def make_localizer(
     seed: int = 0,
     scan_file: str | Path | None = None,
 ) -> Localizer:
-    """A localizer on a scan, with what the scene leaves open learned from the scan.
+    """A localizer on a scan; parameters that the scene leaves open are learned from the scan.
 
     Parameters
     ----------
-    scan : the training pairs
-    scene : what is modelled; the scan's own, or one with fewer axes and phalanges
-    configuration : model, filter and convergence, such as ``Configuration(filter="grid")``; by default as
-        the filter node's
-    seed : of everything random: the same seed and samples give the same estimates
-    scan_file : of the scan; what takes seconds to learn is kept there for the next time. ``None``: learned
-        each time
+    scan : training pairs
+    scene : scene of the scan, or one with fewer axes and phalanges
+    configuration : measurement model, filter and convergence criteria; the default is that of the filter node
+    seed : seed of the random numbers; the same seed and samples give the same estimates
+    scan_file : file of the scan, which then stores the calibration; ``None`` repeats it in each call,
+        which takes seconds
 
     Raises
     ------
     SceneError
-        The scene and the scan do not fit together.
+        The scene and the scan are inconsistent.
     ParameterError
-        A parameter out of its range.
+        A parameter is out of range.
     """
     calibration = None if scan_file is None else learned_calibration(Path(scan_file), scan, scene)
     rng = np.random.default_rng(seed)
@@ -70,24 +69,24 @@ def read_recording(
     naming: ColumnNaming | None = None,
     **bag_options: Any,
 ) -> Recording:
-    """The sweeps of a recording: a bag, a scan file, or a CSV file.
+    """The sweeps of a bag, a scan file, or a CSV file.
 
     Parameters
     ----------
     path : file, or directory of a bag
-    scene : axes and phalanges to read
+    scene : scene whose axes and phalanges are read
     naming : columns of a CSV file with other than the standard names
     bag_options : arguments of :func:`~tactile_localizer.io.bags.recording.read_bag`
 
     Raises
     ------
     ScanError
-        It cannot be read.
+        The recording cannot be read.
     SceneError
-        It lacks an axis or a phalanx of the scene.
+        The recording lacks an axis or a phalanx of the scene.
     """
     if is_bag(Path(path)):
-        from tactile_localizer.io.bags.recording import read_bag  # loads every format, which takes a while
+        from tactile_localizer.io.bags.recording import read_bag  # takes a while to import
 
         return read_bag(path, scene, by_status=False, **bag_options)
     if is_scan_file(Path(path)):

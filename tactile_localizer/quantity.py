@@ -1,7 +1,7 @@
-"""Numbers from files and parameters: converted and checked for their range in one place.
+"""Conversion and range check of numbers from files and parameters.
 
-Accepted are numbers and their text: ``3e-3``, ``.5``, and full turns as ``pi``, ``-pi``, ``2*pi``, ``pi/2``.
-Booleans, other text, NaN, and infinity where nothing allows it are refused.
+Numbers and their text are accepted: ``3e-3``, ``.5``, and angles such as ``pi``, ``-pi``, ``2*pi``, ``pi/2``.
+Booleans, other text and NaN are rejected; so is infinity, unless it is explicitly allowed.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from tactile_localizer.errors import ParameterError
 _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER = re.compile(rf"[+-]?{_DECIMAL}", re.ASCII)
 _MULTIPLE_OF_PI = re.compile(rf"([+-]?)(?:({_DECIMAL})\s*\*\s*)?pi(?:\s*/\s*({_DECIMAL}))?", re.ASCII)
-_INFINITY = {"inf": math.inf, ".inf": math.inf}
-_LONGEST = 40
-"""Most characters of a number."""
+_INFINITY = re.compile(r"([+-]?)\.?inf", re.IGNORECASE)
+_MAX_LENGTH = 40
+"""Longest text of a number, characters."""
 
 
 def number(
@@ -29,19 +29,19 @@ def number(
     upper: float = math.inf,
     finite: bool = True,
 ) -> float:
-    """``value`` as a float within its range.
+    """Convert ``value`` to a float and check its range.
 
     Parameters
     ----------
     value : a number, or its text
-    what : names it, for the message
-    lower, upper : ends of its range, both allowed
-    finite : whether infinity is refused
+    what : name of the value, for the message
+    lower, upper : inclusive range
+    finite : whether infinity is rejected
 
     Raises
     ------
     ParameterError
-        It is no number, or out of its range.
+        The value is not a number, or out of range.
     """
     found = _converted(value)
     if found is None or math.isnan(found) or (finite and math.isinf(found)):
@@ -52,12 +52,12 @@ def number(
 
 
 def whole_number(value: Any, what: str, *, lower: float = -math.inf, upper: float = math.inf) -> int:
-    """``value`` as an integer within its range; ``300.0`` and ``3e2`` are integers too.
+    """Convert ``value`` to an integer and check its range; ``300.0`` and ``3e2`` are integers too.
 
     Raises
     ------
     ParameterError
-        It is no integer, or out of its range.
+        The value is not an integer, or out of range.
     """
     found = number(value, what, lower=lower, upper=upper)
     if not found.is_integer():
@@ -66,14 +66,14 @@ def whole_number(value: Any, what: str, *, lower: float = -math.inf, upper: floa
 
 
 def is_number(value: Any) -> bool:
-    """Whether :func:`number` takes ``value``, leaving aside its range."""
+    """Whether :func:`number` accepts ``value``, apart from its range."""
     found = _converted(value)
     return found is not None and not math.isnan(found)
 
 
 def _converted(value: Any) -> float | None:
     if isinstance(value, str):
-        return _of_text(value.strip()) if len(value) <= _LONGEST else None
+        return _parse(value.strip()) if len(value) <= _MAX_LENGTH else None
     if isinstance(value, bool) or not hasattr(value, "__float__"):
         return None
     try:
@@ -84,7 +84,7 @@ def _converted(value: Any) -> float | None:
         return math.inf if value > 0 else -math.inf
 
 
-def _of_text(text: str) -> float | None:
+def _parse(text: str) -> float | None:
     if _NUMBER.fullmatch(text):
         return float(text)
     if found := _MULTIPLE_OF_PI.fullmatch(text):
@@ -93,9 +93,9 @@ def _of_text(text: str) -> float | None:
         if divided == 0.0:
             return None
         return (-1.0 if sign == "-" else 1.0) * float(factor or 1.0) * math.pi / divided
-    bare = text.lstrip("+-") if text[:2] not in ("+-", "-+", "--", "++") else text
-    infinity = _INFINITY.get(bare.lower())
-    return None if infinity is None else math.copysign(infinity, -1.0 if text.startswith("-") else 1.0)
+    if found := _INFINITY.fullmatch(text):
+        return -math.inf if found[1] == "-" else math.inf
+    return None
 
 
 def _range(lower: float, upper: float) -> str:

@@ -95,10 +95,10 @@ def process() -> Iterator[Callable[..., Process]]:
 
 @pytest.fixture
 def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
-    """Start an installed node: ``node_process("driver_node", parameters={...})``; see ``node_command``."""
+    """Start a node: ``node_process("driver_node", parameters={...})``; see ``node_command``."""
     if reason := _why_no_ros():
         pytest.skip(reason)
-    return lambda *args, **kwargs: process(node_command(*args, **kwargs))
+    return lambda *args, **kwargs: process(node_command(*args, **kwargs), forked=True)
 
 
 @pytest.fixture

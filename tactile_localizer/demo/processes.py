@@ -8,6 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Any
@@ -119,6 +120,7 @@ class NodeProcesses:
         self._folder = folder
         self._environment = environment
         self._running: list[NodeProcess] = []
+        self._starting = ThreadPoolExecutor(max_workers=1)
 
     def __enter__(self) -> NodeProcesses:
         return self
@@ -126,6 +128,7 @@ class NodeProcesses:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._starting.shutdown()
         # All are signalled first, so that stopping takes only as long as the slowest.
         for node in self._running:
             node.signal(signal.SIGINT)
@@ -143,10 +146,15 @@ class NodeProcesses:
         remaps: Mapping[str, str] = MappingProxyType({}),
     ) -> NodeProcess:
         """Start an installed node."""
-        path = node_executable(executable)
-        node = NodeProcess(name, path, parameters, self._folder, self._environment, remaps)
-        self._running.append(node)
-        return node
+
+        def start() -> NodeProcess:
+            path = node_executable(executable)
+            node = NodeProcess(name, path, parameters, self._folder, self._environment, remaps)
+            self._running.append(node)
+            return node
+
+        # Signals interrupt only the main thread: in another one, every process that starts is registered.
+        return self._starting.submit(start).result()
 
     def stop(self, node: NodeProcess) -> None:
         """Stop one node.

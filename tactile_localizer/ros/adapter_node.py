@@ -10,18 +10,16 @@ from array import array
 from functools import partial
 from typing import Any
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions.timestamps import from_ns
 from tactile_localizer.ros.parameters.adapter import PARAMETERS
 
-STRAIN_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 _WARNING_PERIOD_S = 5.0
 
 
@@ -40,13 +38,13 @@ class AdapterNode(ManagedNode):
             phalanges=list(self._adapter.phalanges), channels=self._adapter.layout.counts
         )
         self._message.header.frame_id = self.parameters["frame_id"]
-        self._publisher = self.create_lifecycle_publisher(StrainVectors, "strain", STRAIN_QOS)
+        self._publisher = self.create_lifecycle_publisher(StrainVectors, "strain", STRAIN)
 
     def activate(self) -> None:
         """Subscribe to the sensor messages."""
         self._adapter.reset()
-        for topic, kind in self._types.items():
-            self.create_subscription(kind, topic, partial(self._on_message, topic), STRAIN_QOS)
+        for topic, type_ in self._types.items():
+            self.create_subscription(type_, topic, partial(self._on_message, topic), STRAIN)
 
     def _on_message(self, topic: str, message: Any) -> None:
         try:

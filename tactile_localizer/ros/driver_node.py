@@ -3,7 +3,7 @@
 Publishes ``strain`` (best effort, depth 100), ``~/tare_offset`` (latched) and ``/diagnostics`` at 1 Hz.
 Services: ``~/tare``, ``~/clear_tare`` and ``~/reconnect``.
 
-Strain is published from the receive thread, without the latency of the executor.
+Strain is published from the receive thread, to avoid the latency of the executor.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
@@ -30,13 +29,12 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.qos import LATCHED, STRAIN
 from tactile_localizer.ros.conversions.timestamps import from_ns
 from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.parameters.driver import PARAMETERS, messages_of
 
-STRAIN_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-_LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DIAGNOSTICS_PERIOD_S = 1.0
 
 
@@ -92,16 +90,16 @@ class DriverNode(ManagedNode):
         self._message.header.frame_id = parameters["frame_id"]
         options = QoSOverridingOptions.with_default_policies()
         self._strain = self.create_lifecycle_publisher(
-            StrainVectors, "strain", STRAIN_QOS, qos_overriding_options=options
+            StrainVectors, "strain", STRAIN, qos_overriding_options=options
         )
-        self._offset = self.create_lifecycle_publisher(StrainVectors, "~/tare_offset", _LATCHED_QOS)
+        self._offset = self.create_lifecycle_publisher(StrainVectors, "~/tare_offset", LATCHED)
         group = MutuallyExclusiveCallbackGroup()
         self.create_service(Trigger, "~/tare", self._on_tare, callback_group=group)
         self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group)
         self.create_service(Trigger, "~/reconnect", self._on_reconnect)
 
     def activate(self) -> None:
-        """Open the bus and start to read."""
+        """Open the bus and start reading."""
         assert self._driver is not None
         self._driver.start()
         if self._driver.status.state != WAITING:
@@ -183,8 +181,10 @@ class DriverNode(ManagedNode):
 
 def _tare_path(name: str, namespace: str) -> Path:
     """File that stores the tare; by default one per namespace, because each hand has its own."""
-    own = Path(os.environ.get("ROS_HOME", "~/.ros"), "tactile_localizer", namespace.lstrip("/"), "tare.yaml")
-    return (Path(name) if name else own).expanduser()
+    default = Path(
+        os.environ.get("ROS_HOME", "~/.ros"), "tactile_localizer", namespace.lstrip("/"), "tare.yaml"
+    )
+    return (Path(name) if name else default).expanduser()
 
 
 def main() -> int:

@@ -18,7 +18,7 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.factory import convergence_criteria
@@ -31,6 +31,7 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import posteriors, timestamps
 from tactile_localizer.ros.conversions.palm_poses import position
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
@@ -47,7 +48,6 @@ from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 from tactile_localizer.srv import LoadScan
 
-_BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 _WATCH_PERIOD_S = 0.1
 _DIAGNOSTICS_PERIOD_S = 1.0
 
@@ -59,7 +59,7 @@ class FilterNode(ManagedNode):
         super().__init__("filter", PARAMETERS)
         self._activations = 0
         self._is_loading = False
-        self._online: OnlineLocalizer  # there while the node is configured
+        self._online: OnlineLocalizer  # set while the node is configured
         self._has_map = False
         self.create_service(
             LoadScan, "~/load_scan", self._on_load_scan, callback_group=ReentrantCallbackGroup()
@@ -93,7 +93,7 @@ class FilterNode(ManagedNode):
         subscribe(
             self,
             (
-                Topic(StrainVectors, "strain", self._on_strain, _BEST_EFFORT),
+                Topic(StrainVectors, "strain", self._on_strain, STRAIN),
                 *palm_poses.pose_topics(self._lookup, self._on_pose),
                 Topic(
                     PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10)
@@ -102,10 +102,10 @@ class FilterNode(ManagedNode):
         )
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
         self.create_timer(_WATCH_PERIOD_S, self._watch)
-        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._on_diagnostics_due)
+        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
 
     def cleanup(self) -> None:
-        """Stop to adopt live parameters."""
+        """Stop adopting live parameters."""
         self._has_map = False
 
     @property
@@ -258,7 +258,7 @@ class FilterNode(ManagedNode):
             raise
 
     def _watch(self) -> None:
-        """Detect that the estimate becomes stale, or is no longer stale."""
+        """Detect whether the estimate is stale, and log when that changes."""
         now_ns = self.get_clock().now().nanoseconds
         timeout_s = self.parameters["stale_timeout_s"]
         for topic, received_ns in self._received_ns.items():
@@ -268,11 +268,8 @@ class FilterNode(ManagedNode):
             self._estimated_ns = now_ns
         self._arrived.clear()
         age_s = max((now_ns - self._estimated_ns) / NANOSECONDS, self._online.age_s)
-        silent = [
-            t
-            for t, received_ns in self._received_ns.items()
-            if now_ns - received_ns > timeout_s * NANOSECONDS
-        ]
+        oldest_ns = now_ns - timeout_s * NANOSECONDS
+        silent = [topic for topic, received_ns in self._received_ns.items() if received_ns < oldest_ns]
         was_stale, stale = bool(self._inputs.stale), ""
         if self._online.latest is not None and age_s > timeout_s:
             why = f"no {' and no '.join(silent or [self._online.lagging_input])}"
@@ -289,8 +286,8 @@ class FilterNode(ManagedNode):
         if self._online.latest is not None:
             self._estimates.publish(self._online.latest, self._localizer, self._inputs.stale)
 
-    def _on_diagnostics_due(self) -> None:
-        self._watch()  # in simulated time its timer may stand still
+    def _publish_diagnostics(self) -> None:
+        self._watch()  # its timer stands still with simulated time
         if self._inputs.stale:
             self._repeat_as_stale()
         self._inputs.lost = self._reader.lost
@@ -300,7 +297,7 @@ class FilterNode(ManagedNode):
         )
 
     def _reject(self, topic: str, error: TactileLocalizerError) -> None:
-        self._inputs.unread[topic] += 1
+        self._inputs.invalid[topic] += 1
         self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=1.0)
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:

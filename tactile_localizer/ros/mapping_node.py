@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.geometry.synchronization import Pair, Pairing
@@ -28,6 +28,7 @@ from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import timestamps
 from tactile_localizer.ros.conversions.palm_poses import palm_frame, position
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
@@ -40,9 +41,7 @@ from tactile_localizer.ros.subscriptions import palm_poses
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 
-_STATUS_QOS = QoSProfile(
-    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
+_STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.5
 _DIAGNOSTICS_PERIOD_S = 1.0
@@ -80,7 +79,7 @@ class MappingNode(ManagedNode):
         self.defer(self._calibration.close)
 
     def activate(self) -> None:
-        """Subscribe to strain and poses, create the services and timers."""
+        """Subscribe to strain and poses; create the services and timers."""
         parameters = self.parameters
         self._pairing = Pairing(
             self._scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
@@ -92,14 +91,13 @@ class MappingNode(ManagedNode):
         self._poses = 0
         self._write_error = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        strain = Topic(StrainVectors, "strain", self._on_strain, best_effort)
+        strain = Topic(StrainVectors, "strain", self._on_strain, STRAIN)
         subscribe(self, (strain, *palm_poses.pose_topics(self._lookup, self._on_pose)))
         self.create_service(Trigger, "~/start_sweep", self._on_start)
         self.create_service(Trigger, "~/end_sweep", self._on_end)
         self.create_steady_timer(_COMMIT_PERIOD_S, self._commit)
-        self.create_steady_timer(_STATUS_PERIOD_S, self._on_status_due)
-        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._on_diagnostics_due)
+        self.create_steady_timer(_STATUS_PERIOD_S, self._update_rate)
+        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
         self._publish_status(self._newest_ns)
         self._refresh_map()
 
@@ -138,12 +136,12 @@ class MappingNode(ManagedNode):
             return
         self._receive(stamp_ns, self._pairing)
         try:
-            felt = self._reader.read(message)
+            sample = self._reader.read(message)
         except TactileLocalizerError as error:
             self._reject("strain", error)
             return
         self._rejections.pop("strain", None)
-        self._record(self._pairing.add_strain(stamp_ns, felt))
+        self._record(self._pairing.add_strain(stamp_ns, sample))
         if self._lookup is not None:
             self._lookup.look_up(stamp_ns)
 
@@ -211,14 +209,14 @@ class MappingNode(ManagedNode):
             self.get_logger().error(response.message)
         return response
 
-    def _on_status_due(self) -> None:
+    def _update_rate(self) -> None:
         if self._recorder is not None:
             self._counts.append((time.monotonic(), self._recorder.store.pairs))
             (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
             self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
         self._publish_status(self._newest_ns)
 
-    def _on_diagnostics_due(self) -> None:
+    def _publish_diagnostics(self) -> None:
         if self._recorder is None or self._pairing is None:
             return
         self._health.publish(

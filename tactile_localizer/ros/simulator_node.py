@@ -18,7 +18,6 @@ import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -28,6 +27,7 @@ from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.parameters.simulator import MODES, PARAMETERS
 from tactile_localizer.sim.can_cells import CanLoadCells, Faults
 from tactile_localizer.sim.hand import PHALANGES
@@ -35,6 +35,7 @@ from tactile_localizer.sim.noise import child
 from tactile_localizer.sim.rig import Phase, Reading, Rig
 
 _CELL_PHASE = 0.37
+"""Delay of the load cells relative to the poses, in load cell periods."""
 _BUS_NOISE = 5 << 30
 
 
@@ -51,19 +52,19 @@ class SimulatorNode(ManagedNode):
 
     def configure(self) -> None:
         """Create the rig, publishers and services, and open the bus."""
-        of = self.parameters
-        self._speed = of["speed"]
-        self._rig = Rig(of["feature"], of["seed"], of["sweep_speed_mps"], of["load_cell_rate_hz"])
-        dbc = given_or_shipped(of["dbc"], "config")
-        protocol = LoadCellProtocol.from_dbc(dbc, PHALANGES)
+        parameters, seed = self.parameters, self.parameters["seed"]
+        self._speed = parameters["speed"]
+        self._rig = Rig(
+            parameters["feature"], seed, parameters["sweep_speed_mps"], parameters["load_cell_rate_hz"]
+        )
+        protocol = LoadCellProtocol.from_dbc(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
         self._faults = self._read_faults()
-        options = parse_options(of["bus_options"])
-        self._bus = open_bus(BusSettings(of["interface"], of["channel"], options), protocol)
-        self._cells = CanLoadCells(protocol, self._bus, child(of["seed"], _BUS_NOISE))
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        options = parse_options(parameters["bus_options"])
+        self._bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)
+        self._cells = CanLoadCells(protocol, self._bus, child(seed, _BUS_NOISE))
         self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
         self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
-        self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", latched)
+        self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", LATCHED)
         self.create_service(Trigger, "~/prepare", self._on_prepare)
         self.create_service(Trigger, "~/sweep", self._on_sweep)
 
@@ -168,12 +169,12 @@ class SimulatorNode(ManagedNode):
                 self.get_logger().error(f"{error}; the faults are unchanged")
 
     def _read_faults(self) -> Faults:
-        of = self.parameters
+        parameters = self.parameters
         for name in ("fault.silent", "fault.faulty"):
-            for phalanx in of[name]:
+            for phalanx in parameters[name]:
                 if phalanx not in PHALANGES:
                     raise ParameterError(f"{name}: expected some of {', '.join(PHALANGES)}, got {phalanx!r}")
-        return Faults(of["fault.drop"], of["fault.garbage"], of["fault.silent"], of["fault.faulty"])
+        return Faults(*(parameters[f"fault.{name}"] for name in ("drop", "garbage", "silent", "faulty")))
 
 
 def _next_due(due: float, period: float) -> float:

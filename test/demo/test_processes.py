@@ -1,6 +1,8 @@
 """Nodes as processes: failures are reported, and all processes are stopped."""
 
 import os
+import signal
+import subprocess
 import sys
 
 import pytest
@@ -66,6 +68,21 @@ def test_the_context_stops_all_processes(executables, tmp_path, monkeypatch):
         interrupted()
     assert not any(map(is_alive, pids))
     assert "rate_hz: 1.0" in (tmp_path / "willing.yaml").read_text()
+
+
+def test_a_node_that_is_being_started_at_an_interrupt_is_stopped(executables, tmp_path, monkeypatch):
+    pids = []
+
+    class Interrupted(subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            pids.append(self.pid)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr("tactile_localizer.demo.processes.subprocess.Popen", Interrupted)
+    with pytest.raises(KeyboardInterrupt), NodeProcesses(tmp_path, {}) as nodes:
+        nodes.start("willing", "willing", {})
+    assert not any(map(is_alive, pids))
 
 
 def test_an_ended_node_is_reported_with_its_last_line(executables, tmp_path):

@@ -8,6 +8,7 @@ from typing import Any
 
 import can
 import pytest
+from support.processes import node_command
 
 
 @pytest.fixture
@@ -20,7 +21,7 @@ def can_bus(simulated_can: dict[str, Any]) -> Iterator[can.BusABC]:
 
 @pytest.fixture
 def driver_process(
-    node_process: Callable[..., Any], simulated_can: dict[str, Any], tmp_path: Path
+    process: Callable[..., Any], simulated_can: dict[str, Any], tmp_path: Path
 ) -> Callable[..., Any]:
     """Start an installed driver on the simulated bus; arguments are parameters."""
     parameters = {
@@ -31,4 +32,4 @@ def driver_process(
         "cycle_timeout_s": 0.2,  # on a busy machine the test can pause between two frames
         "reconnect_delay_s": 0.02,
     }
-    return lambda **more: node_process("driver_node", parameters={**parameters, **more})
+    return lambda **more: process(node_command("driver_node", {**parameters, **more}))

@@ -57,9 +57,9 @@ def test_a_wrench_fingertip_is_mapped(node_process, probe, tmp_path):
     from std_srvs.srv import Trigger
 
     from tactile_localizer.msg import ScanStatus, StrainVectors
-    from tactile_localizer.ros.adapter_node import STRAIN_QOS
+    from tactile_localizer.ros.base.qos import STRAIN
 
-    strain = probe.listen(StrainVectors, "strain", STRAIN_QOS)
+    strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "fingertip_adapter.yaml"})
     files = {"scene_file": EXAMPLE / "fingertip.yaml", "scan_file": tmp_path / "scan.db"}
     mapping = node_process("mapping_node", files)
@@ -88,9 +88,9 @@ def test_arrays_of_16_taxels_become_two_phalanges(node_process, probe):
     from std_msgs.msg import Float32MultiArray
 
     from tactile_localizer.msg import StrainVectors
-    from tactile_localizer.ros.adapter_node import STRAIN_QOS
+    from tactile_localizer.ros.base.qos import STRAIN
 
-    strain = probe.listen(StrainVectors, "strain", STRAIN_QOS)
+    strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "array_adapter.yaml"})
     taxels = probe.publisher(Float32MultiArray, "taxels")
     probe.known_to("adapter")

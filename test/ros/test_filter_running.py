@@ -23,7 +23,7 @@ def scan_file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def running(scan_file):
     parameters = {"scan_file": scan_file, **CELL, "shown_particles": 50, "particles_rate_hz": 5.0}
-    process, probe = Process(node_command("filter_node", parameters)), Probe("watching")
+    process, probe = Process(node_command("filter_node", parameters), forked=True), Probe("watching")
     try:
         yield Filter(process, probe, SlidingHand(probe, unseen_sweep()))
     finally:
@@ -100,7 +100,7 @@ def test_the_map_is_latched(node, probe):
     clouds = probe.listen(PointCloud2, "filter/map", latched)
     regions = probe.listen(Marker, "filter/feature_region", latched)
     probe.until(lambda: clouds and regions, "the map and the region")
-    assert [field.name for field in clouds[0].fields][:4] == ["x", "y", "z", "felt"]
+    assert [field.name for field in clouds[0].fields][:4] == ["x", "y", "z", "intensity"]
     assert clouds[0].width > 15_000
     assert len(regions[0].points) == 5
 
@@ -114,7 +114,7 @@ def test_a_missing_phalanx_is_reported(node):
 
 
 def test_nonfinite_strain_is_counted(node):
-    refused = node.count("refused")
+    rejected = node.count("rejected")
     node.slide(20)
     bad = np.array(node.hand.sweep.strain[20])
     bad[3] = np.nan
@@ -122,7 +122,7 @@ def test_nonfinite_strain_is_counted(node):
     node.hand.next += 1
     node.slide(5)
     assert 20 not in [node.hand.sample_of(message) for message in node.fresh()]
-    node.wait_for_count("refused", refused + 1)
+    node.wait_for_count("rejected", rejected + 1)
     assert node.process.running
 
 
@@ -179,13 +179,13 @@ def test_a_looping_bag_resets_the_belief(node):
 
 def test_zero_stamps_are_ignored(node):
     node.slide(5)
-    seen, jumps = len(node.fresh()), node.count("time_jumps")
+    seen, jumps = len(node.fresh()), node.count("backward_jumps")
     offset_ns, node.hand.offset_ns = node.hand.offset_ns, -int(node.hand.strain_ns[5])
     node.hand.send_strain(5)
     node.hand.offset_ns = offset_ns
     node.slide(5)
     assert len(node.fresh()) == seen + 5
-    assert node.count("time_jumps") == jumps, "a stopped clock is no backward jump"
+    assert node.count("backward_jumps") == jumps, "a stopped clock is no backward jump"
 
 
 def test_the_belief_can_be_reset(node, probe):
@@ -232,7 +232,7 @@ def test_an_initial_pose_seeds_the_belief(node, probe):
 def test_invalid_seeds_keep_the_belief(node, probe):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
-    invalid = node.count("unread_initial_pose")
+    invalid = node.count("invalid_initial_pose")
     node.slide(50)
     publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
     printed = len(node.process.lines)
@@ -240,7 +240,7 @@ def test_invalid_seeds_keep_the_belief(node, probe):
     node.process.wait_for_line("initial_pose: .*frame 'map'", after=printed)
     for pose in ((0.2, 0.04, 1e-6), (np.nan, 0.04, 1e-6), (0.01, 0.04, -1.0), (0.01, 0.04, np.nan)):
         publisher.publish(initial_pose(*pose))
-    node.wait_for_count("unread_initial_pose", invalid + 5)
+    node.wait_for_count("invalid_initial_pose", invalid + 5)
     travel = node.fresh()[-1].travel
     node.slide(5)
     assert node.fresh()[-1].travel > travel

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 
 def main() -> int:
-    """Parse the command line and run the soak test; errors of the user are one line."""
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # for the nodes: more threads only wait
+    """Parse the command line and run the soak test; an error is one line."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # for the nodes, whose matrices are small
         os.environ.setdefault(name, "1")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=30.0, help="duration (default 30)")
@@ -45,7 +45,7 @@ def main() -> int:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the soak; the exit status is 0 when nothing failed, else 1."""
+    """Run the soak; returns exit status 0 if nothing failed, otherwise 1."""
     if importlib.util.find_spec("rclpy") is None:
         raise LiveError("rclpy: expected ROS 2, found none; `make soak` makes an environment that has it")
     if not args.minutes > 0:
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 class _PlainView:
-    """A line for each fault."""
+    """Prints one line per fault."""
 
     def __init__(self, console: Console) -> None:
         self._console, self._begun_s = console, time.monotonic()
@@ -164,7 +164,7 @@ def _sentences(result: SoakResult) -> list[str]:
     excused = sum(count for why, count in result.wrong.items() if why)
     lines = [
         f"load of the machine {os.getloadavg()[2]:.1f} on {os.cpu_count()} cores; "
-        f"{result.late} times a limit was extended because a process waited for a CPU",
+        f"limits extended {result.late} times because a process waited for a CPU",
         f"{result.sweeps} sweeps, {result.judged} posteriors, {result.converged} converged ({errors})",
         f"falsely converged posteriors: {result.wrong.get('', 0)}, and {excused} with a fault that misleads",
         *(f"false convergence: {one}" for one in result.false_sweeps),

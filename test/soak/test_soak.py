@@ -41,7 +41,7 @@ def test_a_short_soak_reports_all_faults_and_recovers(process, tmp_path):
 
 
 def test_an_ended_process_fails_the_soak(process, tmp_path):
-    soak = process([*SOAK, "-o", tmp_path, "--only", "belief spread"])
+    soak = process([*SOAK, "-o", tmp_path, "--only", "belief reset"])
     soak.wait_for_line("injecting faults", timeout_s=120.0)
     (mapping,) = [pid for pid in children(soak.pid) if b"mapping_node" in command_line(pid)]
     os.kill(mapping, signal.SIGKILL)

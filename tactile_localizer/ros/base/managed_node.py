@@ -27,7 +27,7 @@ from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
 
 _BETWEEN_TRANSITIONS_S = 0.2
-"""How long a request waits for the end of the transition before; one that takes longer refuses it."""
+"""Time that a request waits for the end of the previous transition before it is rejected, s."""
 _AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false leaves both to a lifecycle manager"
 )
@@ -48,7 +48,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
     Parameters
     ----------
     name : name of the node
-    declared : parameters of the node, in addition to ``autostart``
+    declared : parameters of the node in addition to ``autostart``
     threads : number of executor threads; more than one requires callback groups
 
     Attributes
@@ -80,8 +80,8 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def create_publisher(self, *arguments: Any, **options: Any) -> Publisher:
         """A publisher that also publishes while the node is inactive.
 
-        It reports no incompatible subscriptions, because they do so themselves, and each event that is waited
-        for delays every message.
+        It does not report incompatible subscriptions, which the subscribers do themselves: each event that
+        the executor waits for delays every message.
         """
         options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_publisher(*arguments, **options)
@@ -131,10 +131,10 @@ class ManagedNode(LifecycleNodeMixin, Node):
         """Read the parameters and create the resources of an inactive node."""
 
     def activate(self) -> None:
-        """Start to work."""
+        """Start working."""
 
     def deactivate(self) -> None:
-        """Stop to work and join threads; also called if :meth:`activate` failed or was never called."""
+        """Stop working and join threads; also called if :meth:`activate` failed or was never called."""
 
     def cleanup(self) -> None:
         """Release the resources; also called if :meth:`configure` failed or was never called."""
@@ -148,7 +148,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
             )
 
     def close(self) -> None:
-        """Stop to work and release all resources, from any state; for the end of the process."""
+        """Stop working and release all resources, from any state, at the end of the process."""
         self._end_activation()
         self._end_configuration()
 
@@ -189,14 +189,11 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return self._attempt(self._end_configuration)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Transition to finalized, from any state."""
+        """Transition from any state to finalized; after an unexpected failure, to unconfigured."""
         self._is_configured = False
         return self._attempt(self.close)
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Transition to unconfigured after an unexpected failure."""
-        self._is_configured = False
-        return self._attempt(self.close)
+    on_error = on_shutdown
 
     def _end_activation(self) -> None:
         self.is_active = False
@@ -209,7 +206,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
 
     @contextmanager
     def _collecting(self, scope: ExitStack) -> Iterator[None]:
-        """Collect in ``scope`` how to destroy what this thread creates."""
+        """Register in ``scope`` the release of the resources that this thread creates."""
         self._scope, self._scope_thread = scope, threading.get_ident()
         try:
             yield
@@ -238,7 +235,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def _change_and_release(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> ChangeState.Response:
-        """Change the state, in any thread; the executor may be waiting for the end."""
+        """Change the state, in any thread."""
         try:
             answer: ChangeState.Response = self._change_state(request, response)
             return answer

@@ -33,17 +33,17 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
     frame : frame of the material
     stale : reason why the estimate is stale; empty if it is not
     """
-    x, y = _planar(scene.axis_names, estimate.mean)
+    x, y = planar(scene.axis_names, estimate.mean)
     color = _STALE if stale else _CONVERGED if estimate.converged else _NOT_CONVERGED
     pads = Marker(type=Marker.SPHERE_LIST, ns="phalanges", color=color)
     pads.scale.x = pads.scale.y = pads.scale.z = _PAD_M
     for phalanx in scene.phalanges:
-        along, across = _planar(scene.axis_names, phalanx_positions(scene, phalanx, estimate.mean[None])[0])
+        along, across = planar(scene.axis_names, phalanx_positions(scene, phalanx, estimate.mean[None])[0])
         pads.points.append(Point(x=along, y=across))
     text = Marker(type=Marker.TEXT_VIEW_FACING, ns="reason", color=ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0))
     text.text = f"stale: {stale}" if stale else estimate.reason
     centre, top = (
-        _planar(scene.axis_names, limits) for limits in ((scene.lower + scene.upper) / 2, scene.upper)
+        planar(scene.axis_names, limits) for limits in ((scene.lower + scene.upper) / 2, scene.upper)
     )
     text.pose = Pose(position=Point(x=centre[0], y=top[1] + _TEXT_M, z=0.02))
     text.scale.z = _TEXT_M
@@ -72,7 +72,7 @@ def _ellipse(estimate: Estimate, scene: Scene, centre: tuple[float, float], colo
     return marker
 
 
-def _planar(axes: tuple[str, ...], values: np.ndarray) -> tuple[float, float]:
+def planar(axes: tuple[str, ...], values: np.ndarray) -> tuple[float, float]:
     """x and y of a state; zero for an unmodelled axis."""
     by_axis = dict(zip(axes, values.tolist(), strict=True))
     return by_axis.get("x", 0.0), by_axis.get("y", 0.0)

@@ -10,12 +10,13 @@ from visualization_msgs.msg import Marker
 
 from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.tactile_map import TactileMap
+from tactile_localizer.ros.conversions.hand_markers import planar
 from tactile_localizer.ros.conversions.posteriors import cloud
 from tactile_localizer.scene import Scene
 
 _LAYER_M = 0.0005
-_TURNS = 33
-"""Angles of the palm at which its phalanges are looked up to see how far they reach."""
+_STATES = 33
+"""Number of palm states at which the reach of the phalanges is evaluated."""
 _LINE_M = 0.0006
 _FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
 
@@ -23,9 +24,9 @@ _FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
 def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
     """The tactile map as a point cloud at the phalanx positions on the material, one layer per phalanx.
 
-    Fields: x, y, z (m); ``felt``, the norm over the channels of the strain relative to featureless material,
-    for colouring; ``element_1``, ``element_2``, ..., NaN for channels that a phalanx lacks; ``phalanx``, the
-    index of the phalanx in the scene.
+    Fields: x, y, z (m); ``intensity``, the norm over the channels of the strain relative to featureless
+    material, for colouring; ``element_1``, ``element_2``, ..., NaN for channels that a phalanx lacks;
+    ``phalanx``, the index of the phalanx in the scene.
 
     Parameters
     ----------
@@ -38,12 +39,12 @@ def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
     positions, values = [], []
     for number, phalanx in enumerate(scene.phalanges):
         elements = tactile_map.phalanx(phalanx.name)[covered]
-        felt = np.linalg.norm(elements, axis=1)
+        intensity = np.linalg.norm(elements, axis=1)
         positions.append(tactile_map.places(scene, phalanx)[covered])
         unused = np.full((count, max(scene.layout.counts) - phalanx.channels), np.nan)
-        values.append(np.column_stack([np.full(count, -number * _LAYER_M), felt, elements, unused]))
+        values.append(np.column_stack([np.full(count, -number * _LAYER_M), intensity, elements, unused]))
     columns = np.concatenate(values).T
-    fields = {"z": columns[0], "felt": columns[1]}
+    fields = {"z": columns[0], "intensity": columns[1]}
     fields |= {f"element_{element}": column for element, column in enumerate(columns[2:], start=1)}
     fields["phalanx"] = np.repeat(np.arange(len(positions)), count)
     return cloud(0, np.concatenate(positions), tactile_map.axes, frame, **fields)
@@ -61,14 +62,11 @@ def region_marker(scene: Scene, frame: str) -> Marker:
     if scene.feature is None:
         marker.action = Marker.DELETE
         return marker
-    turns = np.linspace(scene.lower, scene.upper, _TURNS)
-    offsets = np.concatenate([turned_offsets(scene, phalanx, turns) for phalanx in scene.phalanges])
+    states = np.linspace(scene.lower, scene.upper, _STATES)
+    offsets = np.concatenate([turned_offsets(scene, phalanx, states) for phalanx in scene.phalanges])
     lower = np.maximum(scene.feature.lower, scene.lower + offsets.min(axis=0))
     upper = np.minimum(scene.feature.upper, scene.upper + offsets.max(axis=0))
-    low, high = (
-        {"x": 0.0, "y": 0.0} | dict(zip(scene.axis_names, end.tolist(), strict=True))
-        for end in (lower, upper)
-    )
-    corners = [(low, low), (high, low), (high, high), (low, high), (low, low)]
-    marker.points = [Point(x=x["x"], y=y["y"], z=0.001) for x, y in corners]
+    (x0, y0), (x1, y1) = (planar(scene.axis_names, corner) for corner in (lower, upper))
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+    marker.points = [Point(x=x, y=y, z=0.001) for x, y in corners]
     return marker

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from builtin_interfaces.msg import Time
 
-_SECOND_NS = 1_000_000_000
+from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 
 
 def to_ns(stamp: Time) -> int:
     """Nanoseconds of a time stamp; 0 means that the clock has not started."""
-    return int(stamp.sec) * _SECOND_NS + int(stamp.nanosec)
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
 def from_ns(stamp_ns: int) -> Time:
     """Time stamp of a number of nanoseconds."""
-    seconds, nanoseconds = divmod(stamp_ns, _SECOND_NS)
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
     return Time(sec=seconds, nanosec=nanoseconds)

@@ -24,13 +24,13 @@ class InputState:
 
     Parameters
     ----------
-    unread : numbers of invalid messages, by topic
+    invalid : numbers of invalid messages, by topic
     lost : number of strain vectors lost in transport
     silent : topics without a message for ``stale_timeout_s``
     stale : why the estimate is stale; empty if it is not
     """
 
-    unread: dict[str, int]
+    invalid: dict[str, int]
     lost: int = 0
     silent: Sequence[str] = ()
     stale: str = ""
@@ -89,9 +89,9 @@ class FilterDiagnostics:
                 "strain vectors lost in transport": state.lost,
                 "strain vectors without a pose": counts["gaps"],
                 "strain vectors without a phalanx with status OK": counts["unusable"],
-                "strain vectors that are not finite": counts["refused"],
+                "strain vectors that are not finite": counts["rejected"],
                 **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
-                **{f"invalid messages on {topic}": count for topic, count in state.unread.items()},
+                **{f"invalid messages on {topic}": count for topic, count in state.invalid.items()},
                 "late messages": pairing.late,
                 "backward jumps of the stamps": pairing.resets,
                 "forward jumps of the stamps": online.forward_jumps,
@@ -100,11 +100,11 @@ class FilterDiagnostics:
         values = {
             **counts,
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
-            **{f"unread_{topic}": count for topic, count in state.unread.items()},
+            **{f"invalid_{topic}": count for topic, count in state.invalid.items()},
             "lost": state.lost,
             "late": pairing.late,
-            "time_jumps": pairing.resets,
-            "time_leaps": online.forward_jumps,
+            "backward_jumps": pairing.resets,
+            "forward_jumps": online.forward_jumps,
             "waiting_s": f"{_waiting_s(pairing):.3f}",
             "last_error": online.last_error,
         }

@@ -67,7 +67,7 @@ class MappingDiagnostics:
             "skipped": recorder.skipped,
             "late": pairing.late,
             "poses": poses,
-            "time_jumps": pairing.resets,
+            "backward_jumps": pairing.resets,
         }
         message = ": ".join(filter(None, [activity, errors or warnings]))
         return self._publisher.status("scan", level, message, values)

@@ -136,7 +136,7 @@ DRIVER = Launched(
     "driver",
     (
         *BUS,
-        Argument("dbc", "CAN database: path or shipped file name"),
+        Argument("dbc", "CAN database (DBC): path or shipped file name"),
         Argument("phalanges", "Names of the load cells, as a list: [index, middle]", kind=strings),
     ),
 )
@@ -179,12 +179,12 @@ SIMULATOR = Launched(
 )
 
 
-Beside = Callable[[LaunchContext, Sequence[LifecycleNode]], list[Any]]
-"""Function that makes further actions, given the actions of the nodes."""
+FurtherActions = Callable[[LaunchContext, Sequence[LifecycleNode]], list[Any]]
+"""Function that returns further actions, given the actions of the nodes."""
 
 
 def nodes(
-    *launched: Launched, arguments: Sequence[Argument] = (), beside: Beside | None = None
+    *launched: Launched, arguments: Sequence[Argument] = (), further: FurtherActions | None = None
 ) -> LaunchDescription:
     """A launch description that declares the arguments of nodes and starts them.
 
@@ -192,7 +192,7 @@ def nodes(
     ----------
     launched : nodes to start
     arguments : further arguments of the launch file
-    beside : makes further actions
+    further : returns further actions
     """
     declared = {argument.name: argument for argument in (*COMMON, *arguments)}
     for node in launched:
@@ -200,7 +200,7 @@ def nodes(
             declared.setdefault(argument.name, argument)
     description = LaunchDescription([argument.declaration() for argument in declared.values()])
     description.add_action(OpaqueFunction(function=_warn_of_misspelt, args=[description]))
-    description.add_action(OpaqueFunction(function=_start, args=[launched, beside]))
+    description.add_action(OpaqueFunction(function=_start, args=[launched, further]))
     return description
 
 
@@ -210,10 +210,10 @@ def _warn_of_misspelt(context: LaunchContext, description: LaunchDescription) ->
         get_logger("launch").warning(f"launch argument {name}: unknown, did you mean {meant}?")
 
 
-def _start(context: LaunchContext, launched: Sequence[Launched], beside: Beside | None) -> list[Any]:
+def _start(context: LaunchContext, launched: Sequence[Launched], further: FurtherActions | None) -> list[Any]:
     """Start all nodes, or none if an argument is invalid."""
     started = [node.action(context) for node in launched if node.is_wanted(context)]
-    return [*started, *(beside(context, started) if beside else ())]
+    return [*started, *(further(context, started) if further else ())]
 
 
 def _ending(name: str, respawn: bool) -> Callable[[ProcessExited, LaunchContext], None]:

@@ -35,7 +35,7 @@ class LoadedMap:
     scans, scenes : scan and scene of each file
     frame : transformation of palm poses to the axes of the scenes
     localizer : localizer on the scan, or on several candidate scans
-    warnings : what does not fit, a line each
+    warnings : descriptions of inconsistencies, one line each
     """
 
     name: str

@@ -16,13 +16,11 @@ from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
+from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.ros.localization.range_check import RangeCheck
 
 _TIMES_KEPT = 4096
 _BEFORE_FIRST_NS = -1
-
-Felt = tuple[np.ndarray, np.ndarray]
-"""Strain voltages (C,), V, and status bits (F,)."""
 
 
 @dataclass
@@ -37,7 +35,7 @@ class Counts:
     earlier : stamped before the last reset or seeding of the belief
     gaps : no pose close enough in time
     unusable : no phalanx with status OK
-    refused : not finite
+    rejected : not finite
     """
 
     absent: dict[str, int]
@@ -46,7 +44,7 @@ class Counts:
     earlier: int = 0
     gaps: int = 0
     unusable: int = 0
-    refused: int = 0
+    rejected: int = 0
 
 
 class OnlineLocalizer:
@@ -91,7 +89,7 @@ class OnlineLocalizer:
     def interrupt(self) -> None:
         """Discard buffered poses and waiting strain vectors: the next inputs do not continue the last."""
         scene = self.localizer.scene
-        self.pairing: Pairing[Felt] = Pairing(
+        self.pairing: Pairing[StrainSample] = Pairing(
             scene.axes, max_gap_s=self._max_gap_s, patience_s=self._patience_s
         )
         self._newest_ns: dict[str, int] = {}
@@ -143,7 +141,7 @@ class OnlineLocalizer:
         """
         return self._take("palm_pose", stamp_ns, self.pairing.add_pose(stamp_ns, position))
 
-    def _take(self, topic: str, stamp_ns: int, pairs: list[Pair[Felt]]) -> list[Estimate]:
+    def _take(self, topic: str, stamp_ns: int, pairs: list[Pair[StrainSample]]) -> list[Estimate]:
         if self.pairing.resets != self._resets:
             self._resets = self.pairing.resets
             self._newest_ns.clear()
@@ -152,7 +150,7 @@ class OnlineLocalizer:
         self._newest_ns[topic] = max(self._newest_ns.get(topic, stamp_ns), stamp_ns)
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
-    def _localize(self, pair: Pair[Felt]) -> Estimate | None:
+    def _localize(self, pair: Pair[StrainSample]) -> Estimate | None:
         counts = self.counts
         if pair.stamp_ns <= self._since_ns:
             counts.earlier += 1
@@ -171,7 +169,7 @@ class OnlineLocalizer:
             try:
                 self._update(pair.stamp_ns, pair.position, strain, present)
             except MeasurementError as error:
-                counts.refused += 1
+                counts.rejected += 1
                 self.last_error = str(error)
             else:
                 self.last_error = ""

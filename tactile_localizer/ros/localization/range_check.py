@@ -10,9 +10,9 @@ import numpy as np
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 
 _WINDOW = 200
-"""Measurement updates that the fractions refer to: 0.2 m of travel at the default update distance."""
+"""Number of measurement updates for the fractions: 0.2 m of travel at the default update distance."""
 _MIN_UPDATES = 20
-"""Measurement updates below which nothing is reported."""
+"""Number of measurement updates below which nothing is reported."""
 
 
 class RangeCheck:
@@ -29,12 +29,12 @@ class RangeCheck:
         self._outside: deque[tuple[bool, bool]] = deque(maxlen=_WINDOW)
 
     def reset(self) -> None:
-        """Forget the past; the next position is the start."""
+        """Discard the updates so far; the next position is the start."""
         self._start = None
         self._outside.clear()
 
     def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
-        """Take in position (d,), m, strain (C,), V, and usable phalanges (F,) bool of an update."""
+        """Add position (d,), m, strain (C,), V, and usable phalanges (F,) bool of a measurement update."""
         if self._start is None:
             self._start = position
         strains = [bool(one.strains_outside(strain, present)) for one in self._ranges]

@@ -7,7 +7,7 @@ from tactile_localizer.ros.base.parameters import Parameter
 
 PARAMETERS = (
     Parameter("phalanges", ["index", "middle"], "Names of the load cells, in the order of the strain vector"),
-    Parameter("dbc", "loadcells.dbc", "CAN database: path, or file name in the config directory"),
+    Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name"),
     Parameter(
         "gauge_signals",
         list(GAUGE_SIGNALS),

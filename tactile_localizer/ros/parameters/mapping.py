@@ -18,7 +18,7 @@ PARAMETERS = (
     Parameter(
         "patience_s",
         DEFAULT_PATIENCE_S,
-        "Time, in stamps, that strain waits for a late pose",
+        "Time, measured in stamps, that a strain vector waits for a late pose",
         "s",
         0.0,
         60.0,
@@ -26,8 +26,8 @@ PARAMETERS = (
     Parameter(
         "sweep_detection",
         "off",
-        "Detection of sweeps from the motion: off (services delimit sweeps), both_ways, or one_way (without "
-        "return motions)",
+        "Detection of sweeps from the motion: off (services delimit the sweeps), both_ways, or one_way "
+        "(return motions are not recorded)",
         choices=("off", "both_ways", "one_way"),
     ),
     Parameter("reversal_m", DEFAULT_REVERSAL_M, "Backward travel that ends a sweep", "m", 1e-5, 1.0),
@@ -35,7 +35,7 @@ PARAMETERS = (
     Parameter(
         "sweep_distance_m",
         SWEEP_DISTANCE_M,
-        "Sweep distance, for the coverage",
+        "Distance between neighbouring sweeps, for the coverage",
         "m",
         1e-5,
         1.0,

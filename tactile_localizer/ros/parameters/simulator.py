@@ -28,7 +28,7 @@ PARAMETERS = (
     Parameter("interface", "udp_multicast", "python-can interface of the CAN bus"),
     Parameter("channel", "239.74.163.2", "Channel of the interface"),
     Parameter("bus_options", [], "Options of the interface, each as name=value"),
-    Parameter("dbc", "loadcells.dbc", "CAN database: path, or file name in the config directory"),
+    Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name"),
     Parameter("fault.drop", 0.0, "Probability that a frame is lost", "", 0.0, 1.0, live=True),
     Parameter("fault.garbage", 0.0, "Probability of garbage after each frame", "", 0.0, 1.0, live=True),
     Parameter("fault.silent", [], "Phalanges whose load cell sends no frames", live=True),

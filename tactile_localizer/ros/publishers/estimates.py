@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.lifecycle import LifecycleNodeMixin
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
@@ -18,8 +17,6 @@ from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.msg import FeatureProbabilities, Posterior
 from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.conversions import hand_markers, posteriors
-
-_RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class EstimatePublisher:
@@ -37,9 +34,9 @@ class EstimatePublisher:
         # A separate generator: subscribers must not influence the estimates.
         self._rng = np.random.default_rng(0)
         self._displayed_ns: int | None = None
-        self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", _RELIABLE)
-        self._feature = node.create_lifecycle_publisher(FeatureProbabilities, "~/feature", _RELIABLE)
-        self._converged = node.create_lifecycle_publisher(Bool, "~/converged", _RELIABLE)
+        self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
+        self._feature = node.create_lifecycle_publisher(FeatureProbabilities, "~/feature", 100)
+        self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
         self._trace = node.create_lifecycle_publisher(Float64, "~/covariance_trace", 100)
         self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", 100)
         self._particles = node.create_lifecycle_publisher(PointCloud2, "~/particles", 10)

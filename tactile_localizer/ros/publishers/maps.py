@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
@@ -13,15 +12,12 @@ from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.ros.base.background import BackgroundJob
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.conversions.maps import map_cloud, region_marker
 from tactile_localizer.scene import Scene
 
-_LATCHED = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-
 _MAX_PAIRS = 20_000
-"""Largest number of pairs of a recording that its map is made from, which bounds the memory used."""
+"""Largest number of pairs from which a map is built during a recording, to bound the memory."""
 
 
 class MapPublisher:
@@ -36,8 +32,8 @@ class MapPublisher:
     def __init__(self, node: ManagedNode, frame: str) -> None:
         self._frame = frame
         self._job = BackgroundJob(node, "map")
-        self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", _LATCHED)
-        self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", _LATCHED)
+        self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", LATCHED)
+        self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", LATCHED)
 
     def publish(self, scan: Scan, scene: Scene) -> None:
         """Publish the map of a scan, and the feature region if the scene has one."""

@@ -7,15 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.lifecycle import LifecycleNodeMixin
-from rclpy.qos import QoSProfile
 from scipy.spatial.transform import Rotation
 
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.ros.base.optional_imports import import_optional
 from tactile_localizer.ros.conversions.timestamps import from_ns
-
-_TF = QoSProfile(depth=100)
 
 PUBLISH_PERIOD_NS = 20_000_000
 """Minimum interval between transforms, ns: 50 Hz suffice for planners and RViz."""
@@ -52,7 +49,7 @@ class MaterialBroadcaster:
         self._message = import_optional("tf2_msgs.msg", "publish_tf").TFMessage
         self._frames, self._material_pose = (reference_frame, material_frame), material_pose
         self._published_ns: int | None = None
-        self._publisher = node.create_lifecycle_publisher(self._message, "/tf", _TF)
+        self._publisher = node.create_lifecycle_publisher(self._message, "/tf", 100)
 
     def publish(self, estimate: Estimate, axes: tuple[str, ...], palm: np.ndarray) -> None:
         """Publish the transform of a converged estimate, at the maximum rate.

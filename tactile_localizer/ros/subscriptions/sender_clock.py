@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-_SECOND_NS = 1_000_000_000
-_RECORDED_NS = 60 * _SECOND_NS
+from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
+
+_RECORDED_NS = 60 * NANOSECONDS
 
 
 class SenderClock:
@@ -19,7 +20,7 @@ class SenderClock:
         self._epoch = 0
 
     def update(self, stamp_ns: int, now_ns: int, epoch: int) -> None:
-        """Take in the arrival of a message.
+        """Account for the arrival of a message.
 
         Parameters
         ----------
@@ -39,4 +40,4 @@ class SenderClock:
         delay_ns = self._delay_ns
         if delay_ns is None or abs(delay_ns) > _RECORDED_NS:
             return self._newest_ns
-        return max(self._newest_ns, now_ns - (delay_ns if abs(delay_ns) > _SECOND_NS else 0))
+        return max(self._newest_ns, now_ns - (delay_ns if abs(delay_ns) > NANOSECONDS else 0))

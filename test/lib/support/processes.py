@@ -1,4 +1,4 @@
-"""Installed executables as processes of their own: started, read, waited for, always ended."""
+"""Commands and nodes as processes: started, read, waited for, always ended."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from support.forked_nodes import ForkedNode
 from support.waiting import Deadline, children, wait_until
 
 
@@ -21,21 +22,31 @@ class Process:
     Parameters
     ----------
     command : program and arguments
-    environment : variables on top of this process's own
+    environment : environment variables in addition to those of this process
+    forked : whether to fork a node from a server instead of starting its executable
     """
 
-    def __init__(self, command: Sequence[str | Path], environment: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        command: Sequence[str | Path],
+        environment: Mapping[str, str] | None = None,
+        forked: bool = False,
+    ) -> None:
         self.command = [str(part) for part in command]
         self.lines: list[str] = []
-        self._popen = subprocess.Popen(
-            self.command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
-            start_new_session=True,
-        )
+        self._popen: Any
+        if forked:
+            self._popen = ForkedNode(Path(self.command[0]).name, self.command[1:], environment or {})
+        else:
+            self._popen = subprocess.Popen(
+                self.command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
+                start_new_session=True,
+            )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -46,7 +57,7 @@ class Process:
 
     @property
     def pid(self) -> int:
-        return self._popen.pid
+        return int(self._popen.pid)
 
     @property
     def output(self) -> str:
@@ -55,7 +66,7 @@ class Process:
 
     @property
     def running(self) -> bool:
-        return self._popen.poll() is None
+        return bool(self._popen.poll() is None)
 
     def wait_for_line(self, pattern: str, timeout_s: float = 30.0, after: int = 0) -> str:
         """The first line, printed or yet to be, that the regular expression ``pattern`` is found in.
@@ -79,7 +90,7 @@ class Process:
         """The exit status of a process that ends by itself."""
         deadline = Deadline(f"the end of {self.command[0]}", timeout_s)
         try:
-            status = self._popen.wait(timeout_s)
+            status: int = self._popen.wait(timeout_s)
         except subprocess.TimeoutExpired:
             raise deadline.failure() from None
         self._reader.join(5)
@@ -93,9 +104,10 @@ class Process:
 
     def kill(self) -> None:
         """End it and everything that it started, at once; harmless when it has ended."""
-        for group in (self.pid, *children(self.pid)):
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(group, signal.SIGKILL)
+        for pid in (self.pid, *children(self.pid)):
+            for kill in (os.killpg, os.kill):  # a process that has just been forked leads no group yet
+                with contextlib.suppress(ProcessLookupError):
+                    kill(pid, signal.SIGKILL)
         self._popen.wait(10)
         self._reader.join(5)
         if self._popen.stdout is not None:

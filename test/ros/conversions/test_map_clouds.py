@@ -40,10 +40,10 @@ def test_each_phalanx_shows_the_feature_at_its_position():
     cloud = map_cloud(make_map(scan_of(), SCENE), SCENE, "material")
     assert cloud.header.frame_id == "material"
     fields = fields_of(cloud)
-    assert {*fields} == {"x", "y", "z", "felt", "phalanx", *(f"element_{n}" for n in range(1, 9))}
+    assert {*fields} == {"x", "y", "z", "intensity", "phalanx", *(f"element_{n}" for n in range(1, 9))}
     for phalanx in (0, 1):
         mine = fields["phalanx"] == phalanx
-        strongest = np.flatnonzero(mine)[np.argmax(fields["felt"][mine])]
+        strongest = np.flatnonzero(mine)[np.argmax(fields["intensity"][mine])]
         np.testing.assert_allclose([fields["x"][strongest], fields["y"][strongest]], BUMP, atol=1.5e-3)
         np.testing.assert_allclose(
             fields["element_8"][mine], 8 * fields["element_1"][mine], rtol=1e-5, atol=1e-6
@@ -57,7 +57,7 @@ def test_parts_without_data_have_no_points():
     tactile_map = make_map(scan.select(scan.states[:, 1] < 0.02), SCENE)
     cloud = map_cloud(tactile_map, SCENE, "material")
     assert cloud.width == 2 * tactile_map.covered.sum()
-    assert np.isfinite(fields_of(cloud)["felt"]).all()
+    assert np.isfinite(fields_of(cloud)["intensity"]).all()
 
 
 def test_the_region_outline_is_limited_to_reachable_positions():

@@ -115,7 +115,7 @@ def test_nonfinite_strain_keeps_the_belief(online, sweep, bad):
     sweep.strain[5, 3] = bad
     add_strain(online, sweep, 5)
     assert add_pose(online, sweep, 6) == []
-    assert online.counts.refused == 1
+    assert online.counts.rejected == 1
     assert "finite" in online.last_error
     np.testing.assert_array_equal(online.localizer.hypotheses()[0], states)
     np.testing.assert_array_equal(online.localizer.hypotheses()[1], weights)

@@ -24,20 +24,20 @@ WRONG_M = 0.01
 
 
 class BeliefWatch:
-    """Judges the posteriors of each sweep, in the watcher's thread.
+    """Compares the posteriors of each sweep with the truth, in the thread of the watcher.
 
     Parameters
     ----------
-    watcher : subscribes to them
-    relay : whose clock their stamps are of
+    watcher : subscribes to the posteriors
+    relay : shifts the stamps
 
     Attributes
     ----------
-    misled : fault that excuses false convergence until the end of the sweep; empty: none
+    misled : fault that excuses false convergence until the end of the sweep; empty if there is none
     judged, converged : posteriors compared with the truth, and those of them that have converged
     wrong : number of false convergences, by the fault that excuses them
     false_sweeps : first false convergence of each sweep that no fault excuses, one line each
-    errors_m : of the converged ones
+    errors_m : errors of the converged posteriors, m
     """
 
     def __init__(self, watcher: Watcher, relay: Relay) -> None:
@@ -65,13 +65,13 @@ class BeliefWatch:
         self._excuse = why or self._excuse  # the present sweep stays excused
 
     def begin_sweep(self, now_ns: int) -> None:
-        """Judge posteriors stamped after ``now_ns``; the belief is uniform."""
+        """Compare posteriors stamped after ``now_ns``, when the belief is uniform."""
         self._excuse = self._misled
         self._from_ns = now_ns
         self._is_false = False
 
     def end_sweep(self) -> None:
-        """Stop judging: the fingers release the material, which the filter does not know."""
+        """Stop comparing: the fingers release the material, which the filter cannot detect."""
         self._from_ns = None
 
     def _on_posterior(self, message: Posterior) -> None:

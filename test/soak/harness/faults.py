@@ -33,7 +33,7 @@ Shows = Callable[[System], bool]
 
 
 def _nothing(system: System) -> None:
-    """It ends by itself."""
+    """Do nothing: the fault ends by itself."""
 
 
 class Acts(NamedTuple):
@@ -94,7 +94,7 @@ def _stopped(*topics: str) -> Acts:
 
 
 def _frozen(node: str) -> Acts:
-    """A process that gets no time."""
+    """A process that is suspended."""
     return Acts(
         lambda system: system.nodes[node].signal(signal.SIGSTOP),
         lambda system: system.nodes[node].signal(signal.SIGCONT),
@@ -102,7 +102,7 @@ def _frozen(node: str) -> Acts:
 
 
 def _cycled(node: str) -> Acts:
-    """A node that a lifecycle manager takes down and up again."""
+    """A node that a lifecycle manager shuts down and restarts."""
     down = Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP
     up = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
     return Acts(lambda system: system.change(node, *down), lambda system: system.change(node, *up))
@@ -138,7 +138,7 @@ def _seed(x: float, y: float) -> Acts:
     return Acts(publish)
 
 
-def _says(name: str, *texts: str) -> Shows:
+def _reports(name: str, *texts: str) -> Shows:
     return lambda system: system.reports.diagnosed(name, *texts)
 
 
@@ -159,54 +159,56 @@ def _maps(system: System) -> bool:
 
 
 def _silence(name: str, acts: Acts, message: str) -> Fault:
-    """What the filter needs does not come: it says so, and tells no new position."""
-    return Fault(name, acts, _says(INPUTS, message), starves=True)
+    """A fault that deprives the filter of inputs: it reports that, and publishes no new position."""
+    return Fault(name, acts, _reports(INPUTS, message), starves=True)
 
 
 _UNLIKE_THE_MAP = "outside the range of the scan", "unknown material", "lost"
 
 
-def _lie(name: str, acts: Acts, *messages: str) -> Fault:
-    """A phalanx that sends plausible numbers which are wrong: found once the hand has felt enough."""
-    return Fault(name, acts, _says(BELIEF, *messages), within_s=15.0, misleads=True)
+def _wrong_strain(name: str, acts: Acts, *messages: str) -> Fault:
+    """A phalanx that sends plausible but wrong strain, which is detected after some travel."""
+    return Fault(name, acts, _reports(BELIEF, *messages), within_s=15.0, misleads=True)
 
 
 FAULTS = (
-    Fault("frames lost", _parameter("fault.drop", 0.1, 0.0), _says(MIDDLE, "frames lost")),
-    Fault("garbage frames", _parameter("fault.garbage", 0.1, 0.0), _says(CAN_BUS, "discarded")),
+    Fault("frames lost", _parameter("fault.drop", 0.1, 0.0), _reports(MIDDLE, "frames lost")),
+    Fault("garbage frames", _parameter("fault.garbage", 0.1, 0.0), _reports(CAN_BUS, "discarded")),
     Fault("foreign frames, a burst", Acts(_flood), _gains(CAN_BUS, "frames_unknown_id", _BURST // 2)),
-    Fault("load cell silent", _parameter("fault.silent", ["middle"], []), _says(MIDDLE, "stale")),
-    Fault("load cell's fault", _parameter("fault.faulty", ["index"], []), _says(INDEX, "fault reported")),
+    Fault("load cell silent", _parameter("fault.silent", ["middle"], []), _reports(MIDDLE, "stale")),
+    Fault("load cell fault", _parameter("fault.faulty", ["index"], []), _reports(INDEX, "fault reported")),
     Fault("bus off", Acts(_send_bus_off), _gains(CAN_BUS, "reconnects")),
     Fault("bus closed and opened", _asked(Trigger, "driver/reconnect"), _gains(CAN_BUS, "reconnects")),
     _silence("strain stops", _stopped("strain"), "no strain"),
     _silence("poses stop", _stopped("palm_pose"), "no palm_pose"),
     _silence("strain and poses stop", _stopped("strain", "palm_pose"), "no strain and no palm_pose"),
-    Fault("clock set back", _clock(-_JUMP_NS), _gains(INPUTS, "time_jumps")),
-    Fault("clock set forward", _clock(_JUMP_NS), _gains(INPUTS, "time_leaps")),
-    Fault("poses out of order", _pose(spoiling.unordered), _says(INPUTS, "late messages")),
-    Fault("poses not finite", _pose(spoiling.nowhere), _gains(INPUTS, "unread_palm_pose")),
-    Fault("poses of another frame", _pose(spoiling.foreign_frame), _gains(INPUTS, "unread_palm_pose")),
-    Fault("strain not finite", _strain(spoiling.not_finite), _says(INPUTS, "not finite")),
-    Fault("strain of others", _strain(spoiling.foreign_phalanges), _gains(INPUTS, "unread_strain")),
-    _lie(
+    Fault("clock set back", _clock(-_JUMP_NS), _gains(INPUTS, "backward_jumps")),
+    Fault("clock set forward", _clock(_JUMP_NS), _gains(INPUTS, "forward_jumps")),
+    Fault("poses out of order", _pose(spoiling.unordered), _reports(INPUTS, "late messages")),
+    Fault("poses not finite", _pose(spoiling.nowhere), _gains(INPUTS, "invalid_palm_pose")),
+    Fault("poses of another frame", _pose(spoiling.foreign_frame), _gains(INPUTS, "invalid_palm_pose")),
+    Fault("strain not finite", _strain(spoiling.not_finite), _reports(INPUTS, "not finite")),
+    Fault("strain of other phalanges", _strain(spoiling.foreign_phalanges), _gains(INPUTS, "invalid_strain")),
+    _wrong_strain(
         "phalanx stuck",
         Acts(lambda system: _strain(spoiling.stuck()).begin(system), _strain(leave_alone).end),
         "stuck",
     ),
-    _lie("phalanx swapped", _strain(spoiling.swapped), *_UNLIKE_THE_MAP),
-    _lie("phalanx scaled", _strain(spoiling.scaled), *_UNLIKE_THE_MAP),
+    _wrong_strain("phalanx swapped", _strain(spoiling.swapped), *_UNLIKE_THE_MAP),
+    _wrong_strain("phalanx scaled", _strain(spoiling.scaled), *_UNLIKE_THE_MAP),
     Fault("wrong seed", _seed(0.045, 0.005), _logs("belief seeded"), misleads=True),
-    Fault("seed out of bounds", _seed(0.4, 0.005), _gains(INPUTS, "unread_initial_pose")),
-    Fault("belief spread", _asked(Empty, "filter/reinitialize_global_localization"), _logs("belief reset")),
+    Fault("seed out of bounds", _seed(0.4, 0.005), _gains(INPUTS, "invalid_initial_pose")),
+    Fault("belief reset", _asked(Empty, "filter/reinitialize_global_localization"), _logs("belief reset")),
     Fault(
         "wrong map",
         Acts(lambda system: system.load(system.scans[1]), lambda system: system.load(system.scans[0])),
         _maps,
         misleads=True,
     ),
-    Fault("broken map", Acts(lambda system: system.load(system.scans[2])), _logs("expected a scan file")),
-    Fault("map elsewhere", Acts(lambda system: system.load("../log")), _logs("expected a path in")),
+    Fault("damaged map", Acts(lambda system: system.load(system.scans[2])), _logs("expected a scan file")),
+    Fault(
+        "map outside scan_directory", Acts(lambda system: system.load("../log")), _logs("expected a path in")
+    ),
     _silence("simulator frozen", _frozen("simulator"), "no strain and no palm_pose"),
     _silence("driver frozen", _frozen("driver"), "no strain"),
     Fault("filter frozen", _frozen("filter"), _falls_silent(INPUTS)),

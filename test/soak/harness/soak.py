@@ -58,9 +58,9 @@ class SoakSettings:
     Parameters
     ----------
     folder : output folder; the output of an earlier soak is replaced
-    duration_s : no fault begins later
-    seed : of the faults' order and lengths, and of the simulated hand
-    faults : that are injected, over and over, each round in another order
+    duration_s : time after which no further fault is injected
+    seed : seed of the order and duration of the faults, and of the simulated hand
+    faults : faults to inject, repeatedly, each round in another order
     """
 
     folder: Path
@@ -73,19 +73,19 @@ class View(Protocol):
     """Shows the progress of the soak."""
 
     def phase(self, text: str) -> None:
-        """Called at the begin of a phase."""
+        """Called at the beginning of a phase."""
 
     def injection(self, one: Injection) -> None:
         """Called at the end of a fault."""
 
 
 def run_soak(settings: SoakSettings, view: View) -> SoakResult:
-    """Start the nodes, inject faults for as long as the settings say, end the nodes.
+    """Start the nodes, inject faults for the given duration, stop the nodes.
 
     Raises
     ------
     LiveError
-        The nodes did not come up.
+        The nodes did not start.
     """
     logs, scans = settings.folder / "log", settings.folder / "scans"
     _make_empty(logs, scans)
@@ -155,7 +155,7 @@ class _Soak:
         self.result.false_sweeps, self.result.errors_m = list(belief.false_sweeps), list(belief.errors_m)
 
     def _faults(self) -> Iterator[Fault]:
-        """Round after round; after the warm-up, memory counts."""
+        """The faults in random order, repeatedly; memory is compared after the warm-up."""
         number = 0
         while True:
             warm = number >= _ROUNDS_OF_WARM_UP and self._sweeping.done >= _SWEEPS_OF_WARM_UP
@@ -191,10 +191,10 @@ class _Soak:
                 trouble.append(f"not reported within {fault.within_s:g} s")
             held_until_s = time.monotonic() + self._rng.uniform(*_HOLD_S)
             self._until(lambda: time.monotonic() > held_until_s, math.inf)
-            # A position of a later time than the fault's beginning can only have been made up.
+            # A position with a stamp after the beginning of the fault would be extrapolated.
             since_s = time.monotonic() - done_s
             if fault.starves and system.reports.lag_s(system.relay.clock_ns) < since_s - _IN_FLIGHT_S:
-                trouble.append("a position was published that could not be known")
+                trouble.append("an extrapolated position was published")
         finally:
             fault.acts.end(system)
             system.belief.misled = ""
@@ -207,7 +207,7 @@ class _Soak:
         return one
 
     def _wait_for_recovery(self, since_s: float, timeout_s: float) -> str:
-        """Wait until all nodes report OK; returns what does not, if that takes too long."""
+        """Wait until all nodes report OK; returns the first problem if that takes too long."""
         reports, relay = self._system.reports, self._system.relay
 
         def trouble() -> str:
@@ -237,7 +237,7 @@ class _Soak:
         return True
 
     def _watch(self) -> None:
-        """Raise a :class:`LiveError` where a process has ended; sample what must not grow."""
+        """Raise a :class:`LiveError` if a process has ended; sample memory and queues."""
         self._processes.check()
         self._system.watcher.check()
         now_s = time.monotonic()
@@ -291,7 +291,7 @@ def _start(processes: NodeProcesses, settings: SoakSettings, domain: Domain) -> 
 
 
 def _write_scans(folder: Path, seed: int) -> None:
-    """Write the scan of the feature, that of another one, and a file that is no scan."""
+    """Write a scan of the feature, one of another feature, and a file that is not a scan."""
     for feature in (_SCANNED, _OTHER):
         scan = simulate_scan(feature, seed)
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
@@ -309,4 +309,4 @@ def _make_empty(*folders: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
     except OSError as error:
-        raise LiveError(f"{folder}: expected a folder that can be written, {error.strerror}") from None
+        raise LiveError(f"{folder}: expected a writable folder, {error.strerror}") from None

@@ -9,16 +9,16 @@ from scipy.stats import binom
 from harness.memory import Memory
 
 MEMORY_LIMIT_BYTES = 5_000_000
-"""Most that a process may grow by after the warm-up."""
+"""Largest growth of a process after the warm-up, bytes."""
 
 PAIR_BYTES = 3_000
-"""Memory for a pair of the scan in the mapping node, which makes a map of up to 20,000 of them, bytes."""
+"""Memory of the mapping node per recorded pair, bytes."""
 
 FALSE_SWEEPS = 0.01
-"""Probability with which a converged position may be wrong: what ``convergence_probability`` leaves."""
+"""Probability that a converged position is wrong: one minus ``convergence_probability``."""
 
 _CHANCE = 0.001
-"""Probability of so many false sweeps, if that is so, below which it is not by chance."""
+"""Significance level of the test that sweeps converge falsely more often than that."""
 
 WAITING_LIMIT_S = 1.5
 """Longest wait of a strain vector for its pose, s: above the filter's ``patience_s``."""
@@ -59,11 +59,11 @@ class SoakResult:
     judged, converged : posteriors compared with the truth, and those of them that had converged
     wrong : number of false convergences, by the fault that excuses them; empty: none does
     false_sweeps : sweeps that converged falsely though no fault excuses it, one line each, with the reason
-    errors_m : of the converged ones
+    errors_m : errors of the converged posteriors, m
     lag_s : longest lag of a posterior without a fault, s
     waiting_s : longest wait of a strain vector for its pose, s
     queue_bytes : fullest receive queue of the driver, bytes
-    ended : reason of an early end; empty: none
+    ended : reason for an early end; empty if there is none
     tracebacks : logs with a traceback
     """
 
@@ -98,9 +98,7 @@ class SoakResult:
             found.append(f"a strain vector waited {self.waiting_s:.1f} s for its pose")
         count = len(self.false_sweeps)
         if count and binom.sf(count - 1, self.sweeps, FALSE_SWEEPS) < _CHANCE:
-            found.append(
-                f"{count} of {self.sweeps} sweeps converged falsely, more than a hundredth and by chance"
-            )
+            found.append(f"{count} of {self.sweeps} sweeps converged falsely, more than 1 % allows")
         if not self.sweeps or not self.converged:
             found.append(f"{self.sweeps} sweeps, {self.converged} converged posteriors: nothing was tested")
         return found

@@ -22,7 +22,7 @@ from tactile_localizer.msg import ScanStatus
 _ANSWER_S = 4.0
 _LONGEST_SWEEP_S = 15.0
 RECORDED_EVERY = 30
-"""One of so many sweeps is recorded; a growing scan takes memory, which must not look like a leak."""
+"""Number of sweeps per recorded one: a growing scan takes memory, which must not look like a leak."""
 
 
 class Sweeping:
