@@ -28,11 +28,6 @@ class ChannelLayout:
         """The layout with ``counts`` channels; if empty, with the default for each of ``phalanges``."""
         return cls(tuple(map(int, counts)) or (DEFAULT_CHANNELS,) * phalanges)
 
-    @classmethod
-    def default(cls, size: int) -> ChannelLayout:
-        """The layout of a strain vector of ``size`` elements with the default channels per phalanx."""
-        return cls((DEFAULT_CHANNELS,) * (size // DEFAULT_CHANNELS))
-
     @property
     def phalanges(self) -> int:
         """Number of phalanges, F."""
@@ -81,6 +76,10 @@ class ChannelLayout:
         if self._uniform:
             return np.asarray(self._reshaped(values).sum(axis=-1))
         return np.add.reduceat(values, self._starts, axis=-1)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Means over the channels of each phalanx, (..., C) to (..., F)."""
+        return self.sum(values) / self.widths
 
     def all(self, flags: np.ndarray) -> np.ndarray:
         """Whether all channels of each phalanx have their flag set, (..., C) to (..., F) bool."""

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         print(mismatch.line)
     if configuration.uses_kernel_widths:
         # An import of half a second that the default model does not need.
-        from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
+        from tactile_localizer.core.calibration.kernel_widths import describe_unfit_widths
 
         if unfit := describe_unfit_widths(scan, scene):
             print(unfit)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactile_localizer.core.filters.resampling import RESAMPLERS
-from tactile_localizer.core.likelihood.kernels import EVALUATIONS
+from tactile_localizer.core.likelihood.kernels import EVALUATIONS, PRECISIONS
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number
@@ -19,7 +19,6 @@ SWEEP_MIXTURE = "sweep_mixture"
 """The model that learns its noise from the scan and needs no kernel widths (:mod:`.sweep_mixture`)."""
 MODELS = (SWEEP_MIXTURE, "sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
-PRECISIONS = ("float64", "float32")
 
 _CHOICES = {
     "filter": FILTERS,

@@ -11,7 +11,6 @@ from support.sweeps import scene_of
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
-from tactile_localizer.core.likelihood.gaussian import Shrinkage
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scene_file import load_scene
@@ -19,17 +18,17 @@ from tactile_localizer.offline.reports.learned import neighbours_table, noise_ta
 from tactile_localizer.sim import simulate_scan
 
 NEIGHBOURS = [
-    NeighbourTrial(4, Shrinkage(0.9, 2.0, np.inf, 1.0), 1.0),
-    NeighbourTrial(8, Shrinkage(0.8, 1.5, np.inf, 1.0), 1.6),
-    NeighbourTrial(17, Shrinkage(0.5, 1.2, 546.0, 1.0), 1.2),
+    NeighbourTrial(4, 0.9, 1.0),
+    NeighbourTrial(8, 0.8, 1.6),
+    NeighbourTrial(17, 0.5, 1.2),
 ]
 
 
 def test_the_neighbours_of_the_best_score_are_marked() -> None:
-    assert [row[:5] for row in neighbours_table(NEIGHBOURS, NEIGHBOURS[1]).rows] == [
-        ("", "4", "0.90", "inf", "1"),
-        ("*", "8", "0.80", "inf", "1"),
-        ("", "17", "0.50", "546", "1"),
+    assert [tuple(row) for row in neighbours_table(NEIGHBOURS, NEIGHBOURS[1]).rows] == [
+        ("", "4", "0.90", "1.00"),
+        ("*", "8", "0.80", "1.60"),
+        ("", "17", "0.50", "1.20"),
     ]
 
 

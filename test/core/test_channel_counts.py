@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.scans import SIDE, axes
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.kernels.sums import KernelSum
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
@@ -66,12 +66,10 @@ def test_absent_phalanges_drop_out_of_the_kernel_sum(evaluation):
     of = scene()
     made = scan(of)
     widths = np.full(2, 0.003), np.full(26, 0.06)
-    every = KernelSum(made.states, made.strain, *widths, of.wraps, evaluation, layout=of.layout)
+    every = KernelSum(made.states, made.strain, *widths, of.wraps, of.layout, evaluation)
     only = of.layout.slices[1]
-    alone = KernelSum(
-        made.states, made.strain[:, only], widths[0], widths[1][only], of.wraps, "exact",
-        layout=dataclasses.replace(of.layout, counts=(6,)),
-    )  # fmt: skip
+    own = ChannelLayout((6,))
+    alone = KernelSum(made.states, made.strain[:, only], widths[0], widths[1][only], of.wraps, own, "exact")
     states, felt = made.states[:50], made.strain[7]
     sums, _, scale = every.at_states(states, felt, np.array([False, True, False]))
     expected, _, own_scale = alone.at_states(states, felt[only], np.ones(1, bool))
@@ -87,13 +85,6 @@ def test_the_order_of_phalanges_does_not_matter():
     one = SumOfGaussians(made, of, 0.003, 0.06).log_likelihood(made.states[:9], felt)
     other = SumOfGaussians(made, turned, 0.003, 0.06).log_likelihood(made.states[:9], felt[columns])
     np.testing.assert_allclose(one, other, atol=1e-6)
-
-
-def test_an_independent_gaussian_is_the_product_over_phalanges():
-    of = scene()
-    made = scan(of)
-    model = Gaussian(made, of, neighbours=60, independent=True)
-    assert [len(columns) for columns in model._factors(np.array([True, False, True]))] == [19, 1]
 
 
 def test_a_strain_of_another_length_is_refused():

@@ -1,44 +1,43 @@
-"""How many neighbours the Gaussian models average over, chosen by the likelihood of held-out sweeps.
+"""Choice of the number of neighbours of the Gaussian models, by the likelihood of held-out sweeps.
 
-The paper has 8 (Fig. 6). More neighbours make a covariance that needs less shrinkage, but of pairs that are
-further away. Each number is judged by the mean log-density that a map without a sweep gives to the strains of
-that sweep, at their true positions on the feature.
+The paper uses 8 (Fig. 6). With more neighbours the covariance needs less shrinkage, but the pairs are farther
+away. A number's score is the mean log-density of the strains of a sweep, at their true positions on the
+feature, under a map without that sweep.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.calibration.kernel_widths import held_out_log_densities
 from tactile_localizer.core.geometry.phalanges import on_feature
-from tactile_localizer.core.likelihood.gaussian import Gaussian, Shrinkage
+from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Scene
 
 NEIGHBOURS = (2, 4, 8, 16, 32, 64, 128, 256)
-"""Not more: an update costs in proportion, and 512 gain at most 0.3 nats on the simulated features."""
+"""Candidates. The cost of an update is proportional; 512 gain at most 0.3 nats on the simulated features."""
 
 Progress = Callable[[str, float], None]
 
 
-@dataclass(frozen=True)
-class NeighbourTrial:
-    """One number of neighbours.
+class NeighbourTrial(NamedTuple):
+    """Result for one number of neighbours.
 
     Parameters
     ----------
     neighbours : k
-    shrinkage : of the covariance, and what it does on held-out sweeps
-    score : log-likelihood of held-out sweeps, nats a strain
+    shrinkage : :attr:`.Shrinkage.intensity` of the covariance
+    score : log-likelihood of held-out sweeps, nats per measurement
     """
 
     neighbours: int
-    shrinkage: Shrinkage
+    shrinkage: float
     score: float
 
 
@@ -63,8 +62,8 @@ def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None
         if progress is not None:
             progress("choosing the number of neighbours", count / len(NEIGHBOURS))
         build = partial(Gaussian, scene=scene, neighbours=k)
-        _, scores = held_out_log_densities(scan, scene, rows, build)
-        trials.append(NeighbourTrial(k, build(scan).shrinkage, float(scores.mean())))
+        score = float(held_out_log_densities(scan, scene, rows, build).mean())
+        trials.append(NeighbourTrial(k, build(scan).shrinkage.intensity, score))
     if progress is not None:
         progress("choosing the number of neighbours", 1.0)
     return trials

@@ -1,9 +1,9 @@
-"""The single-Gaussian measurement models (paper, III-B, Eq. 3): moments of the k nearest training pairs."""
+"""Single-Gaussian measurement models, with moments of the k nearest training pairs (paper, III-B, Eq. 3)."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -19,13 +19,13 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
-_SHARES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
+_INTENSITIES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
 _HELD_OUT = 600
+"""Held-out strains by which the shrinkage is chosen."""
 
 
-@dataclass(frozen=True)
-class Shrinkage:
-    """How the covariance of k neighbours is regularised, and what that does on held-out sweeps.
+class Shrinkage(NamedTuple):
+    """Regularization of the covariance of k neighbours.
 
     .. math:: \\Sigma = c\\,((1 - \\lambda)\\,S + \\lambda\\,T)
 
@@ -33,31 +33,27 @@ class Shrinkage:
 
     Parameters
     ----------
-    share : lambda, chosen by the log-likelihood of held-out sweeps
+    intensity : lambda, chosen by the log-likelihood of held-out sweeps
     scale : c, chosen so that the median squared Mahalanobis distance of held-out strains is that of a normal
         distribution
-    before, after : that median without and with the regularisation, over its expected value; infinite where
-        the sample covariance is singular
     """
 
-    share: float
+    intensity: float
     scale: float
-    before: float
-    after: float
 
 
 class Gaussian(MeasurementModel):
     """N(z; mean, covariance) over the k training pairs nearest to the state.
 
     Distances between states are Euclidean in the scene's axes divided by their extents. With k at or below
-    the number of channels the sample covariance is singular, and just above it far too small; it is shrunk
-    towards the covariance of held-out residuals, by as much as held-out sweeps ask for (:class:`Shrinkage`).
+    the number of channels the sample covariance is singular, and just above it far too small. It is shrunk
+    towards the covariance of held-out residuals (:class:`Shrinkage`).
 
     Parameters
     ----------
-    scan, scene : the training pairs and what is modelled
-    neighbours : k; the paper has 8. More than there are pairs is all of them
-    independent : covariance between phalanges set to zero (paper's dashed line in Fig. 5)
+    scan, scene : training pairs and scene
+    neighbours : k; 8 in the paper. If there are fewer pairs, all of them
+    independent : whether the covariance between phalanges is zero (dashed line in the paper's Fig. 5)
 
     Raises
     ------
@@ -92,27 +88,26 @@ class Gaussian(MeasurementModel):
         rows = self._index[nearest.reshape(len(states), self._neighbours)]
         total = np.zeros(len(states))
         for columns in self._factors(present):
-            squared, log_determinant = self._distance(rows, strain, columns, self.shrinkage.share)
-            size = len(columns)
+            squared, log_determinant = self._distance(rows, strain, columns, self.shrinkage.intensity)
             total -= 0.5 * (squared / self.shrinkage.scale + log_determinant)
-            total -= 0.5 * size * math.log(2.0 * math.pi * self.shrinkage.scale)
+            total -= 0.5 * len(columns) * math.log(2.0 * math.pi * self.shrinkage.scale)
         log_floor = math.log(FLOOR) + self._background.log_density(strain, present)
         return np.logaddexp(total, log_floor) - math.log1p(FLOOR)
 
     def _factors(self, present: np.ndarray) -> list[np.ndarray]:
-        """Channels of each factor of the density: one a phalanx, or all that are present together."""
+        """Channels of each factor of the density: those of each present phalanx, or of all together."""
         if self._independent:
             every = self._layout.split(np.arange(self._layout.size))
             return [own for own, here in zip(every, present, strict=True) if here]
         return [np.flatnonzero(self._layout.expand(present))]
 
     def _distance(
-        self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray, share: float
+        self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray, intensity: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Squared Mahalanobis distance and log-determinant, unscaled, for neighbours ``rows`` (P, k).
+        """Squared Mahalanobis distance and log-determinant, (P,) each and unscaled, for neighbours (P, k).
 
-        ``strain`` is one vector (C,), or one a row (P, C). In channels whitened by the target T the
-        covariance is lambda I plus a matrix of rank k, so k x k systems serve (Woodbury).
+        ``strain`` is one vector (C,), or one per row (P, C). In channels whitened by the target T the
+        covariance is lambda I plus a matrix of rank k, so k x k systems suffice (Woodbury).
         """
         factor = np.linalg.cholesky(self._target[np.ix_(columns, columns)])
         inverse = solve_triangular(factor, np.eye(len(columns)), lower=True)
@@ -120,26 +115,26 @@ class Gaussian(MeasurementModel):
         mean = samples.mean(axis=1)
         deviation = np.atleast_2d(strain)[:, columns] @ inverse.T - mean
         k = rows.shape[1]
-        spread = (samples - mean[:, None, :]) * math.sqrt((1.0 - share) / k)
+        spread = (samples - mean[:, None, :]) * math.sqrt((1.0 - intensity) / k)
         if k > len(columns):
-            covariance = np.swapaxes(spread, 1, 2) @ spread + share * np.eye(len(columns))
+            covariance = np.swapaxes(spread, 1, 2) @ spread + intensity * np.eye(len(columns))
             lower = np.linalg.cholesky(covariance)
             white = np.linalg.solve(lower, deviation[..., None])[..., 0]
             squared = np.einsum("pc,pc->p", white, white)
             log_determinant = 2.0 * np.log(np.einsum("pcc->pc", lower)).sum(axis=1)
         else:
-            lower = np.linalg.cholesky(spread @ np.swapaxes(spread, 1, 2) + share * np.eye(k))
+            lower = np.linalg.cholesky(spread @ np.swapaxes(spread, 1, 2) + intensity * np.eye(k))
             projected = np.linalg.solve(lower, (spread @ deviation[..., None]))[..., 0]
             inner = np.einsum("pc,pc->p", deviation, deviation) - np.einsum("pk,pk->p", projected, projected)
-            squared = np.maximum(inner, 0.0) / share
+            squared = np.maximum(inner, 0.0) / intensity
             log_determinant = 2.0 * np.log(np.einsum("pkk->pk", lower)).sum(axis=1)
-            log_determinant += (len(columns) - k) * math.log(share)
+            log_determinant += (len(columns) - k) * math.log(intensity)
         return squared, log_determinant + 2.0 * float(np.log(np.diag(factor)).sum())
 
     def _held_out(
         self, positions: np.ndarray, strain: np.ndarray, sweep: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals of samples predicted from the other sweeps, the neighbours' rows, and the strains."""
+        """Residuals (M, C) of held-out strains, their neighbours (M, k) in other sweeps, and the strains."""
         if len(np.unique(sweep)) == 1:
             sweep = np.arange(len(sweep)) * 8 // len(sweep)
         chosen = np.unique(np.linspace(0, len(positions) - 1, _HELD_OUT).astype(int))
@@ -162,19 +157,12 @@ class Gaussian(MeasurementModel):
         dimension = sum(len(columns) for columns in factors)
         expected = float(chdtri(dimension, 0.5))
 
-        def evaluate(share: float) -> tuple[float, float, float]:
-            parts = [self._distance(rows, held_out, columns, share) for columns in factors]
-            squared = np.sum([part[0] for part in parts], axis=0)
-            log_determinant = np.sum([part[1] for part in parts], axis=0)
-            median = float(np.median(squared)) / expected
-            scale = max(median, 1e-12)
-            # The mean would follow a few samples that nothing explains, which the background is for.
+        def evaluate(intensity: float) -> tuple[float, Shrinkage]:
+            parts = [self._distance(rows, held_out, columns, intensity) for columns in factors]
+            squared, log_determinant = np.sum(parts, axis=0)
+            scale = max(float(np.median(squared)) / expected, 1e-12)
+            # The median, because outliers are explained by the background.
             score = np.median(-0.5 * (squared / scale + log_determinant + dimension * math.log(scale)))
-            return float(score), scale, median
+            return float(score), Shrinkage(intensity, scale)
 
-        best = max(_SHARES, key=lambda share: evaluate(share)[0])
-        _, scale, _ = evaluate(best)
-        raw = evaluate(1e-9)[2] if self._neighbours > dimension else math.inf
-        parts = [self._distance(rows, held_out, columns, best)[0] for columns in factors]
-        after = float(np.median(np.sum(parts, axis=0))) / scale / expected
-        return Shrinkage(best, scale, raw, after)
+        return max(map(evaluate, _INTENSITIES), key=lambda scored: scored[0])[1]

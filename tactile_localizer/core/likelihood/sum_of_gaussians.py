@@ -1,4 +1,4 @@
-"""The sum-of-Gaussians measurement model (paper, III-C, Eq. 4)."""
+"""Sum-of-Gaussians measurement model (paper, III-C, Eq. 4)."""
 
 from __future__ import annotations
 
@@ -15,30 +15,32 @@ from tactile_localizer.core.likelihood.kernels.grid import box
 from tactile_localizer.core.likelihood.kernels.interpolation import interpolated
 from tactile_localizer.core.likelihood.kernels.sums import KernelSum
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
 FLOOR = 0.01
-"""Share of the broad background in the density, at a typical density of the scan."""
-_SAFE = 600.0
-"""Difference of logarithms whose exponential neither overflows nor underflows."""
+"""Weight of the background, relative to the kernel density of an evenly spread scan."""
+_LARGEST_EXPONENT = 600.0
+"""Magnitude of an exponent up to which its exponential neither overflows nor underflows."""
 
 
-class PhalanxKernels:
-    """A kernel density of strain given position over one set of phalanges, with the background as its floor.
+class KernelDensity:
+    """Kernel density of the strain given the position, with the background as its floor.
 
     .. math:: p(z | x) = (S(x, z) + a\\, b(z)) / (D(x) + a)
 
     where S is the sum over pairs of position kernel times strain kernel, D the sum of the position kernel
-    alone and b the :class:`Background`. ``a`` is :data:`FLOOR` times the D of an evenly spread scan: where
-    nothing was scanned, the background is all that is known. ``conditional=False`` is the paper's form, in
-    which P(x) is taken as constant: D is then that of an evenly spread scan everywhere.
+    alone and b the :class:`Background`. ``a`` is :data:`FLOOR` times the D of an evenly spread scan, so that
+    the background alone remains where nothing was scanned. ``conditional=False`` is the paper's form with
+    constant P(x), where D is that of an evenly spread scan everywhere.
 
     Parameters
     ----------
-    positions, strain : (N, d) and (N, C) the pairs
+    positions, strain : (N, d) m (yaw: rad) and (N, C) V, the training pairs
     position_std, strain_std : (d,) and (C,) kernel widths
-    layout : the strains' channels by phalanx; ``None``: the default channels each
+    wraps : (d,) bool, axes that are a full turn
+    layout : channels of the strain by phalanx
+    conditional : whether to divide by D(x)
+    evaluation, precision : as for :class:`.KernelSum`
     """
 
     def __init__(
@@ -48,53 +50,55 @@ class PhalanxKernels:
         position_std: np.ndarray,
         strain_std: np.ndarray,
         wraps: np.ndarray,
+        layout: ChannelLayout,
+        *,
         conditional: bool = True,
         evaluation: str = "field",
-        dtype: Any = np.float64,
-        layout: ChannelLayout | None = None,
+        precision: str = "float64",
     ) -> None:
-        self.kernels = KernelSum(
-            positions, strain, position_std, strain_std, wraps, evaluation, dtype, layout
-        )
         self.background = Background(strain, strain_std, layout)
+        self._sums = KernelSum(
+            positions, strain, position_std, strain_std, wraps, layout, evaluation, precision
+        )
         self._conditional = conditional
         kernel = position_std * math.sqrt(2.0 * math.pi)
         low, high = box(positions)
         self._typical = len(positions) * float(np.prod(kernel / np.maximum(high - low, kernel)))
 
-    def at_states(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
-        """Log-density at states (P, d): (P,)."""
-        log_floor = self._log_floor(strain, present)
-        return self._mix(*self.kernels.at_states(states, strain, present, log_floor), log_floor)
+    def log_density(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
+        """Log-density (P,) of a strain (C,) of the phalanges ``present`` (F,) at states (P, d)."""
+        log_floor = math.log(FLOOR * self._typical) + self.background.log_density(strain, present)
 
-    def on_axes(self, axes: list[np.ndarray], strain: np.ndarray, present: np.ndarray) -> np.ndarray:
-        """Log-density at every combination of coordinates: (C1, ..., Cd)."""
-        log_floor = self._log_floor(strain, present)
-        return self._mix(*self.kernels.on_axes(axes, strain, present, log_floor), log_floor)
+        def at_states(points: np.ndarray) -> np.ndarray:
+            return self._mix(*self._sums.at_states(points, strain, present, log_floor), log_floor)
 
-    def _log_floor(self, strain: np.ndarray, present: np.ndarray) -> float:
-        return math.log(FLOOR * self._typical) + self.background.log_density(strain, present)
+        def on_axes(axes: list[np.ndarray]) -> np.ndarray:
+            return self._mix(*self._sums.on_axes(axes, strain, present, log_floor), log_floor)
+
+        if self._sums.evaluation == "field":
+            return interpolated(states, self._sums.position_std, at_states, on_axes)
+        return at_states(states)
 
     def _mix(self, sums: np.ndarray, density: np.ndarray, log_scale: float, log_floor: float) -> np.ndarray:
         floor = FLOOR * self._typical
         scanned = (density if self._conditional else self._typical) + floor
-        if abs(log_floor - log_scale) < _SAFE:
+        if abs(log_floor - log_scale) < _LARGEST_EXPONENT:
             return np.log((sums + math.exp(log_floor - log_scale)) / scanned) + log_scale
         with np.errstate(divide="ignore"):
             return np.logaddexp(np.log(sums) + log_scale, log_floor) - np.log(scanned)
 
 
 class SumOfGaussians(MeasurementModel):
-    """Every training pair is a Gaussian bump in state and strain (paper, Eq. 4).
+    """Kernel density with a Gaussian kernel in state and strain at every training pair (paper, Eq. 4).
 
     Parameters
     ----------
-    scan, scene : the training pairs and what is modelled
-    position_std : square root of the diagonal of Sigma_x, one number or one an axis, m (yaw: rad)
-    strain_std : square root of the diagonal of Sigma_z, one number or one a channel, V
-    conditional : divide by the scan's own density in x, right where the scan is uneven; ``False``: the
+    scan, scene : training pairs and scene
+    position_std : square root of the diagonal of Sigma_x, one number or one per axis, m (yaw: rad)
+    strain_std : square root of the diagonal of Sigma_z, one number or one per channel, V
+    conditional : divide by the density of the scan in x, correct for an uneven scan; ``False``: the
         paper's joint form with constant P(x)
-    evaluation : ``field``, ``truncated`` or ``exact`` (:mod:`.kernel_sum`)
+    evaluation : ``field``, ``truncated`` or ``exact`` (:mod:`.kernels.sums`)
     precision : ``float64`` or ``float32``
 
     Raises
@@ -117,16 +121,16 @@ class SumOfGaussians(MeasurementModel):
     ) -> None:
         positions, strain = training_pairs(scan, scene)
         self._layout = scene.layout
-        self._kernels = PhalanxKernels(
+        self._density = KernelDensity(
             positions,
             strain,
             positive("position_std", position_std, scene.dimension),
             positive("strain_std", strain_std, self._layout.size),
             scene.wraps,
-            conditional,
-            evaluation,
-            dtype_of(precision),
             self._layout,
+            conditional=conditional,
+            evaluation=evaluation,
+            precision=precision,
         )
 
     def log_likelihood(
@@ -134,19 +138,11 @@ class SumOfGaussians(MeasurementModel):
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood`."""
         strain, present = checked(strain, self._layout, present)
-        kernels = self._kernels.kernels
-        if kernels.evaluation == "field":
-            return interpolated(
-                states,
-                kernels.position_std,
-                lambda points: self._kernels.at_states(points, strain, present),
-                lambda axes: self._kernels.on_axes(axes, strain, present),
-            )
-        return self._kernels.at_states(states, strain, present)
+        return self._density.log_density(states, strain, present)
 
 
 def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The scan's positions (N, d) and strains (N, C) on the axes and phalanges that the scene names.
+    """Positions (N, d) and strains (N, C) of a scan on the axes and phalanges of a scene.
 
     Raises
     ------
@@ -160,18 +156,5 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Some columns, or the array itself where they are all of them: no large scan is copied for nothing."""
+    """The given columns; the array itself if they are all of them, so that a large scan is not copied."""
     return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]
-
-
-def dtype_of(precision: str) -> Any:
-    """float64 or float32 by name.
-
-    Raises
-    ------
-    ParameterError
-        Another name.
-    """
-    if precision not in ("float64", "float32"):
-        raise ParameterError(f"precision {precision!r}: expected float64 or float32")
-    return np.dtype(precision)

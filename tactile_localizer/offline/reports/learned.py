@@ -110,18 +110,15 @@ def neighbours_table(trials: Sequence[NeighbourTrial], best: NeighbourTrial) -> 
         (
             "*" if trial is best else "",
             str(trial.neighbours),
-            f"{trial.shrinkage.share:.2f}",
-            f"{trial.shrinkage.before:.3g}",
-            f"{trial.shrinkage.after:.3g}",
+            f"{trial.shrinkage:.2f}",
             f"{trial.score:.2f}",
         )
         for trial in trials
     ]
-    columns = ("", "k", "shrinkage", "unshrunk", "shrunk", "score, nats per measurement")
+    columns = ("", "k", "shrinkage", "score, nats per measurement")
     note = (
         "Of the Gaussian models. Shrinkage: fraction of the covariance taken from held-out residuals; "
-        "unshrunk, shrunk: median squared Mahalanobis distance of held-out strains over that of a normal "
-        "distribution; score: their log-likelihood; *: chosen."
+        "score: log-likelihood of held-out strains; *: chosen."
     )
     return Table("Neighbours", columns, rows, note)
 

@@ -87,7 +87,7 @@ def load_map(paths: Sequence[Path], parameters: Parameters, progress: Progress) 
 
 def _unfit_widths(scans: Sequence[Scan], scenes: Sequence[Scene]) -> list[str]:
     # The kernel models take half a second to import, which the default model saves.
-    from tactile_localizer.core.calibration.given_widths import describe_unfit_widths
+    from tactile_localizer.core.calibration.kernel_widths import describe_unfit_widths
 
     return [line for line in map(describe_unfit_widths, scans, scenes) if line is not None]
 

@@ -8,14 +8,13 @@ from typing import Any
 from tactile_localizer.core.configuration import (
     FILTERS,
     MODELS,
-    PRECISIONS,
     RANGES,
     Configuration,
 )
 from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
 from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S
-from tactile_localizer.core.likelihood.kernels import EVALUATIONS
+from tactile_localizer.core.likelihood.kernels import EVALUATIONS, PRECISIONS
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.parameters import palm_pose
 

@@ -1,11 +1,14 @@
 """Kernel widths by the density of held-out strains, cautious among equals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tactile_localizer.core.calibration.kernel_widths import (
     STRAIN_FACTORS,
     choose_kernel_widths,
+    describe_unfit_widths,
     held_out_log_densities,
 )
 from tactile_localizer.core.likelihood.base import MeasurementModel
@@ -34,13 +37,13 @@ def test_noisier_scans_get_wider_strain_kernels() -> None:
     assert np.mean(noisy) > 2.0 * np.mean(quiet)
 
 
-def test_what_the_scene_gives_is_kept() -> None:
+def test_given_widths_are_kept() -> None:
     chosen = choose_kernel_widths(lines(), SCENE, ModelParameters(position_std=0.001, neighbours=12))
     assert (chosen.position_std, chosen.neighbours) == (0.001, 12)
     assert chosen.strain_std is not None
 
 
-def test_widths_that_no_sweep_can_tell_apart_are_the_widest() -> None:
+def test_of_equal_widths_the_widest_are_chosen() -> None:
     """Two pairs: every width is as good as any other."""
     scan = lines().select(np.array([0, 240]))
     chosen = choose_kernel_widths(scan, SCENE, ModelParameters())
@@ -48,7 +51,7 @@ def test_widths_that_no_sweep_can_tell_apart_are_the_widest() -> None:
     assert (chosen.strain_std <= max(STRAIN_FACTORS) * base_widths(scan, SCENE)[1] * (1 + 1e-9)).all()
 
 
-def test_each_strain_is_judged_by_a_map_without_its_sweep() -> None:
+def test_strains_are_held_out_with_their_sweep() -> None:
     scan = lines()
     seen: list[set[int]] = []
 
@@ -56,10 +59,9 @@ def test_each_strain_is_judged_by_a_map_without_its_sweep() -> None:
         seen.append(set(rest.sweep_numbers.tolist()))
         return SumOfGaussians(rest, SCENE, 0.001, 0.05)
 
-    tried, density = held_out_log_densities(scan, SCENE, np.arange(len(scan)), build)
-    left_out = [({0, 1, 2, 3} - sweeps).pop() for sweeps in seen]
-    assert sorted(left_out) == sorted(set(scan.sweep[tried].tolist()))
-    assert density.shape == tried.shape
+    density = held_out_log_densities(scan, SCENE, np.arange(len(scan)), build)
+    assert [({0, 1, 2, 3} - sweeps).pop() for sweeps in seen] == [0, 1, 2, 3]
+    assert density.shape == (4 * 60,)
     assert np.isfinite(density).all()
 
 
@@ -70,3 +72,24 @@ def test_the_unit_of_the_strain_does_not_matter(volts: float) -> None:
     one, other = (choose_kernel_widths(s, SCENE, ModelParameters()) for s in (scan, scaled))
     np.testing.assert_allclose(other.strain_std, volts * np.asarray(one.strain_std), rtol=1e-6)
     np.testing.assert_allclose(other.position_std, one.position_std)
+
+
+@pytest.mark.parametrize("widths", [{}, {"position_std": 0.001}, {"strain_std": 0.07}])
+def test_fitting_widths_are_not_reported(widths: dict[str, float]) -> None:
+    assert describe_unfit_widths(lines(pairs=120), replace(SCENE, measurement=widths)) is None
+
+
+@pytest.mark.parametrize(
+    "widths",
+    [
+        {"strain_std": 0.0007},
+        {"strain_std": 5.0},
+        {"position_std": 1.0},
+        {"position_std": 0.02, "strain_std": 0.07},
+    ],
+)
+def test_unfit_widths_are_named(widths: dict[str, float]) -> None:
+    line = describe_unfit_widths(lines(pairs=120), replace(SCENE, measurement=widths))
+    assert line is not None
+    assert line.startswith("measurement of scene line: expected kernel widths that fit")
+    assert all(f"{name} {value:.2g}" in line for name, value in widths.items())

@@ -40,25 +40,25 @@ def best(trials: tuple[NeighbourTrial, ...]) -> NeighbourTrial:
 def test_every_number_is_tried() -> None:
     trials = tried(0.02)
     assert [trial.neighbours for trial in trials] == list(NEIGHBOURS)
-    assert all(0.0 < trial.shrinkage.share <= 1.0 for trial in trials)
+    assert all(0.0 < trial.shrinkage <= 1.0 for trial in trials)
 
 
-def test_noisier_scans_are_averaged_over_more_neighbours() -> None:
+def test_noisier_scans_need_more_neighbours() -> None:
     assert best(tried(1.0)).neighbours > best(tried(0.02)).neighbours
 
 
-def test_what_was_held_out_is_not_among_the_neighbours() -> None:
-    """Each sweep has a strain of its own: only with itself in the map would it be well explained."""
+def test_neighbours_are_in_other_sweeps() -> None:
+    """Sweeps with different offsets are explained only by themselves."""
     scan = lines(0.02)
     own = np.random.default_rng(1).normal(0.0, 3.0, (3, 8))[scan.sweep]
     apart = Scan(scan.states, scan.strain + own, scan.sweep, scan.axes, scan.phalanges)
     seen: list[float] = []
-    found = search_neighbours(apart, SCENE, lambda _, share: seen.append(share))
+    found = search_neighbours(apart, SCENE, lambda _, done: seen.append(done))
     assert best(tuple(found)).score < best(tried(0.02)).score - 10.0
     assert (seen[0], seen[-1]) == (0.0, 1.0)
 
 
-def test_a_scan_beside_the_feature_is_refused() -> None:
+def test_a_scan_without_pairs_on_the_feature_is_refused() -> None:
     elsewhere = Scene("line", SCENE.axes, SCENE.phalanges, Region((0.5,), (0.6,)))
     with pytest.raises(ScanError, match="expected pairs in the feature region of scene line, found none"):
         search_neighbours(lines(0.1), elsewhere)

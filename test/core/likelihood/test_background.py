@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.kernels.background import Background
 
 BOTH = np.ones(2, bool)
@@ -14,10 +15,10 @@ STRAIN = RNG.standard_normal((500, 16)) * np.linspace(0.1, 2.0, 16) + np.linspac
 
 
 def background(strain=STRAIN, strain_std=0.05):
-    return Background(strain, np.full(strain.shape[1], strain_std))
+    return Background(strain, np.full(strain.shape[1], strain_std), ChannelLayout((8, 8)))
 
 
-def test_it_is_a_student_t_density_of_twice_the_spread():
+def test_background_is_a_student_t_density():
     model = background()
     measured = STRAIN[7] + 0.3
     scale = 2.0 * np.hypot(STRAIN.std(axis=0), 0.05)
@@ -28,7 +29,7 @@ def test_it_is_a_student_t_density_of_twice_the_spread():
     assert model.log_density(measured, BOTH) == pytest.approx(model.log_densities(measured).sum())
 
 
-def test_an_absent_phalanx_drops_out():
+def test_the_background_drops_an_absent_phalanx():
     model, measured = background(), STRAIN[0].copy()
     measured[8:] = 1e9
     assert model.log_density(measured, np.array([True, False])) == pytest.approx(
@@ -37,7 +38,7 @@ def test_an_absent_phalanx_drops_out():
 
 
 @given(away=st.floats(0, 1e12), direction=st.integers(0, 2**32 - 1))
-def test_its_logarithm_is_finite_and_falls_slowly_however_far_the_strain(away, direction):
+def test_the_log_density_falls_slowly(away, direction):
     unit = np.random.default_rng(direction).standard_normal(16)
     model = background()
     near, far = (model.log_density(unit * distance, BOTH) for distance in (away, 2 * away))
@@ -47,7 +48,7 @@ def test_its_logarithm_is_finite_and_falls_slowly_however_far_the_strain(away, d
 
 
 @pytest.mark.parametrize("pairs", [1, 2, 3])
-def test_few_or_equal_pairs_still_give_a_density(pairs):
+def test_few_or_equal_pairs_give_a_density(pairs):
     model = background(np.ones((pairs, 16)), 0.05)
     assert np.isfinite(model.log_density(np.ones(16), BOTH))
     assert model.log_density(np.ones(16), BOTH) > model.log_density(np.full(16, 1.1), BOTH)

@@ -85,7 +85,7 @@ def test_it_is_the_product_over_phalanges_written_out(evaluation):
 
 
 @pytest.mark.parametrize("x", [0.03, 0.0205, 0.01, 0.049])
-def test_both_branches_are_densities_over_the_strain(x):
+def test_both_branches_integrate_to_one(x):
     """Dropping a normalisation would shift mass across the region's border."""
     scan = made()
     whole, state = model(scan), np.array([x - 0.006, 0.025])
@@ -120,7 +120,7 @@ def test_both_branches_are_densities_over_the_strain(x):
     assert total == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_featureless_strain_is_as_likely_on_the_feature_as_off_it_where_both_are_featureless():
+def test_featureless_strains_are_equally_likely_in_the_margin_of_the_region():
     """A region is larger than the bump: its margin must not push the belief out."""
     scene = Scene("margin", SCENE.axes, SCENE.phalanges, Region((0.02, -math.inf), (0.06, math.inf)))
     scan, rng = made(pairs=4000), np.random.default_rng(2)
@@ -133,7 +133,7 @@ def test_a_featureless_strain_is_as_likely_on_the_feature_as_off_it_where_both_a
     assert np.mean(ratios) == pytest.approx(0.0, abs=0.3)
 
 
-def test_whether_a_phalanx_is_on_the_feature_is_decided_by_where_it_is_not_by_the_palm():
+def test_the_branch_is_decided_by_the_position_of_the_phalanx():
     whole = model()
     measured = made().strain[0]
     # Palm at 15 mm: the index at 21 mm is on the feature, the middle at 9 mm is off it.
@@ -146,7 +146,7 @@ def test_whether_a_phalanx_is_on_the_feature_is_decided_by_where_it_is_not_by_th
     assert np.ptp(whole.log_likelihood(moved, measured, MIDDLE)) > 0.01
 
 
-def test_training_pairs_are_placed_by_where_the_phalanx_was():
+def test_training_pairs_are_at_the_positions_of_the_phalanx():
     """What a fingertip feels at 30 mm puts the palm 30 mm less its own offset, whichever finger felt it."""
     whole = model()
     measured = np.tile(felt(np.array([[0.030, 0.0]])), 2)[0]
@@ -158,7 +158,7 @@ def test_training_pairs_are_placed_by_where_the_phalanx_was():
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_silent_phalanx_drops_out_and_the_others_go_on(seed):
+def test_featureless_drops_an_absent_phalanx(seed):
     whole, rng = model(), np.random.default_rng(seed)
     states, measured = 0.05 * rng.random((20, 2)), made().strain[seed % 600].copy()
     apart = [whole.log_likelihood(states, measured, present) for present in (INDEX, MIDDLE)]
@@ -181,7 +181,7 @@ def test_the_evaluations_agree(evaluation):
         assert total_variation(density(other.log_likelihood(many, measured))[::10] * 10, expected) < 2e-3
 
 
-def test_a_finger_that_is_turned_finds_its_region_across_the_seam():
+def test_the_region_of_a_turned_phalanx_wraps():
     """Yaw of phalanx = yaw of palm + offset, taken round the turn."""
     rng = np.random.default_rng(0)
     region = Region((-3.0,), (-2.5,))

@@ -49,7 +49,7 @@ def quadratic(model, state, mean):
 
 @pytest.mark.parametrize("phalanges", [1, 2])
 @pytest.mark.parametrize("k", [2, 8, 30])
-def test_it_is_a_normalised_gaussian_of_the_nearest_pairs(k, phalanges):
+def test_the_density_is_a_gaussian_of_the_nearest_pairs(k, phalanges):
     """At the neighbours' mean the density is that of its precision; what it adds is the same everywhere."""
     of = scene(2, phalanges)
     made = scan(np.random.default_rng(1), of, 600, noise=0.05)
@@ -63,7 +63,7 @@ def test_it_is_a_normalised_gaussian_of_the_nearest_pairs(k, phalanges):
         expected = 0.5 * np.linalg.slogdet(precision / (2 * math.pi))[1] - math.log(1.01)
         assert peak == pytest.approx(expected, abs=0.02)
         found = np.linalg.inv(precision) / model.shrinkage.scale
-        shares.append(found - (1 - model.shrinkage.share) * covariance)
+        shares.append(found - (1 - model.shrinkage.intensity) * covariance)
     np.testing.assert_allclose(shares[0], shares[1], atol=0.03 * np.abs(shares[0]).max())
     assert np.linalg.eigvalsh(shares[0]).min() > 0
 
@@ -82,7 +82,7 @@ def test_independent_phalanges_multiply(k):
     np.testing.assert_allclose(together[near], sum(apart)[near], atol=0.05)
 
 
-def test_correlated_phalanges_do_not():
+def test_correlated_phalanges_do_not_multiply():
     """A tremor that both fingers feel makes the joint density larger than the product of both."""
     of = scene()
     rng = np.random.default_rng(0)
@@ -96,18 +96,8 @@ def test_correlated_phalanges_do_not():
     assert joint > independent + 1.0
 
 
-def test_without_shrinkage_held_out_strains_are_hundreds_of_deviations_away_and_with_it_they_are_not():
-    """Median squared Mahalanobis distance over its expected value, on a simulated feature."""
-    made, of = simulate_scan("bump", 1).to_scan(), scene()
-    model = Gaussian(made, of, 18)
-    assert model.shrinkage.before > 20
-    assert model.shrinkage.after == pytest.approx(1.0, abs=0.01)
-    assert Gaussian(made, of, 8).shrinkage.before == math.inf
-    assert Gaussian(made, of, 8).shrinkage.after == pytest.approx(1.0, abs=0.01)
-
-
-@pytest.mark.parametrize("share", [0.02, 1.0])
-def test_sweeps_that_it_has_not_seen_are_explained_better_than_by_another_shrinkage(share, monkeypatch):
+@pytest.mark.parametrize("intensity", [0.02, 1.0])
+def test_the_chosen_shrinkage_explains_new_sweeps_best(intensity, monkeypatch):
     of = scene()
     train, test = (simulate_scan("bump", 1, kind).to_scan() for kind in ("train", "test"))
     rows = np.linspace(0, len(test) - 1, 300).astype(int)
@@ -117,11 +107,11 @@ def test_sweeps_that_it_has_not_seen_are_explained_better_than_by_another_shrink
         return [model.log_likelihood(test.states[row][None], test.strain[row])[0] for row in rows]
 
     chosen = np.median(explained())
-    monkeypatch.setattr("tactile_localizer.core.likelihood.gaussian._SHARES", (share,))
+    monkeypatch.setattr("tactile_localizer.core.likelihood.gaussian._INTENSITIES", (intensity,))
     assert chosen > np.median(explained()) + 0.5
 
 
-def test_strains_of_sweeps_that_it_has_not_seen_are_as_far_away_as_it_says():
+def test_distances_of_new_sweeps_are_calibrated():
     of = scene()
     train, test = (simulate_scan("bump", 1, kind).to_scan() for kind in ("train", "test"))
     model = Gaussian(train, of, 8)
@@ -137,7 +127,7 @@ def test_strains_of_sweeps_that_it_has_not_seen_are_as_far_away_as_it_says():
 @pytest.mark.parametrize("pairs", [1, 2, 5])
 @pytest.mark.parametrize("k", [1, 8, 10_000])
 @pytest.mark.parametrize("independent", [False, True])
-def test_any_k_and_any_number_of_pairs_give_finite_densities(pairs, k, independent):
+def test_densities_are_finite_for_any_k(pairs, k, independent):
     of = scene()
     made = scan(np.random.default_rng(1), of, pairs, sweeps=1)
     values = Gaussian(made, of, k, independent).log_likelihood(
@@ -159,13 +149,13 @@ def test_duplicate_pairs_give_finite_densities(k):
 
 
 @given(seed=st.integers(0, 2**32 - 1), away=st.sampled_from([0.0, 1e3, 1e6, 1e9]))
-def test_a_strain_however_far_away_has_a_finite_density(small, seed, away):
+def test_outliers_have_a_finite_density(small, seed, away):
     made, model = small
     measured = made.strain[0] + away * np.random.default_rng(seed).standard_normal(16)
     assert np.isfinite(model.log_likelihood(made.states[:20], measured)).all()
 
 
-def test_a_silent_phalanx_drops_out(small):
+def test_gaussian_drops_an_absent_phalanx(small):
     made, model = small
     measured = made.strain[10].copy()
     states = made.states[:30]
@@ -177,7 +167,7 @@ def test_a_silent_phalanx_drops_out(small):
         model.log_likelihood(states, measured)
 
 
-def test_neighbours_are_found_across_the_turn():
+def test_neighbours_are_found_across_the_wrap():
     of = scene(3, full_turn=True)
     made = scan(np.random.default_rng(1), of, 2000)
     model = Gaussian(made, of, 4)

@@ -5,13 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.channels import DEFAULT_CHANNELS
+from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.core.likelihood.kernels.grid import REACH
 from tactile_localizer.core.likelihood.kernels.pair_block import HEADROOM, PairBlock
 
 
 def block_of(positions: np.ndarray, strain: np.ndarray) -> PairBlock:
-    return PairBlock(positions, strain, positions.min(axis=0) - 2 * REACH, positions.max(axis=0) + 2 * REACH)
+    layout = ChannelLayout((DEFAULT_CHANNELS,) * (len(strain) // DEFAULT_CHANNELS))
+    low, high = positions.min(axis=0) - 2 * REACH, positions.max(axis=0) + 2 * REACH
+    return PairBlock(positions, strain, low, high, layout)
 
 
 def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
@@ -26,7 +28,7 @@ def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
     away=st.sampled_from([0.0, 1.0, 1e3, 1e6]),
     dtype=st.sampled_from([np.float64, np.float32]),
 )
-def test_strain_kernels_do_not_cancel_or_underflow(seed, scale, away, dtype):
+def test_strain_kernels_neither_cancel_nor_underflow(seed, scale, away, dtype):
     """Measurements at any distance from strains of any size: the differences of log-weights are kept."""
     rng = np.random.default_rng(seed)
     strain = (scale * rng.standard_normal((2 * DEFAULT_CHANNELS, 30))).astype(dtype)
@@ -43,7 +45,7 @@ def test_strain_kernels_do_not_cancel_or_underflow(seed, scale, away, dtype):
     np.testing.assert_allclose(np.log(np.maximum(weights[clear], 1e-30)), np.log(expected[clear]), atol=slack)
 
 
-def test_strains_of_float32_are_compared_in_float32_and_as_exactly():
+def test_float32_strains_give_accurate_weights():
     """Real scans are tens of kernel widths wide: the difference of squares is too coarse in float32."""
     rng = np.random.default_rng(0)
     strain = 60.0 * rng.standard_normal((2 * DEFAULT_CHANNELS, 500))
@@ -58,7 +60,7 @@ def test_strains_of_float32_are_compared_in_float32_and_as_exactly():
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_an_absent_phalanx_is_as_if_it_were_not_there(seed):
+def test_an_absent_phalanx_does_not_affect_weights(seed):
     rng = np.random.default_rng(seed)
     positions, strain = rng.random((20, 2)), rng.standard_normal((2 * DEFAULT_CHANNELS, 20))
     measured = rng.standard_normal(2 * DEFAULT_CHANNELS)
@@ -73,7 +75,7 @@ def test_an_absent_phalanx_is_as_if_it_were_not_there(seed):
 
 
 @given(seed=st.integers(0, 2**32 - 1), log_floor=st.floats(-60.0, -5.0))
-def test_pairs_left_out_beside_a_floor_are_together_less_than_a_ten_thousandth_of_it(seed, log_floor):
+def test_omitted_pairs_are_negligible_beside_the_floor(seed, log_floor):
     rng = np.random.default_rng(seed)
     positions, strain = 3.0 * rng.random((400, 2)), 4.0 * rng.standard_normal((2 * DEFAULT_CHANNELS, 400))
     measured = strain[:, 5] + rng.standard_normal(2 * DEFAULT_CHANNELS)
@@ -90,7 +92,7 @@ def test_pairs_left_out_beside_a_floor_are_together_less_than_a_ten_thousandth_o
 
 
 @given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(1, 3))
-def test_the_direct_sum_is_the_sum_written_out(seed, dimension):
+def test_direct_sum(seed, dimension):
     rng = np.random.default_rng(seed)
     positions, weights = rng.random((50, dimension)) * 4, rng.random((50, 2))
     states = rng.random((9, dimension)) * 4

@@ -26,7 +26,7 @@ def setting(dimension=2, phalanges=2, pairs=150):
 @pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
 @pytest.mark.parametrize("conditional", [True, False])
 @pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_it_is_the_sum_written_out(evaluation, conditional, dimension):
+def test_the_density_is_the_sum_over_pairs(evaluation, conditional, dimension):
     of, made = setting(dimension)
     position_std = WIDTHS[0][:dimension]
     model = SumOfGaussians(made, of, position_std, WIDTHS[1], conditional, evaluation)
@@ -44,7 +44,7 @@ def test_it_is_the_sum_written_out(evaluation, conditional, dimension):
 
 
 @pytest.mark.parametrize("place", [(0.02, 0.03), (0.0, 0.0), (-1.0, 5.0)])
-def test_the_conditional_form_is_a_density_over_the_strain_also_where_nothing_was_scanned(place):
+def test_the_conditional_form_integrates_to_one(place):
     of, made = setting()
     model, state = SumOfGaussians(made, of, *widths(), evaluation="exact"), np.array(place)
     log_near = -0.5 * np.sum(((made.states - state) / widths()[0]) ** 2, axis=1)
@@ -70,7 +70,7 @@ def widths(dimension=2):
     return WIDTHS[0][:dimension], WIDTHS[1]
 
 
-def test_the_conditional_form_does_not_prefer_places_that_were_scanned_more():
+def test_the_conditional_form_does_not_prefer_densely_scanned_places():
     """Equal strains everywhere say nothing about the position, unless P(x) is taken as constant."""
     rng = np.random.default_rng(0)
     states = 0.05 * rng.random((2000, 2)) ** [2.0, 1.0]
@@ -93,7 +93,7 @@ def test_the_conditional_form_does_not_prefer_places_that_were_scanned_more():
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_silent_phalanx_drops_out_as_if_the_scene_did_not_name_it(seed):
+def test_sum_of_gaussians_drops_an_absent_phalanx(seed):
     of, made = setting()
     alone = Scene("alone", of.axes, of.phalanges[1:], of.feature)
     rng = np.random.default_rng(seed)
@@ -107,7 +107,7 @@ def test_a_silent_phalanx_drops_out_as_if_the_scene_did_not_name_it(seed):
 
 
 @pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
-def test_a_full_turn_comes_back_to_the_same_place(evaluation):
+def test_a_full_turn_axis_is_periodic(evaluation):
     of = scene(3, full_turn=True)
     made = scan(np.random.default_rng(1), of, 500)
     model = SumOfGaussians(made, of, *widths(3), evaluation=evaluation)
@@ -119,7 +119,7 @@ def test_a_full_turn_comes_back_to_the_same_place(evaluation):
     )
 
 
-def test_pairs_beyond_a_turn_are_the_pairs_within_it():
+def test_pairs_beyond_a_turn_are_wrapped():
     of = scene(3, full_turn=True)
     made = scan(np.random.default_rng(1), of, 300)
     turned = Scan(
@@ -132,7 +132,7 @@ def test_pairs_beyond_a_turn_are_the_pairs_within_it():
     )
 
 
-def test_axes_and_phalanges_that_the_scene_does_not_name_do_not_matter():
+def test_unnamed_axes_and_phalanges_do_not_matter():
     _, made = setting(3, 3)
     part = Scene("part", (Axis("y", 0.0, 0.05),), (Phalanx("ring", (0.0,)),))
     by_hand = Scan(made.states[:, [1]], made.strain[:, 16:], made.sweep, ("y",), ("ring",))
@@ -164,16 +164,16 @@ def test_many_states_are_interpolated_and_agree_with_few():
         ({"strain_std": math.nan}, "strain_std"),
         ({"strain_std": "wide"}, "strain_std: expected numbers, got 'wide'"),
         ({"evaluation": "fast"}, "evaluation 'fast'"),
-        ({"precision": "float16"}, "precision 'float16': expected float64 or float32"),
+        ({"precision": "float16"}, "precision 'float16': expected one of float64, float32"),
     ],
 )
-def test_a_wrong_parameter_is_named(wrong, message):
+def test_an_invalid_parameter_is_named(wrong, message):
     of, made = setting()
     with pytest.raises(ParameterError, match=message):
         SumOfGaussians(made, of, **({"position_std": 0.003, "strain_std": 0.05} | wrong))
 
 
-def test_a_scene_that_names_more_than_the_scan_has_is_refused():
+def test_a_scene_with_more_than_the_scan_is_refused():
     _, made = setting(2, 1)
     with pytest.raises(SceneError, match="phalanx 'middle' of scene 'test': expected one of index"):
         SumOfGaussians(made, scene(2, 2), *widths())

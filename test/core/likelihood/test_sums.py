@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from support.scans import scan, scene, strain_at
 
-from tactile_localizer.channels import DEFAULT_CHANNELS
+from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.core.likelihood.kernels.pair_block import HEADROOM
 from tactile_localizer.core.likelihood.kernels.sums import KernelSum
 from tactile_localizer.errors import ParameterError
 
 WIDTHS = np.array([0.003, 0.003, 0.15])
 BOTH = np.ones(2, bool)
+ONE = ChannelLayout((DEFAULT_CHANNELS,))
 
 
 def kernel_sum(evaluation, dimension=2, pairs=400, full_turn=False, widths=WIDTHS, **options):
@@ -24,6 +25,7 @@ def kernel_sum(evaluation, dimension=2, pairs=400, full_turn=False, widths=WIDTH
         widths[:dimension],
         np.full(2 * DEFAULT_CHANNELS, 0.05),
         of.wraps,
+        of.layout,
         evaluation,
         **options,
     )
@@ -40,7 +42,7 @@ def written_out(states, positions, strain, measured, widths, strain_std=0.05):
     return sums, density
 
 
-def test_exact_is_the_sum_written_out():
+def test_exact_evaluation():
     of = scene()
     made = scan(np.random.default_rng(1), of)
     rng = np.random.default_rng(2)
@@ -74,7 +76,7 @@ def test_evaluations_agree_near_their_peak(evaluation, dimension, spread):
 
 @pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
 @pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_a_grid_of_states_gives_what_its_states_give(evaluation, dimension):
+def test_sums_on_axes_agree_with_sums_at_states(evaluation, dimension):
     of, sums = scene(dimension), kernel_sum(evaluation, dimension)
     axes = [
         np.linspace(low, high, 7 + axis)
@@ -91,7 +93,7 @@ def test_a_grid_of_states_gives_what_its_states_give(evaluation, dimension):
 
 
 @pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
-def test_the_two_ends_of_a_full_turn_are_the_same_place(evaluation):
+def test_both_ends_of_a_full_turn_are_the_same_place(evaluation):
     of, sums = scene(3, full_turn=True), kernel_sum(evaluation, 3, full_turn=True)
     states = np.array([[0.02, 0.03, -math.pi], [0.02, 0.03, math.pi]])
     measured = strain_at(states[:1])[0]
@@ -109,13 +111,15 @@ def test_the_two_ends_of_a_full_turn_are_the_same_place(evaluation):
     )
 
 
-def test_pairs_beyond_a_full_turn_are_taken_back_into_it():
+def test_kernel_sums_wrap_pairs_beyond_a_turn():
     """A phalanx that is turned against the palm has its pairs beyond pi."""
     rng = np.random.default_rng(0)
     positions = rng.random((300, 1)) * 2 * math.pi - math.pi
     strain = rng.standard_normal((300, DEFAULT_CHANNELS))
     plain, turned = (
-        KernelSum(positions + shift, strain, np.array([0.3]), np.ones(DEFAULT_CHANNELS), np.array([True]))
+        KernelSum(
+            positions + shift, strain, np.array([0.3]), np.ones(DEFAULT_CHANNELS), np.array([True]), ONE
+        )
         for shift in (0.0, 2.5)
     )
     states = np.linspace(-math.pi, math.pi, 50)[:, None]
@@ -137,14 +141,14 @@ def test_a_kernel_too_narrow_for_a_grid_is_summed_directly():
     assert np.isfinite(sums.on_axes(axes, made.strain[0], BOTH)[0]).all()
 
 
-def test_far_from_every_pair_the_sums_are_zero_not_an_error():
+def test_sums_are_zero_far_from_every_pair():
     for evaluation in ("exact", "truncated", "field"):
         sums, density, _ = kernel_sum(evaluation).at_states(np.full((4, 2), 50.0), np.zeros(16), BOTH)
         assert (sums == 0).all()
         assert (density == 0).all()
 
 
-def test_a_converged_belief_keeps_few_pairs_and_follows_the_belief():
+def test_the_block_of_pairs_follows_the_belief():
     """The block of pairs is made for where the belief is, and again where it goes: as if made anew."""
     following = kernel_sum("field", pairs=4000)
     rng = np.random.default_rng(0)
@@ -161,12 +165,12 @@ def test_float32_agrees_with_float64():
     states = rng.random((75, 2)) * 0.05
     measured = strain_at(states[:1])[0]
     double = kernel_sum("field").at_states(states, measured, BOTH)
-    single = kernel_sum("field", dtype=np.float32).at_states(states, measured, BOTH)
+    single = kernel_sum("field", precision="float32").at_states(states, measured, BOTH)
     near = double[0] > double[0].max() * 1e-3
     np.testing.assert_allclose(single[0][near], double[0][near], rtol=1e-3)
     assert single[2] == pytest.approx(double[2], abs=1e-2)
 
 
-def test_an_unknown_evaluation_is_named():
+def test_an_unknown_evaluation_is_refused():
     with pytest.raises(ParameterError, match="evaluation 'fast': expected one of field, truncated, exact"):
         kernel_sum("fast")

@@ -102,7 +102,7 @@ def test_a_sample_stands_for_a_map_that_is_too_large() -> None:
     assert found.elsewhere == pytest.approx(over_all_places(found), abs=1.0)
 
 
-def test_an_absent_phalanx_drops_out() -> None:
+def test_the_mixture_drops_an_absent_phalanx() -> None:
     model = mixture((3, 5))
     strain, used = np.random.default_rng(3).standard_normal(8), np.array([False, True])
     one = model.evaluate(STATES, strain, used, np.zeros(2))

@@ -1,4 +1,7 @@
 """Evaluation of kernel sums, for the paper's measurement models."""
 
 EVALUATIONS = ("field", "truncated", "exact")
-"""Ways to evaluate the sums (docs/numerics.md)."""
+"""Methods of evaluation (docs/numerics.md)."""
+
+PRECISIONS = ("float64", "float32")
+"""Types of the strains in memory."""

@@ -1,4 +1,4 @@
-"""Gaussian kernel sums between weights on a regular grid and any states: a few small matrix products."""
+"""Gaussian kernel sums between weights on a regular grid and any states, as small matrix products."""
 
 from __future__ import annotations
 
@@ -8,32 +8,33 @@ import numpy as np
 from scipy import ndimage, sparse
 
 NODES_PER_STD = 6
-"""Grid nodes a standard deviation of the position kernel, an axis."""
+"""Grid nodes per standard deviation of the position kernel, along each axis."""
 REACH = 5.3
-"""Standard deviations beyond which a position kernel is left out: it is below exp(-5.3^2 / 2) = 8e-7."""
+"""Standard deviations beyond which a position kernel is neglected: it is below exp(-5.3^2 / 2) = 8e-7."""
 _BAND = 12.0
-"""Standard deviations beyond which a kernel is left out on long axes: below exp(-72), less than any floor."""
+"""Standard deviations beyond which a kernel is neglected on long axes: below exp(-72)."""
 _BANDED_ABOVE = 3
-"""Axes longer than this many bands are worth a sparse matrix."""
+"""Length of an axis, in bands, above which a sparse matrix is faster."""
 _MOST_INT32 = 2**31 - 1
 _CHUNK = 2**22
-"""Kernels held at once."""
+"""Kernels computed at once."""
 _ROWS = 2**11
-"""Pairs spread at once: what is made for them stays in the processor's cache."""
+"""Pairs spread at once, whose arrays fit the processor's cache."""
 
 
 def box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest coordinates of points (N, d): (d,) each. An axis at a time, which is much faster."""
+    """Bounding box of points (N, d): (d,) each."""
+    # One axis at a time is much faster than a reduction over rows.
     return np.array([axis.min() for axis in points.T]), np.array([axis.max() for axis in points.T])
 
 
 class KernelGrid:
-    """A regular grid over pairs, and Gaussian kernel sums between its nodes and any states.
+    """Regular grid over pairs, for Gaussian kernel sums between its nodes and any states.
 
-    A weight is spread on the 3^d nodes nearest to its pair by quadratic B-splines (h the node spacing, in
-    standard deviations). Wherever the pair lies between the nodes, that widens the kernel by a variance of
-    h^2 / 4; the kernel is narrowed by as much. What is left is of third order: at most 0.003 in the logarithm
-    of a lone pair's kernel down to 5 nats below its peak. Beside that, float32 is exact, and half the work.
+    A weight is spread on the 3^d nodes nearest to its pair by quadratic B-splines. Wherever the pair lies
+    between the nodes, that widens the kernel by a variance of h^2 / 4, with h the node spacing in standard
+    deviations; the kernel is narrowed by as much. The remaining error is of third order: at most 0.003 in the
+    logarithm of a single pair's kernel down to 5 nats below its peak. The rounding of float32 is smaller.
 
     Parameters
     ----------
@@ -53,11 +54,11 @@ class KernelGrid:
 
     @staticmethod
     def shape_for(extent: np.ndarray) -> tuple[int, ...]:
-        """Nodes along each axis of a grid over pairs that take up ``extent`` (d,)."""
+        """Nodes along each axis of a grid over pairs whose bounding box has the size ``extent`` (d,)."""
         return tuple(int(cells) + 4 for cells in extent * NODES_PER_STD)
 
     def _spreading(self, scaled: np.ndarray) -> sparse.csc_array:
-        """The spreading as a sparse matrix (nodes, pairs)."""
+        """Sparse matrix (nodes, pairs) that spreads weights."""
         pairs, corners = len(scaled), 3 ** len(self.shape)
         rows = np.empty((pairs, corners), dtype=np.int32)
         taps = np.empty((pairs, corners), dtype=np.float32)
@@ -69,7 +70,7 @@ class KernelGrid:
         return sparse.csc_array((taps.ravel(), rows.ravel(), pointers), shape=(math.prod(self.shape), pairs))
 
     def _stencils(self, scaled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nodes around each pair and their shares of it: (n, 3^d) each."""
+        """Indices of the nodes around each pair and their weights: (n, 3^d) each."""
         rows = np.zeros((len(scaled), 1), dtype=np.int32)
         taps = np.ones((len(scaled), 1), dtype=np.float32)
         for size, coordinates in zip(self.shape, scaled.T, strict=True):
@@ -84,19 +85,19 @@ class KernelGrid:
         return rows, taps
 
     def spread(self, weights: np.ndarray) -> np.ndarray:
-        """Weights of the pairs (M,) on the nodes: an array of the grid's shape."""
+        """Weights of the pairs (M,) spread on the nodes, an array of the grid's shape."""
         return (self._taps @ weights.astype(np.float32, copy=False)).reshape(self.shape)
 
     def spread_some(self, pairs: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """As :meth:`spread`, of a few pairs (M',), by index, with weights (M',): less work."""
+        """As :meth:`spread`, of a few pairs, with their indices and weights (M',)."""
         corners = 3 ** len(self.shape)
         nodes = self._taps.indices.reshape(-1, corners)[pairs]
-        shares = self._taps.data.reshape(-1, corners)[pairs] * weights[:, None]
-        spread = np.bincount(nodes.ravel(), shares.ravel(), minlength=self._taps.shape[0])
+        taps = self._taps.data.reshape(-1, corners)[pairs] * weights[:, None]
+        spread = np.bincount(nodes.ravel(), taps.ravel(), minlength=self._taps.shape[0])
         return spread.astype(np.float32).reshape(self.shape)
 
     def at_states(self, states: np.ndarray, field: np.ndarray) -> np.ndarray:
-        """A field (G1, ..., Gd) summed with the kernel at states (P, d) -> (P,)."""
+        """Kernel sums (P,) of a field (G1, ..., Gd) at states (P, d)."""
         field = field.reshape(self.shape[0], -1)
         rows = max(1, _CHUNK // field.shape[1])
         parts = [self._contract(states[start : start + rows], field) for start in range(0, len(states), rows)]
@@ -110,17 +111,17 @@ class KernelGrid:
         return self._peak * total[:, 0].astype(np.float64)
 
     def on_axes(self, axes: list[np.ndarray], field: np.ndarray) -> np.ndarray:
-        """The same at every combination of d coordinates -> (C1, ..., Cd)."""
+        """Kernel sums of a field at every combination of the coordinates of d axes, (C1, ..., Cd)."""
         total = field
         for axis, coordinates in enumerate(axes):
             rest = total.shape[1:]
             total = (self._kernel(coordinates, axis) @ total.reshape(len(total), -1)).reshape(-1, *rest)
-            # The axis that was contracted goes last, so after d turns the order is right again.
+            # The contracted axis goes last, so that after d turns the order is restored.
             total = np.moveaxis(total, 0, -1)
         return self._peak * total.astype(np.float64)
 
     def _kernel(self, coordinates: np.ndarray, axis: int) -> np.ndarray | sparse.csr_array:
-        """Kernel between coordinates (C,) and an axis's nodes, (C, G): banded where most of it is nothing."""
+        """Kernel between coordinates (C,) and the nodes of an axis, (C, G), banded on a long axis."""
         nodes = self._nodes[axis]
         width = 2 * math.ceil(_BAND * NODES_PER_STD) + 1
         if len(nodes) < _BANDED_ABOVE * width:
@@ -146,12 +147,12 @@ class KernelGrid:
 
 
 class Density:
-    """A field summed with the kernel, for many states over time: tabulated once, then cubic splines.
+    """Kernel sums of a constant field, tabulated once and interpolated by cubic splines.
 
     Parameters
     ----------
     grid, field : the field (G1, ..., Gd) and its grid
-    lower, upper : (d,) the box in which states are expected; they see zero outside
+    lower, upper : (d,) box of the states; outside of it the sums are zero
     """
 
     _NODES_PER_STD = 4

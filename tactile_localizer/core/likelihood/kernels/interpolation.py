@@ -1,4 +1,4 @@
-"""Many states at once: evaluate a smooth function on a grid over them and interpolate."""
+"""Evaluation of a smooth function at many states, by interpolation on a grid over them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from scipy import ndimage
 from tactile_localizer.core.likelihood.kernels.grid import box
 
 _NODES_PER_WIDTH = 3.5
-_NODES_A_STATE = 15
-"""Nodes of the grid that are as much work as one state more than the first :data:`_FEWEST_STATES`."""
+_NODES_PER_STATE = 15
+"""Grid nodes that cost as much as one state evaluated directly."""
 _FEWEST_STATES = 150
+"""Number of states that cost as much as the interpolation itself."""
 _MOST_NODES = 2**18
 _MARGIN = 6
-"""Nodes beyond the states: a spline's end condition fades by 0.27 a node, so 4e-4 of it is left."""
+"""Nodes beyond the states: the effect of a spline's end condition falls by 0.27 per node, to 4e-4."""
 
 
 def interpolated(
@@ -25,13 +26,17 @@ def interpolated(
     at_states: Callable[[np.ndarray], np.ndarray],
     on_axes: Callable[[list[np.ndarray]], np.ndarray],
 ) -> np.ndarray:
-    """A function of state, smooth on a scale of ``width`` (d,), at states (P, d): (P,).
+    """Values (P,) at states (P, d) of a function that is smooth on a scale of ``width`` (d,).
 
-    Where it is less work, the function is evaluated on a grid of three and a half nodes a width over the
-    states, and interpolated by cubic splines; otherwise at each state. The function is a log-likelihood,
-    whose tails are parabolas: cubic splines follow them exactly.
+    Where it is less work, the function is evaluated on a grid of 3.5 nodes per width and interpolated by
+    cubic splines. The function is a log-likelihood, whose parabolic tails cubic splines reproduce exactly.
+
+    Parameters
+    ----------
+    at_states, on_axes : evaluate the function at states (P, d), and on a grid given by the coordinates of d
+        axes
     """
-    most_nodes = min(_NODES_A_STATE * (len(states) - _FEWEST_STATES), _MOST_NODES)
+    most_nodes = min(_NODES_PER_STATE * (len(states) - _FEWEST_STATES), _MOST_NODES)
     if most_nodes <= 0:
         return at_states(states)
     low, high = box(states)

@@ -1,4 +1,4 @@
-"""The multivariate normal density, fitted to samples."""
+"""Multivariate normal density, fitted to samples."""
 
 from __future__ import annotations
 
@@ -8,42 +8,33 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 RIDGE = 1e-3
-"""Share of a channel's variance that is added to the diagonal, so that no direction is taken as certain."""
+"""Fraction of a channel's variance that is added to the diagonal, so that no direction has zero variance."""
 
 
 class Normal:
-    """N(mean, covariance) over D channels.
+    """Normal distribution with the moments of samples, convolved with independent noise.
 
     Parameters
     ----------
-    mean : (D,)
-    covariance : (D, D), positive definite
+    samples : (N, D)
+    noise_std : (D,) standard deviations of the noise
     """
 
-    def __init__(self, mean: np.ndarray, covariance: np.ndarray) -> None:
-        self.mean = mean
-        self.covariance = covariance
-        factor = np.linalg.cholesky(covariance)
-        self._whiten = solve_triangular(factor, np.eye(len(mean)), lower=True).T
-        self._log_constant = -0.5 * len(mean) * math.log(2 * math.pi) - float(np.log(np.diag(factor)).sum())
-
-    @classmethod
-    def fitted(cls, samples: np.ndarray) -> Normal:
-        """From the sample moments of (N, D), with :data:`RIDGE` of each variance on the diagonal."""
+    def __init__(self, samples: np.ndarray, noise_std: np.ndarray) -> None:
         covariance = np.atleast_2d(np.cov(samples.T, bias=True))
-        return cls(samples.mean(axis=0), covariance + ridge(covariance, samples))
+        covariance += ridge(covariance, samples) + np.diag(noise_std**2)
+        factor = np.linalg.cholesky(covariance)
+        self._mean = samples.mean(axis=0)
+        self._whitening = solve_triangular(factor, np.eye(len(factor)), lower=True).T
+        self._log_constant = -0.5 * len(factor) * math.log(2 * math.pi) - np.log(np.diag(factor)).sum()
 
-    def log_density(self, value: np.ndarray) -> np.ndarray:
-        """Log-density of values (..., D): (...)."""
-        return self._log_constant - 0.5 * self.squared_distance(value)
-
-    def squared_distance(self, value: np.ndarray) -> np.ndarray:
-        """Squared Mahalanobis distance of values (..., D) from the mean: (...)."""
-        white = (value - self.mean) @ self._whiten
-        return np.asarray(np.einsum("...d,...d->...", white, white))
+    def log_density(self, value: np.ndarray) -> float:
+        """Log-density of a value (D,)."""
+        white = (value - self._mean) @ self._whitening
+        return float(self._log_constant - 0.5 * (white @ white))
 
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """A diagonal (D, D) that keeps ``covariance`` positive definite, even where a channel never varied."""
+    """Diagonal (D, D) that makes ``covariance`` positive definite, even for a channel that never varies."""
     size = np.abs(samples).max(axis=0)
     return np.diag(RIDGE * np.diag(covariance) + (1e-6 * size) ** 2 + 1e-24)

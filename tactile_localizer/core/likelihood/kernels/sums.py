@@ -1,38 +1,37 @@
-"""The kernel sums of the sum-of-Gaussians model (paper, Eq. 4), evaluated in three ways.
+"""Kernel sums of the sum-of-Gaussians model (paper, Eq. 4), evaluated in three ways.
 
-For one measurement the strain distances ``||z - z_n||^2`` do not depend on the state: they are computed
-once. What differs between states is the position kernel, summed
+For one measurement the strain distances ``||z - z_n||^2`` do not depend on the state and are computed once.
+The position kernel, which differs between states, is summed
 
-- ``exact``: directly, over all pairs: the reference;
-- ``truncated``: directly, over the pairs within :data:`~.kernel_grid.REACH` of the box that holds the states;
-- ``field``: over the same pairs, after spreading their weights on a grid on which the kernel is separable,
-  so that the sum becomes a few small matrix products (:class:`~.kernel_grid.KernelGrid`); directly, where a
-  grid fine enough would have so many nodes that it is more work.
+- ``exact``: directly over all pairs, as the reference;
+- ``truncated``: directly over the pairs within :data:`.REACH` of the bounding box of the states;
+- ``field``: over the same pairs after spreading their weights on a grid, on which the kernel is separable and
+  the sum becomes a few small matrix products (:class:`.KernelGrid`); directly if a grid that is fine enough
+  would be more work.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.kernels import EVALUATIONS
+from tactile_localizer.core.likelihood.kernels import EVALUATIONS, PRECISIONS
 from tactile_localizer.core.likelihood.kernels.grid import REACH, box
 from tactile_localizer.core.likelihood.kernels.pair_block import PairBlock
 from tactile_localizer.errors import ParameterError
 
 _MARGIN = 3.0
-"""Standard deviations that a block serves beyond the states it was made for, so that it lasts for updates."""
+"""Standard deviations by which the box of a block exceeds the states, so that it serves several updates."""
 _WORTH_SHRINKING = 0.5
-"""Share of the pairs that a smaller block must come down to, to be worth making."""
+"""Fraction of the pairs below which a smaller block is worth making."""
 _ROWS = 512
-"""Strains transposed at once: they stay in the processor's cache."""
-_NODES_A_PAIR = 100
-"""Nodes of a grid that cost, at each state, as much as one pair directly: a product is cheap."""
+"""Strains transposed at once, which fit the processor's cache."""
+_NODES_PER_PAIR = 100
+"""Grid nodes whose matrix product costs as much as one pair summed directly, per state."""
 _MOST_NODES = 2**26
 
 
@@ -41,14 +40,18 @@ class KernelSum:
 
     Parameters
     ----------
-    positions : (N, d) where the pairs were felt, m (yaw: rad)
-    strain : (N, C) what was felt, V
+    positions, strain : (N, d) m (yaw: rad) and (N, C) V, the training pairs
     position_std : (d,) square root of the diagonal of the paper's Sigma_x
     strain_std : (C,) square root of the diagonal of the paper's Sigma_z
     wraps : (d,) bool, axes that are a full turn
+    layout : channels of the strain by phalanx
     evaluation : one of :data:`EVALUATIONS`
-    dtype : of the strains in memory: float64, or float32 for half the traffic
-    layout : the strains' channels by phalanx; ``None``: the default channels each
+    precision : of the strains in memory, one of :data:`PRECISIONS`
+
+    Raises
+    ------
+    ParameterError
+        An unknown evaluation or precision.
     """
 
     def __init__(
@@ -58,19 +61,20 @@ class KernelSum:
         position_std: np.ndarray,
         strain_std: np.ndarray,
         wraps: np.ndarray,
+        layout: ChannelLayout,
         evaluation: str = "field",
-        dtype: Any = np.float64,
-        layout: ChannelLayout | None = None,
+        precision: str = "float64",
     ) -> None:
         if evaluation not in EVALUATIONS:
             raise ParameterError(f"evaluation {evaluation!r}: expected one of {', '.join(EVALUATIONS)}")
+        if precision not in PRECISIONS:
+            raise ParameterError(f"precision {precision!r}: expected one of {', '.join(PRECISIONS)}")
         self.evaluation = evaluation
         self.position_std = np.asarray(position_std, dtype=np.float64)
         self._strain_std = np.asarray(strain_std, dtype=np.float64)
-        self._dtype = np.dtype(dtype)
-        self._wraps = wraps
-        self._layout = layout or ChannelLayout.default(strain.shape[1])
-        # Any point amid the strains will do: it keeps whitened strains short.
+        self._dtype = np.dtype(precision)
+        self._wraps, self._layout = wraps, layout
+        # Any point amid the strains: it keeps whitened strains short.
         self._centre = strain[:: max(1, len(strain) // _ROWS)].mean(axis=0)
         rows, unrolled = unroll(positions, wraps, REACH * self.position_std)
         order = np.argsort(unrolled[:, 0], kind="stable")
@@ -78,7 +82,7 @@ class KernelSum:
         self._positions /= self.position_std
         self._first, self._last = (corner.tolist() for corner in box(self._positions))
         rows = rows[order]
-        del unrolled, order  # of a large map, memory that the strains are about to need
+        del unrolled, order  # frees memory before the strains of a large map are copied
         self._strain = self._whitened(strain, rows)
         self._block: PairBlock | None = None
         self._held = 0.0
@@ -86,7 +90,7 @@ class KernelSum:
         self._log_constants = -0.5 * math.log(2.0 * math.pi) * np.array(self._layout.counts) - log_widths
 
     def _whitened(self, strain: np.ndarray, order: np.ndarray) -> np.ndarray:
-        """Strains in units of the kernel widths, channels first, in the order of the positions: (C, N)."""
+        """Strains (C, N) in units of the kernel widths, in the order of the positions."""
         white = np.empty((strain.shape[1], len(order)), dtype=self._dtype)
         for start in range(0, len(order), _ROWS):
             part = strain[order[start : start + _ROWS]]
@@ -100,15 +104,20 @@ class KernelSum:
         present: np.ndarray,
         log_floor: float = -math.inf,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The sums at states (P, d), m, for a strain (C,), V, of the phalanges ``present`` (F,) bool.
+        """Kernel sums for one strain vector.
 
-        A full-turn axis is periodic: any turn of it will do. ``log_floor``: logarithm of what will be added
-        to the sums; pairs that are negligible beside it may be left out.
+        Parameters
+        ----------
+        states : (P, d) m (yaw: rad, any turn of a full-turn axis)
+        strain : (C,) V
+        present : (F,) bool, phalanges that count
+        log_floor : logarithm of a term that the caller adds to the sums; pairs that are negligible beside it
+            may be omitted
 
         Returns
         -------
-        sums : (P,) position kernel (one at its centre) times strain kernel, but for its scale
-        density : (P,) the position kernel alone
+        sums : (P,) sums of position kernel, one at its centre, times strain kernel, up to a factor
+        density : (P,) sums of the position kernel alone
         log_scale : logarithm of the factor that makes ``sums`` a density over z
         """
         if self._wraps.any():
@@ -117,7 +126,7 @@ class KernelSum:
         block = self._block_for(*box(scaled))
         if len(block) == 0:
             return np.zeros(len(states)), np.zeros(len(states)), 0.0
-        if self.evaluation == "field" and block.nodes <= min(_NODES_A_PAIR * len(block), _MOST_NODES):
+        if self.evaluation == "field" and block.nodes <= min(_NODES_PER_PAIR * len(block), _MOST_NODES):
             pairs, weights, log_scale = self._weights(block, strain, present, log_floor)
             field = block.spread(pairs, weights)
             return block.grid.at_states(scaled, field), block.density(scaled), log_scale
@@ -132,15 +141,15 @@ class KernelSum:
         present: np.ndarray,
         log_floor: float = -math.inf,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The same at every combination of d coordinates: arrays (C1, ..., Cd)."""
+        """As :meth:`at_states`, at every combination of the coordinates of d axes: arrays (C1, ..., Cd)."""
         shape = tuple(len(coordinates) for coordinates in axes)
         axes = [wrap_angle(c) if wraps else c for c, wraps in zip(axes, self._wraps, strict=True)]
         states = flatten_axes(axes)
         scaled = [coordinates / std for coordinates, std in zip(axes, self.position_std, strict=True)]
         block = self._block_for(np.array([c.min() for c in scaled]), np.array([c.max() for c in scaled]))
-        # The grid is contracted with the first axis alone; directly, every state meets every pair.
-        worth = _NODES_A_PAIR * len(block) * (len(states) / len(axes[0]))
-        if self.evaluation != "field" or len(block) == 0 or block.nodes > min(worth, _MOST_NODES):
+        # The grid is contracted with the first axis alone; a direct sum is over all states and pairs.
+        most_nodes = min(_NODES_PER_PAIR * len(block) * (len(states) / len(axes[0])), _MOST_NODES)
+        if self.evaluation != "field" or len(block) == 0 or block.nodes > most_nodes:
             sums, density, log_scale = self.at_states(states, strain, present, log_floor)
             return sums.reshape(shape), density.reshape(shape), log_scale
         pairs, weights, log_scale = self._weights(block, strain, present, log_floor)
@@ -156,7 +165,7 @@ class KernelSum:
         return pairs, weights, log_scale + log_constant
 
     def _block_for(self, lower: np.ndarray, upper: np.ndarray) -> PairBlock:
-        """The pairs within reach of the box, kept while they serve and are not far too many."""
+        """The pairs within reach of a box; the last block, if it covers the box and is not much larger."""
         block, exact = self._block, self.evaluation == "exact"
         if (
             block is not None
@@ -173,7 +182,7 @@ class KernelSum:
         return self._block
 
     def _volume(self, lower: np.ndarray, upper: np.ndarray) -> float:
-        """Volume that the pairs of a block for this box take up: a measure of their number."""
+        """Volume of the part of the scan within reach of a box, a measure of the number of its pairs."""
         sides = zip(lower.tolist(), upper.tolist(), self._first, self._last, strict=True)
         return math.prod(
             max(min(high + REACH, last) - max(low - REACH, first), 1e-3) for low, high, first, last in sides
@@ -193,7 +202,7 @@ class KernelSum:
 
 
 def unroll(positions: np.ndarray, wraps: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices and positions with the pairs near the ends of full-turn axes repeated a turn away."""
+    """Indices and positions, with the pairs near the ends of full-turn axes repeated one turn away."""
     index = np.arange(len(positions))
     for axis in np.flatnonzero(wraps):
         turns = []
