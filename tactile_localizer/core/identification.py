@@ -9,13 +9,11 @@ import numpy as np
 
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria, State
 from tactile_localizer.core.decision.presence import Presence
-from tactile_localizer.core.likelihood.weights import log_sum
+from tactile_localizer.core.likelihood.weights import MAX_LOG_ODDS, log_sum
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.scene import Scene
 
 NONE = "none of them"
-_MOST = 14.0
-"""Log-odds that evidence can reach: what is a million times as probable can still be contradicted."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ class Mixture:
         joint = self._log_weights + log_likelihoods
         total = log_sum(joint)
         if total > -np.inf:
-            self._log_weights = np.maximum(joint - total, -_MOST)
+            self._log_weights = np.maximum(joint - total, -MAX_LOG_ODDS)
         return total
 
 

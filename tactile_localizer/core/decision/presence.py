@@ -8,12 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_localizer.core.decision.relocation import put_down
+from tactile_localizer.core.likelihood.weights import MAX_LOG_ODDS
 
 LEAVING_RATE = 0.1
 """Times per metre of travel that a hand leaves the map: it is put down elsewhere, or the material changes.
 By judgement."""
-_MOST = 14.0
-"""Log-odds that evidence can reach: what is a million times as probable can still be contradicted."""
 _LEAST = 0.03
 """Probability of the maps below which evidence does not take them, so that a long approach over featureless
 material does not delay convergence: without it 90 % of the sweeps on simulated features converged within
@@ -91,7 +90,7 @@ class Presence:
         if peak == -math.inf:  # no explanation is possible: nothing was learned
             self._store([1.0] * len(logs))
         else:
-            self._store([math.exp(max(each - peak, -_MOST)) for each in logs])
+            self._store([math.exp(max(each - peak, -MAX_LOG_ODDS)) for each in logs])
             self._raise_to_least()
 
     def _raise_to_least(self) -> None:

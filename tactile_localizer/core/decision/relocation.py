@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from tactile_localizer.core.likelihood.weights import MAX_LOG_ODDS
+
 PUT_DOWN_RATE = 1.0
 """Times per metre of travel that the hand is put down anywhere on the map, from off the map or from on it. By
 judgement."""
@@ -11,8 +13,6 @@ _WORTH_INJECTING = 0.5
 """Odds above which the belief takes it in. Uniform mass moves the mean: with 0.1 to 0.3, 1 in 64 starts on
 two fabrics was converged and 5 mm off for a moment, with 0.5 none. With 1, a hand that was put down elsewhere
 was found 2 mm later."""
-_MOST = 14.0
-"""Log-likelihood ratio that one measurement can have."""
 
 
 class Relocation:
@@ -44,7 +44,7 @@ class Relocation:
     def update(self, log_ratio: float) -> None:
         """Take in the tempered log-likelihood ratio of a strain, of the belief to unknown material."""
         if not math.isnan(log_ratio):  # of a strain that is impossible for both
-            self._odds *= math.exp(min(max(-log_ratio, -_MOST), _MOST))
+            self._odds *= math.exp(min(max(-log_ratio, -MAX_LOG_ODDS), MAX_LOG_ODDS))
 
 
 def put_down(travel: float) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.evaluation import Expected
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+from tactile_localizer.core.likelihood.student_t import location_weight
 
 
 class SweepOffset:
@@ -38,7 +38,7 @@ class SweepOffset:
 
     def phalanx_variance(self) -> np.ndarray:
         """Mean variance of each phalanx's channels, (F,)."""
-        return self._layout.sum(self.variance) / self._layout.widths
+        return self._layout.mean(self.variance)
 
     def update(self, expected: Expected, used: np.ndarray, exponent: float) -> None:
         """Take in one strain, compared with its expectation.
@@ -52,7 +52,7 @@ class SweepOffset:
         noise = self._layout.expand(expected.noise)
         total = self.variance + expected.spread + noise
         surprise = self._layout.sum(expected.residual**2 / total)
-        weight = np.minimum((DEGREES_OF_FREEDOM + counts) / (DEGREES_OF_FREEDOM + surprise), 1.0) * used
+        weight = location_weight(surprise, counts) * used
         observed = (expected.spread + noise) / max(exponent, 1e-6)
         gain = self._layout.expand(weight) * self.variance / np.maximum(self.variance + observed, 1e-300)
         self.mean = self.mean + gain * expected.residual

@@ -1,4 +1,4 @@
-"""What every measurement model offers: the log-likelihood of a strain at any states."""
+"""Interface of the measurement models, and checks of their arguments."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _LARGEST = 1e100
 
 @runtime_checkable
 class MeasurementModel(Protocol):
-    """P(z | x), built from a scan and a scene.
-
-    A phalanx that is not ``present`` drops out of the product over phalanges; the others go on. A class that
-    derives from this one needs only :meth:`log_likelihood`.
-    """
+    """P(z | x), built from a scan and a scene."""
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
     ) -> np.ndarray:
-        """Log-density of ``strain`` (C,), V, at each of ``states`` (P, d), m (yaw: rad): (P,), finite.
+        """Log-density of a strain vector at states, (P,), finite.
 
-        ``present`` (F,) bool; ``None``: all phalanges.
+        Parameters
+        ----------
+        states : (P, d) m (yaw: rad)
+        strain : (C,) V
+        present : (F,) bool, phalanges that count; ``None``: all
 
         Raises
         ------
@@ -38,12 +38,12 @@ class MeasurementModel(Protocol):
 def checked(
     strain: np.ndarray, layout: ChannelLayout, present: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The strain as float64 with absent phalanges at zero, and which are present.
+    """The strain (C,) as float64, zero for absent phalanges, and the flags ``present`` (F,).
 
     Raises
     ------
     MeasurementError
-        A wrong shape, no phalanx present, or NaN, infinity or numbers over 1e100 in a present phalanx.
+        A wrong shape, no phalanx present, or a value in a present phalanx that is not finite or over 1e100.
     """
     strain = np.asarray(strain, dtype=np.float64)
     phalanges = layout.phalanges
@@ -53,17 +53,17 @@ def checked(
         _require_usable(strain)
         return strain, np.ones(phalanges, dtype=bool)
     present = np.asarray(present, dtype=bool)
-    felt = np.count_nonzero(present)
-    if present.shape != (phalanges,) or not felt:
+    count = np.count_nonzero(present)
+    if present.shape != (phalanges,) or not count:
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
-    if felt < phalanges:
+    if count < phalanges:
         strain = np.where(layout.expand(present), strain, 0.0)
     _require_usable(strain)
     return strain, present
 
 
 def usable(numbers: np.ndarray) -> bool:
-    """Whether all of some numbers (N,) are finite, and so far from overflow that their squares are."""
+    """Whether all numbers (N,) are finite, and small enough that their squares are."""
     return math.hypot(*numbers.tolist()) < _LARGEST
 
 
@@ -73,7 +73,7 @@ def _require_usable(strain: np.ndarray) -> None:
 
 
 def positive(name: str, value: object, size: int) -> np.ndarray:
-    """A parameter as ``size`` positive finite numbers; a single number stands for all of them.
+    """A parameter as an array (size,) of positive finite numbers; a single number applies to all.
 
     Raises
     ------
@@ -90,5 +90,5 @@ def positive(name: str, value: object, size: int) -> np.ndarray:
 
 
 def flatten_axes(axes: list[np.ndarray]) -> np.ndarray:
-    """Every combination of the coordinates of d axes, in C order: (C1 * ... * Cd, d)."""
+    """All combinations of the coordinates of d axes, in C order: (C1 * ... * Cd, d)."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))

@@ -1,4 +1,4 @@
-"""What a strain says about every explanation of it: the value that filters and decisions take."""
+"""Likelihoods of a strain under all hypotheses, and the interface of the models that compute them."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ if TYPE_CHECKING:
     from tactile_localizer.core.likelihood.new_session import NewSession
 
 INFLATION = 9.0
-"""Factor of the variance under which a strain fits unknown material: three standard deviations. By judgement;
-tried on two fabrics and three simulated features."""
+"""Factor by which the variance of unknown material exceeds that of the map. By judgement; tried on two
+fabrics and three simulated features."""
 
 
 class Evaluation(NamedTuple):
-    """Log-likelihoods of one strain, nats, under P hypotheses and under the alternatives to the map.
+    """Log-likelihoods of one strain vector, nats, at P states of the map and under the alternatives to it.
 
-    All are densities over the same strains with the same noise, so they can be compared.
+    All are densities over the same strains with the same noise model, and therefore comparable.
 
     Parameters
     ----------
-    position : (P,) at each state of the map, for *where* on it the hand is
-    same_material : (P,) at each state of the map, for *whether* the hand is on it; of the sweep mixture the
-        same as ``position``
-    other_material : (P,) at each state, with a larger variance: as at that place, but another material
-    elsewhere : mean over all places of the map, with its variance and with a larger one
-    featureless : of featureless material; ``-inf`` where the scanned material is felt everywhere
-    nodes : (P,) of the map, nearest to the states
+    position : (P,) at each state, for the position on the map
+    same_material : (P,) at each state, for the probability of being on the map; the same as ``position``
+        for the sweep mixture
+    other_material : (P,) at each state, with a larger variance: unknown material that resembles that place
+    elsewhere : average over all places of the map, half with its variance and half with a larger one
+    featureless : of featureless material; ``-inf`` if the scanned material has features everywhere
+    nodes : (P,) indices of the map's nodes nearest to the states
     """
 
     position: np.ndarray
@@ -39,12 +39,12 @@ class Evaluation(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """A strain compared with what a belief lets one expect, whitened.
+    """A whitened strain vector compared with its expectation under a belief.
 
     Parameters
     ----------
-    residual : (C,) the strain less its expectation
-    spread : (C,) variance of that expectation over the belief
+    residual : (C,) the strain minus its expectation
+    spread : (C,) variance of the expected strain over the belief
     noise : (F,) variance of one visit, averaged over the belief
     """
 
@@ -58,10 +58,10 @@ class StrainModel(Protocol):
 
     Attributes
     ----------
-    information_length : m of travel that make one independent measurement of the position
-    presence_length : m of travel that make one independent test of whether the map applies
+    information_length : m of travel per independent measurement of the position
+    presence_length : m of travel per independent measurement of whether the hand is on the map
     offset_variance : (C,) whitened variance of a sweep's constant offset
-    new_session : how strains differ in another session, where that can only be told along a trajectory
+    new_session : model of another session, where its offset has to be learned along trajectories
     """
 
     information_length: float
@@ -70,10 +70,10 @@ class StrainModel(Protocol):
     new_session: NewSession | None
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
-        """A strain (C,), V, in the coordinates that :meth:`evaluate` takes."""
+        """A strain vector (C,), V, in whitened coordinates."""
 
     def in_volts(self, difference: np.ndarray) -> np.ndarray:
-        """A difference of whitened strains (C,), V."""
+        """A difference (C,) of whitened strains in V."""
 
     def evaluate(
         self, states: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
@@ -83,8 +83,8 @@ class StrainModel(Protocol):
         Parameters
         ----------
         used : (F,) bool, phalanges that count
-        offset_variance : (F,) of what is not known of the sweep's offset, whitened
+        offset_variance : (F,) whitened variance of the remaining uncertainty of the sweep's offset
         """
 
     def expected(self, nodes: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
-        """The strain (C,) compared with its expectation under ``log_weights`` (P,) of ``nodes`` (P,)."""
+        """Comparison of a whitened strain (C,) with that expected under ``log_weights`` of ``nodes`` (P,)."""

@@ -1,4 +1,4 @@
-"""A measurement model for *where* the hand is, beside the sweep mixture for *whether* it is on the map."""
+"""Combination of a measurement model for the position with the sweep mixture for presence on the map."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 
 
 class KernelPosition:
-    """A :class:`.StrainModel` of one of the paper's models, or of a user-defined one.
+    """A :class:`.StrainModel` with one of the paper's models, or a user-defined one, for the position.
 
     Parameters
     ----------
-    model : log-likelihood of a strain in volts at any states
+    model : the measurement model
     mixture : the sweep mixture of the same scan
-    correlation_length : m of travel that make one independent measurement of the position
+    correlation_length : m of travel per independent measurement of the position
     """
 
     def __init__(self, model: MeasurementModel, mixture: SweepMixture, correlation_length: float) -> None:

@@ -1,11 +1,11 @@
-"""Another session than the scan's: strains are moved by an unknown offset and scaled by an unknown gain.
+"""Model of a session other than the scan's, in which strains have an unknown offset and gain.
 
-Load cells drift between power-ups, and a hand that squeezes harder feels the same material more strongly.
-Where the scanned material is felt everywhere, an offset cannot be seen before the position is known, so it is
-learned along each trajectory that the filter follows: a cell of the grid rides with the palm, and a particle
-is a trajectory itself (Rao-Blackwellization; Doucet, de Freitas, Murphy and Russell, 2000). Given the
-trajectory, strains are a linear regression on what the map expects. The offset has a normal prior that knows
-nothing, the gain one about 1, and the residual's scale an inverse gamma prior about that of the scan.
+Load cells drift between power-ups, and strains grow with the squeezing force. If the scanned material has
+features everywhere, the offset can only be observed when the position is known. It is therefore estimated
+along each trajectory of the filter, a cell that moves with the palm or a particle (Rao-Blackwellization;
+Doucet, de Freitas, Murphy and Russell, 2000). Given the trajectory, strains are a linear regression on the
+expected ones. The offset has a vague normal prior, the gain a normal prior about 1, and the residual's scale
+an inverse gamma prior about that of the scan.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.evaluation import INFLATION, Evaluation
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
-from tactile_localizer.core.likelihood.weights import log_sum, normalize
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, location_weight, log_density
+from tactile_localizer.core.likelihood.weights import MAX_LOG_ODDS, log_sum, normalize
 
 NEW_SESSION = 0.3
 """Prior probability of another session. By judgement: with 0.1 a fabric at another force took 58 to 80 mm
@@ -28,20 +28,19 @@ to converge, with 0.5 it took 48 to 56 mm (Linen), but one in the scan's own ses
 (BeigeCotton)."""
 _PRIOR_LOG_ODDS = math.log(NEW_SESSION / (1.0 - NEW_SESSION))
 OFFSET_VARIANCE = 1e4
-"""Of a channel's offset, in noise variances: next to nothing is known. With 100 a fabric at another force was
-found in 7 of 8 starts, with 1,000 and 10,000 in all (Linen)."""
+"""Prior variance of a channel's offset, in noise variances. With 100 a fabric at another force was found in 7
+of 8 starts, with 1,000 and 10,000 in all (Linen)."""
 GAIN_STD = 0.2
 GAIN_RANGE = (0.6, 1.7)
-"""Of a phalanx. Linen at 210 N on a map at 250 N has 0.8, and the reverse 1.2. The range excludes a gain of
-zero, with which any place explains any material."""
+"""Prior standard deviation and range of the gain of a phalanx. Linen at 210 N on a map at 250 N has a gain of
+0.8, the reverse 1.2. The range excludes a gain of zero, with which any place explains any material."""
 _MEMORY = 1.0
-"""m of travel after which an observation counts for a third: offsets drift. By judgement, not varied."""
+"""m of travel over which the weight of a measurement falls to 1/e, because offsets drift. By judgement, not
+varied."""
 _NEGLIGIBLE = 1e-5
 """Probability of another session below which it is not evaluated."""
-_MOST_LOG_ODDS = 14.0
-"""Of one session against the other: what is a million times as probable can still be contradicted."""
 _SCATTERS = 0.5 * 2.0 ** np.arange(8)
-"""Variances of unknown material about its mean, in those of a visit: from less than noise to ten widths."""
+"""Variances of unknown material about its mean, relative to that of a visit: half of it to 8 sigma."""
 
 
 class _Sums(NamedTuple):
@@ -51,8 +50,8 @@ class _Sums(NamedTuple):
     ----------
     r, m : (P, C)
     weight, mm, mr : (P, F)
-    looks, surprise : (P, F) independent numbers so far, and their squared residuals in predicted variances
-    log_odds : (P, 1) what was added to the log-odds of another session to that of the scan
+    samples, squared : (P, F) number of independent residuals, and sum of their squares in predicted variances
+    log_odds : (P, 1) increase of the log-odds of another session to that of the scan
     """
 
     r: np.ndarray
@@ -60,27 +59,27 @@ class _Sums(NamedTuple):
     weight: np.ndarray
     mm: np.ndarray
     mr: np.ndarray
-    looks: np.ndarray
-    surprise: np.ndarray
+    samples: np.ndarray
+    squared: np.ndarray
     log_odds: np.ndarray
 
 
 class NewSession:
-    """Likelihoods of a sweep in the scan's session or another, with sums that each trajectory carries.
+    """Likelihoods of strains in the scan's session or another one, with statistics of each trajectory.
 
     Parameters
     ----------
-    noise : coordinates in which a visit's noise is white
-    strain_map : tables of expectation and variance; of pairs of sweeps the nearest one is used
-    length : m of travel that make one independent observation: neighbouring places feel alike, so on a
-        shorter way any material can be fitted with an offset and a gain
+    noise : noise model, which whitens strains
+    strain_map : tables of expected strain and variance, of which the first component is used
+    length : m of travel per independent measurement. Neighbouring places resemble each other, so that over a
+        shorter distance any material can be fitted by an offset and a gain
     """
 
     def __init__(self, noise: NoiseModel, strain_map: StrainMap, length: float) -> None:
         self._noise, self._map, self.length = noise, strain_map, length
         self._layout = noise.layout
         self._counts = self._layout.widths
-        # A product with these columns sums over the channels of each phalanx, several times faster.
+        # A product with these columns sums over the channels of each phalanx, faster than ChannelLayout.sum.
         self._columns = self._layout.expand(np.eye(len(self._counts))).T
         sizes = [self._layout.size] * 2 + [len(self._counts)] * 5 + [1]
         self._width, self._ends = sum(sizes), np.cumsum(sizes)[:-1]
@@ -94,12 +93,12 @@ class NewSession:
         self._forget()
 
     def returned(self, fraction: float) -> None:
-        """Take in that this fraction of the belief has just been put down on the map, in either session."""
+        """Return this fraction of the probability to the prior, for belief that was injected on the map."""
         self._probability += fraction * (NEW_SESSION - self._probability)
 
     @property
     def is_possible(self) -> bool:
-        """Whether another session is probable enough to be evaluated, which is half of the work."""
+        """Whether another session is probable enough to be worth evaluating."""
         return self._probability > _NEGLIGIBLE
 
     def evaluate(
@@ -112,29 +111,28 @@ class NewSession:
         exponents: tuple[float, float],
         travel: float,
     ) -> np.ndarray:
-        """Tempered log-likelihood ratios (P,) of each state to unknown material, over both kinds of session.
+        """Tempered log-likelihood ratios (P,) of each state to unknown material, averaged over the sessions.
 
-        Offset, gain and the odds of the two are learned along the way.
+        Updates the estimates of offset and gain, and the odds of the sessions.
 
         Parameters
         ----------
         ancestors : of the states, see :meth:`.BayesFilter.ancestors`
         log_prior : (P,) of the states
-        same : the strain's evaluation in the session of the scan
+        same : evaluation of the strain in the session of the scan
         strain : (C,) whitened
         used : (F,) bool, phalanges that count
-        exponents : share of an independent measurement that this strain makes in the session of the scan, and
-            in another
+        exponents : tempering exponents in the session of the scan and in another one
         travel : m since the last strain
         """
-        index, share = ancestors
+        index, continued = ancestors
         if self._carried is None:
-            carried, share = np.zeros((len(index), self._width)), np.zeros(len(index))
+            carried, continued = np.zeros((len(index), self._width)), np.zeros(len(index))
         else:
             carried = self._carried[index]
-        carried *= share[:, None]
-        # A hand that was just put down at a place is in the session that it was in elsewhere.
-        carried[:, -1] += (1.0 - share) * (_log_odds(self._probability) - _PRIOR_LOG_ODDS)
+        carried *= continued[:, None]
+        # Injected belief has the odds of the sessions that the rest of the belief has.
+        carried[:, -1] += (1.0 - continued) * (_log_odds(self._probability) - _PRIOR_LOG_ODDS)
         sums = _Sums(*np.split(carried, self._ends, axis=1))
         volume = float(self._noise.log_volume[used].sum())
         mean = self._map.mean[same.nodes, 0].astype(np.float64)
@@ -145,16 +143,16 @@ class NewSession:
         log_same = -np.logaddexp(0.0, log_odds)
         log_new = log_same + log_odds
         in_scan, in_another = exponents
-        # Against unknown material that is as free: an offset and a gain fit more than the map does.
-        as_free = unknown(log_prior + log_new, inflated, self._unknown.update(strain, used, in_another))
-        as_bound = unknown(log_prior + log_same, same.other_material, same.elsewhere)
-        either = np.logaddexp(as_free + volume, as_bound) - math.log(2.0)
+        # Unknown material is given an offset as well: otherwise the more flexible model would always win.
+        with_offset = unknown(log_prior + log_new, inflated, self._unknown.update(strain, used, in_another))
+        without = unknown(log_prior + log_same, same.other_material, same.elsewhere)
+        either = np.logaddexp(with_offset + volume, without) - math.log(2.0)
         moved = in_another * (moved + volume - either)
         stayed = in_scan * (same.same_material - either)
         ratios = np.logaddexp(log_same + stayed, log_new + moved)
         log_another = log_sum(log_prior + log_new + moved) - log_sum(log_prior + ratios)
         self._probability = math.exp(min(log_another, 0.0))
-        robust = _robust(squared, self._counts) * (in_another * used)
+        robust = location_weight(squared, self._counts) * (in_another * used)
         weight = robust / variance
         each = self._layout.expand(weight)
         new = _Sums(
@@ -163,12 +161,12 @@ class NewSession:
             weight=weight,
             mm=(each * mean**2) @ self._columns,
             mr=(each * mean * residual) @ self._columns,
-            looks=np.broadcast_to(in_another * used * self._counts, weight.shape),
-            surprise=robust * squared,
+            samples=np.broadcast_to(in_another * used * self._counts, weight.shape),
+            squared=robust * squared,
             log_odds=(moved - stayed)[:, None],
         )
         carried = (carried + np.concatenate(new, axis=1)) * math.exp(-travel / _MEMORY)
-        carried[:, -1:] = carried[:, -1:].clip(-_MOST_LOG_ODDS, _MOST_LOG_ODDS)
+        carried[:, -1:] = carried[:, -1:].clip(-MAX_LOG_ODDS, MAX_LOG_ODDS)
         self._carried = carried
         if not self.is_possible:
             self._forget()
@@ -181,9 +179,12 @@ class NewSession:
     def _densities(
         self, sums: _Sums, mean: np.ndarray, variance: np.ndarray, residual: np.ndarray, used: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Log-densities (P,) of a strain in another session.
+        """Log-densities of a strain in another session.
 
-        Returns them, those under a larger variance, and squared residuals (P, F) in predicted variances.
+        Returns
+        -------
+        plain, inflated : (P,) with the predicted variance and with a larger one
+        squared : (P, F) squared residuals in units of the predicted variance
         """
         layout = self._layout
         offset_variance = 1.0 / (sums.weight + 1.0 / OFFSET_VARIANCE)
@@ -197,19 +198,19 @@ class NewSession:
         rr, dd, rd = left**2 @ columns, direction**2 @ columns, (left * direction) @ columns
 
         def density(factor: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-            # The gain varies the strain in one direction: inverse and determinant by Sherman and Morrison.
+            # The gain adds variance in one direction: inverse and determinant by Sherman and Morrison.
             isotropic = factor * variance + offset_variance
             along = isotropic + gain_variance * dd
             squared = np.maximum(rr - gain_variance * rd**2 / along, 0.0)
             own = log_density(squared, isotropic, self._counts) - 0.5 * np.log(along / isotropic)
             return own @ used, squared / isotropic
 
-        scale = (DEGREES_OF_FREEDOM + sums.surprise) / (DEGREES_OF_FREEDOM + sums.looks)
+        scale = (DEGREES_OF_FREEDOM + sums.squared) / (DEGREES_OF_FREEDOM + sums.samples)
         return density(scale)[0], density(INFLATION)[0], density(1.0)[1]
 
 
 class _UnknownMaterial:
-    """Strains that scatter about an unknown mean by an unknown variance, as those of any material do."""
+    """Student-t distribution of the strains of unknown material, with unknown mean and variance."""
 
     def __init__(self, layout: ChannelLayout, noise: float) -> None:
         self._layout, self._variances = layout, noise * _SCATTERS
@@ -217,36 +218,32 @@ class _UnknownMaterial:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was felt."""
+        """Return to the prior."""
         count = len(self._variances)
         self._log_weights = np.full(count, -math.log(count))
         self._weight = np.zeros((count, self._layout.phalanges))
         self._sum = np.zeros((count, self._layout.size))
 
     def update(self, strain: np.ndarray, used: np.ndarray, exponent: float) -> float:
-        """Log-density of a strain, which is then learned from."""
+        """Log-density of a strain given the previous ones; then the estimates are updated by it."""
         mean_variance = 1.0 / (self._weight + 1.0 / OFFSET_VARIANCE)
         residual = strain - self._sum * self._layout.expand(mean_variance)
         squared = self._layout.sum(residual**2)
         variance = self._variances[:, None] + mean_variance
         densities = log_density(squared, variance, self._counts) @ used
-        weight = _robust(squared / variance, self._counts) * (exponent * used) / self._variances[:, None]
+        weight = location_weight(squared / variance, self._counts) * (exponent * used)
+        weight /= self._variances[:, None]
         self._weight += weight
         self._sum += self._layout.expand(weight) * strain
         found = log_sum(self._log_weights + densities)
-        # A variance that does not fit now may fit the next stretch.
-        log_weights = np.maximum(self._log_weights + exponent * densities - found, -_MOST_LOG_ODDS)
+        # Bounded below, because a variance that does not fit now may fit later.
+        log_weights = np.maximum(self._log_weights + exponent * densities - found, -MAX_LOG_ODDS)
         self._log_weights = normalize(log_weights)[0]
         return found
 
 
-def _robust(squared: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Weight of residuals (..., F) in an estimate of location, at most one (Student-t, EM)."""
-    return np.minimum((DEGREES_OF_FREEDOM + counts) / (DEGREES_OF_FREEDOM + squared), 1.0)
-
-
 def unknown(log_prior: np.ndarray, other: np.ndarray, elsewhere: float) -> float:
-    """Log-likelihood of unknown material: it feels as at the estimated place or like anything, both alike."""
+    """Log-likelihood of unknown material: half resembles the places of the belief, half any place."""
     here = log_sum(log_prior + other) - log_sum(log_prior)
     return float(np.logaddexp(here, elsewhere)) - math.log(2.0)
 

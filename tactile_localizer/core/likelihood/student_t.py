@@ -1,33 +1,37 @@
-"""Multivariate Student-t distribution: the shape of all noise between two visits to a place."""
+"""Multivariate Student-t distribution, of the difference between two visits to a place."""
 
 from __future__ import annotations
 
 import numpy as np
 
 DEGREES_OF_FREEDOM = 8.0
-"""Tails that let one strain in a hundred be several standard deviations off without deciding anything.
-By judgement."""
+"""Heavy enough that single outliers of several standard deviations hardly change the belief. By judgement."""
 
 _ITERATIONS = 25
 
 
 def log_density(squared: np.ndarray, variance: np.ndarray, channels: int | np.ndarray) -> np.ndarray:
-    """Log-density up to a constant of ``channels``.
+    """Log-density up to a constant that depends on ``channels`` alone.
 
     Parameters
     ----------
     squared : (...) squared length of the whitened residual
-    variance : (...) scale of the distribution, in units of the whitened variance
+    variance : (...) squared scale of the distribution, in units of the whitened variance
     channels : dimension of the residual
     """
     tails = np.log(variance + squared / DEGREES_OF_FREEDOM)
     return -0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - DEGREES_OF_FREEDOM * np.log(variance))
 
 
+def location_weight(squared: np.ndarray, channels: int | np.ndarray) -> np.ndarray:
+    """Weights (...) of residuals in a robust estimate of location, at most one, by their squared length."""
+    return np.minimum((DEGREES_OF_FREEDOM + channels) / (DEGREES_OF_FREEDOM + squared), 1.0)
+
+
 def scatter(residuals: np.ndarray) -> np.ndarray:
     """Scatter matrix (C, C) of zero-mean ``residuals`` (N, C), by EM (Liu and Rubin, 1995).
 
-    Robust: a plain covariance is inflated by the few residuals of the first contact.
+    It is robust, whereas a covariance is inflated by the few residuals at first contact.
     """
     count, channels = residuals.shape
     matrix = residuals.T @ residuals / max(count, 1)

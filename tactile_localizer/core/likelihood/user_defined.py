@@ -1,4 +1,4 @@
-"""Measurement models from outside the package, named as ``module:Class``."""
+"""User-defined measurement models, named ``module:Class``."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
 SEPARATOR = ":"
-"""What tells a model of one's own from one of the package's."""
+"""Separates module and class in the name of a user-defined model."""
 
 
 def build_own_model(name: str, scan: Scan, scene: Scene, parameters: ModelParameters) -> MeasurementModel:
-    """The model that a class outside the package makes of a scan.
+    """Build a user-defined measurement model.
 
     Parameters
     ----------
-    name : ``module:Class``; the module is imported from wherever Python finds it
-    scan, scene, parameters : what the class is called with, in this order
+    name : ``module:Class``, importable from Python's path
+    scan, scene, parameters : arguments of the class, in this order
 
     Raises
     ------
     ParameterError
-        No such module, no such class in it, or what it makes is not a measurement model.
+        No such module or class, or its instance is not a measurement model.
     """
     module_name, _, class_name = name.partition(SEPARATOR)
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
         raise ParameterError(
-            f"model {name!r}: expected a module where Python looks for them (PYTHONPATH), {error}"
+            f"model {name!r}: expected a module on Python's path (PYTHONPATH), {error}"
         ) from None
     made: Any = getattr(module, class_name, None)
     if not callable(made):

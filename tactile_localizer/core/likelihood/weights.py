@@ -1,4 +1,4 @@
-"""Weights kept as logarithms: normalising, effective sample size, moments."""
+"""Log-weights: normalization, effective sample size, moments."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import math
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
+
+MAX_LOG_ODDS = 14.0
+"""nats that evidence can reach: odds of a million can still be overcome by later measurements."""
 
 
 def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
@@ -18,21 +21,20 @@ def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
 
     Returns
     -------
-    normalized : (P,) logarithms of weights that sum to one
-    log_total : logarithm of the sum that was divided by; ``-inf`` where every weight was zero, in
-        which case the weights come back equal, because nothing was learned
+    normalized : (P,) logarithms of weights that sum to one; equal weights if all were zero
+    log_total : logarithm of the sum before; ``-inf`` if all weights were zero
     """
     peak = float(log_weights.max())
     if peak == -math.inf:
         return np.full_like(log_weights, -math.log(len(log_weights))), -math.inf
-    # Peak first: with log-weights of a million, subtracting their sum's logarithm would round off ten digits.
+    # The peak is subtracted first, so that large log-weights are not rounded.
     scaled = log_weights - peak
     log_sum = math.log(float(np.exp(scaled).sum()))
     return scaled - log_sum, peak + log_sum
 
 
 def log_sum(log_values: np.ndarray) -> float:
-    """Logarithm of the sum of values (P,) given by their logarithms."""
+    """Logarithm of the sum of the exponentials of ``log_values`` (P,)."""
     peak = float(log_values.max())
     if peak == -math.inf:
         return -math.inf
@@ -40,7 +42,7 @@ def log_sum(log_values: np.ndarray) -> float:
 
 
 def effective_sample_size(log_weights: np.ndarray) -> float:
-    """Kish's 1 / sum of squared weights, for normalised ``log_weights`` (P,): between 1 and P."""
+    """Kish's effective sample size of normalized ``log_weights`` (P,), 1 / sum of squares: 1 to P."""
     return float(1.0 / np.sum(np.exp(2.0 * log_weights)))
 
 
@@ -51,8 +53,7 @@ def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple
     ----------
     states : (P, d)
     weights : (P,) that sum to one
-    wraps : (d,) bool; the mean of a full-turn axis is the circular one, and differences from it are
-        taken along the shortest arc
+    wraps : (d,) bool, full-turn axes: their mean is the circular one, and deviations follow the shortest arc
 
     Returns
     -------

@@ -58,7 +58,7 @@ def compare(of, build, truths, strains, kind, std):
 @pytest.mark.parametrize("kind", CLOUDS)
 @pytest.mark.parametrize("feature", ["bump", "snap", "grommet"])
 @pytest.mark.parametrize("model", [SumOfGaussians, Featureless])
-def test_on_simulated_features_with_widths_of_the_paper_and_tuned_ones(model, feature, kind):
+def test_evaluations_agree_on_simulated_features(model, feature, kind):
     of = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
     made, test = simulate_scan(feature, 1).to_scan(), simulate_scan(feature, 1, "test")
     rows = np.random.default_rng(1).integers(len(test), size=6)
@@ -67,7 +67,7 @@ def test_on_simulated_features_with_widths_of_the_paper_and_tuned_ones(model, fe
 
 
 @pytest.mark.parametrize("kind", CLOUDS)
-def test_with_one_axis_and_one_phalanx(kind):
+def test_evaluations_agree_on_one_axis(kind):
     made, test = simulate_scan("bump", 1).to_scan(), simulate_scan("bump", 1, "test")
     of = Scene("line", (Axis("x", 0.0, 0.051),), (Phalanx("middle", (0.0,)),))
     rows = np.random.default_rng(1).integers(len(test), size=6)
@@ -77,7 +77,7 @@ def test_with_one_axis_and_one_phalanx(kind):
 
 @pytest.mark.parametrize("kind", CLOUDS)
 @pytest.mark.parametrize("full_turn", [False, True])
-def test_with_three_axes(full_turn, kind):
+def test_evaluations_agree_on_three_axes(full_turn, kind):
     of = scene(3, 2, full_turn=full_turn)
     made = scan(np.random.default_rng(1), of, 3000)
     truths = of.lower + np.random.default_rng(2).random((6, 3)) * (of.upper - of.lower)

@@ -16,7 +16,7 @@ TWO = ChannelLayout((8, 8))
 
 
 @given(strain=arrays(np.float64, 16), present=st.none() | arrays(np.bool_, 2))
-def test_a_strain_is_either_finite_and_far_from_overflow_or_refused(strain, present):
+def test_checked_strains_are_finite(strain, present):
     counted = np.ones(2, bool) if present is None else present
     good = counted.any() and (np.abs(strain[np.repeat(counted, 8)]) < 1e100).all()
     if not good:
@@ -35,12 +35,12 @@ def test_a_strain_of_another_shape_is_refused(wrong):
         checked(wrong, TWO, None)
 
 
-def test_a_strain_that_is_no_array_is_taken_as_one():
+def test_a_strain_may_be_a_list():
     found, _ = checked([1] * 8, ChannelLayout((8,)), None)
     assert found.dtype == np.float64
 
 
-def test_the_strain_that_was_given_is_not_changed():
+def test_the_given_strain_is_not_modified():
     strain = np.full(16, np.nan)
     strain[:8] = 1.0
     checked(strain, TWO, np.array([True, False]))
@@ -48,7 +48,7 @@ def test_the_strain_that_was_given_is_not_changed():
 
 
 @given(value=st.floats(1e-300, 1e300), size=st.integers(1, 5))
-def test_a_positive_number_stands_for_all(value, size):
+def test_a_single_number_applies_to_all(value, size):
     np.testing.assert_array_equal(positive("width", value, size), np.full(size, value))
     np.testing.assert_array_equal(positive("width", [value] * size, size), np.full(size, value))
 
@@ -56,7 +56,7 @@ def test_a_positive_number_stands_for_all(value, size):
 @pytest.mark.parametrize(
     "value", [0.0, -1.0, math.inf, math.nan, "a", None, [1.0, 2.0], [1.0, 1.0, 0.0], [[1.0] * 3]]
 )
-def test_anything_else_is_refused_by_name(value):
+def test_a_parameter_that_is_not_positive_is_refused(value):
     with pytest.raises(ParameterError, match="width: expected"):
         positive("width", value, 3)
 

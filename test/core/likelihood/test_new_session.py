@@ -69,7 +69,7 @@ def predicted(first: np.ndarray, second: np.ndarray, felt: np.ndarray) -> tuple[
     return second + gain @ (felt - first), joint[CHANNELS:, CHANNELS:] - gain @ across.T
 
 
-def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
+def test_the_density_is_that_of_a_linear_regression() -> None:
     model, means = session()
     first, second = np.array([2, 5, 9]), np.array([3, 6, 10])
     rng = np.random.default_rng(1)
@@ -94,7 +94,7 @@ def test_a_second_strain_has_the_density_of_a_regression_on_the_first() -> None:
     assert ratios - ratios[0] == pytest.approx(np.array(expected) - expected[0], abs=1e-3)
 
 
-def test_before_any_strain_another_session_has_its_prior_probability() -> None:
+def test_another_session_begins_with_its_prior_probability() -> None:
     model, means = session()
     likely = np.full(1, 50.0)
     same = Evaluation(likely, likely, np.full(1, -1e6), -1e6, -np.inf, np.array([4]))
@@ -105,7 +105,7 @@ def test_before_any_strain_another_session_has_its_prior_probability() -> None:
     assert evaluate(model, same.nodes, means[4], same=certain)[0] == pytest.approx(ratio + 1.0, abs=1e-3)
 
 
-def test_only_a_strain_that_counts_teaches_the_offset() -> None:
+def test_the_offset_is_learned_by_the_exponent() -> None:
     nodes, ratios = np.array([4, 9]), {}
     for exponent in (0.0, 1.0):
         model, means = session()
@@ -115,7 +115,7 @@ def test_only_a_strain_that_counts_teaches_the_offset() -> None:
     assert ratios[1.0] > ratios[0.0] + 2.0
 
 
-def test_a_trajectory_that_begins_anew_knows_no_offset() -> None:
+def test_a_new_trajectory_has_no_offset() -> None:
     nodes, differences = np.array([4, 9]), []
     for exponent, share in ((1.0, 0.0), (0.0, 1.0)):
         model, means = session()
@@ -124,7 +124,7 @@ def test_a_trajectory_that_begins_anew_knows_no_offset() -> None:
     assert differences[0] == pytest.approx(differences[1])
 
 
-def test_no_material_is_explained_by_a_map_of_no_gain() -> None:
+def test_a_gain_of_zero_is_excluded() -> None:
     """Strains that do not vary: a map that varies does not explain them, whatever the offset."""
     model, _ = session()
     ratio = 0.0
@@ -134,7 +134,7 @@ def test_no_material_is_explained_by_a_map_of_no_gain() -> None:
     assert ratio < -10.0
 
 
-def test_a_session_that_is_ruled_out_is_possible_again_after_a_return() -> None:
+def test_a_return_makes_another_session_possible_again() -> None:
     model, means = session()
     likely = np.full(1, 100.0)
     same = Evaluation(likely, likely, np.full(1, -1e6), -1e6, -np.inf, np.array([4]))

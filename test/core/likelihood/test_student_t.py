@@ -30,7 +30,7 @@ def test_the_density_integrates_to_one(variance: float) -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 8, 19])
-def test_it_is_the_multivariate_t(channels: int) -> None:
+def test_the_density_is_the_multivariate_t(channels: int) -> None:
     rng = np.random.default_rng(0)
     residual, variance = 3.0 * rng.standard_normal((20, channels)), rng.uniform(0.1, 10.0, 20)
     expected = [

@@ -47,13 +47,13 @@ def model(name: str) -> MeasurementModel:
     return build_model(SCAN, SCENE, Configuration(model=name), PARAMETERS)
 
 
-def test_it_is_made_of_scan_scene_and_parameters() -> None:
+def test_a_user_defined_model_gets_scan_scene_and_parameters() -> None:
     made = model("slopes_of_ones_own:Slope")
     assert made.made_of == (SCAN, SCENE, PARAMETERS)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("kind", ["grid", "particle"])
-def test_both_filters_follow_it(kind: str) -> None:
+def test_both_filters_localize_with_a_user_defined_model(kind: str) -> None:
     configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)
     scene = dataclasses.replace(SCENE, measurement=PARAMETERS.to_mapping())
     localizer = build_localizer(SCAN, scene, configuration, np.random.default_rng(1), None, CALIBRATION)
@@ -70,6 +70,6 @@ def test_both_filters_follow_it(kind: str) -> None:
         ("slopes_of_ones_own:nothing", "expected a measurement model, got str"),
     ],
 )
-def test_what_is_no_model_is_refused_by_name(name: str, reason: str) -> None:
+def test_an_invalid_model_name_is_refused(name: str, reason: str) -> None:
     with pytest.raises(ParameterError, match=f"model '{name}': .*{reason}"):
         model(name)

@@ -17,7 +17,7 @@ LOG_WEIGHTS = arrays(
 
 
 @given(log_weights=LOG_WEIGHTS)
-def test_normalised_weights_sum_to_one_whatever_their_size(log_weights):
+def test_normalized_weights_sum_to_one(log_weights):
     normalized, log_total = normalize(log_weights)
     assert np.exp(normalized).sum() == pytest.approx(1.0, abs=1e-13)
     if np.isfinite(log_total):
@@ -25,13 +25,13 @@ def test_normalised_weights_sum_to_one_whatever_their_size(log_weights):
         np.testing.assert_allclose(normalized[clear] + log_total, log_weights[clear], rtol=1e-15, atol=1e-12)
 
 
-def test_weights_that_are_all_zero_teach_nothing():
+def test_zero_weights_become_equal():
     normalized, log_total = normalize(np.full(4, -math.inf))
     assert log_total == -math.inf
     np.testing.assert_array_equal(normalized, np.full(4, -math.log(4)))
 
 
-def test_a_zero_weight_stays_zero_beside_others():
+def test_a_zero_weight_remains_zero():
     normalized, log_total = normalize(np.array([-math.inf, 0.0, 0.0]))
     np.testing.assert_allclose(np.exp(normalized), [0.0, 0.5, 0.5])
     assert log_total == pytest.approx(math.log(2))
@@ -47,13 +47,13 @@ def test_a_common_factor_changes_only_the_total(log_weights, shift):
 
 
 @given(log_weights=LOG_WEIGHTS)
-def test_normalising_again_changes_nothing_so_the_sum_cannot_drift(log_weights):
+def test_normalization_is_idempotent(log_weights):
     """Whatever came before, one normalisation brings the sum to one: errors do not add up."""
     drifted = normalize(log_weights)[0] + 1e-3
     assert np.exp(normalize(drifted)[0]).sum() == pytest.approx(1.0, abs=1e-13)
 
 
-def test_a_hundred_thousand_updates_leave_the_sum_at_one():
+def test_the_sum_of_weights_does_not_drift():
     rng = np.random.default_rng(0)
     likelihoods = rng.standard_normal((1000, 8)) * 3
     log_weights = np.full(8, -math.log(8))
@@ -65,12 +65,12 @@ def test_a_hundred_thousand_updates_leave_the_sum_at_one():
 
 
 @given(log_weights=LOG_WEIGHTS)
-def test_the_effective_sample_size_lies_between_one_and_the_number_of_particles(log_weights):
+def test_effective_sample_size_is_within_its_bounds(log_weights):
     size = effective_sample_size(normalize(log_weights)[0])
     assert 1 - 1e-12 <= size <= len(log_weights) * (1 + 1e-12)
 
 
-def test_the_effective_sample_size_counts_equal_weights():
+def test_effective_sample_size_of_equal_weights():
     with np.errstate(divide="ignore"):
         assert effective_sample_size(np.log([0.25, 0.25, 0.25, 0.25, 0.0])) == pytest.approx(4.0)
 
@@ -87,7 +87,7 @@ def test_moments_are_the_weighted_mean_and_covariance():
 @given(
     seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-9, 1.0, 1e9]), away=st.sampled_from([0.0, 1e6])
 )
-def test_a_covariance_is_symmetric_and_has_no_negative_variance(seed, scale, away):
+def test_a_covariance_is_symmetric_and_positive(seed, scale, away):
     rng = np.random.default_rng(seed)
     states, weights = scale * rng.standard_normal((20, 3)) + scale * away, rng.dirichlet(np.ones(20))
     _, covariance = moments(states, weights, np.zeros(3, bool))
@@ -104,21 +104,21 @@ def test_the_mean_heading_is_the_circular_one(centre, spread):
 
 
 @given(angle=st.floats(-1e6, 1e6))
-def test_a_wrapped_angle_is_the_same_direction_in_one_turn(angle):
+def test_a_wrapped_angle_is_the_same_direction(angle):
     wrapped = float(wrap_angle(np.array(angle)))
     assert -math.pi <= wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-8)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-8)
 
 
-def test_the_mean_of_angles_on_both_sides_of_the_turn_is_at_the_turn() -> None:
+def test_the_mean_of_angles_across_the_wrap() -> None:
     states = np.array([[math.pi - 0.1], [-math.pi + 0.1]])
     mean, covariance = moments(states, np.array([0.5, 0.5]), np.array([True]))
     assert abs(mean[0]) == pytest.approx(math.pi)
     assert covariance[0, 0] == pytest.approx(0.01)
 
 
-def test_the_mean_of_values_is_that_of_their_logarithms_however_small():
+def test_log_sum():
     assert log_sum(np.log([1.0, 2.0, 6.0])) == pytest.approx(math.log(9.0))
     assert log_sum(np.array([-1e6, -1e6])) == pytest.approx(-1e6 + math.log(2.0))
     assert log_sum(np.full(3, -math.inf)) == -math.inf
