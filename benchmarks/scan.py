@@ -1,4 +1,4 @@
-"""How fast scans are recorded, loaded and read from bags.
+"""Speed of recording and loading scans.
 
 Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/scan.py [--pairs 1000000]``.
 """
@@ -15,14 +15,11 @@ from typing import Any
 
 import numpy as np
 from record import record, row
-from rosbags.rosbag2 import StoragePlugin, Writer
 
 from tactile_localizer.cli import main as command
 from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.io.bags.reader import typestore
-from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -97,63 +94,16 @@ def recorder(n: int, folder: Path) -> dict[str, Any]:
     return row("mapping: pair with poses, screen and append", n / taken_s, "pairs/s", ">= 5000", pairs=n)
 
 
-def bag(minutes: float, folder: Path) -> dict[str, Any]:
-    """Read a bag of strain at 200 Hz and poses at 100 Hz."""
-    n = round(minutes * 60e9 / STRAIN_NS)
-    _write_bag(folder / "bag", *random_pairs(n))
-    begin_s = time.perf_counter()
-    recording = read_bag(folder / "bag", SCENE)
-    taken_s = time.perf_counter() - begin_s
-    assert len(recording) > n - 3
-    speed = minutes * 60 / taken_s
-    return row(
-        "bag: read and pair, MCAP, 200 Hz, two phalanges", speed, "x real time", minutes=minutes, s=taken_s
-    )
-
-
-def _write_bag(path: Path, stamp_ns: np.ndarray, states: np.ndarray, strain: np.ndarray) -> None:
-    store = typestore()
-    of = store.types
-    strain_type, pose_type = "tactile_localizer/msg/StrainVectors", "geometry_msgs/msg/PoseStamped"
-
-    def header(total_ns: int) -> Any:
-        time_ = of["builtin_interfaces/msg/Time"](sec=total_ns // 10**9, nanosec=total_ns % 10**9)
-        return of["std_msgs/msg/Header"](stamp=time_, frame_id="material")
-
-    level = of["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        felt = writer.add_connection("/strain", strain_type, typestore=store)
-        seen = writer.add_connection("/palm_pose", pose_type, typestore=store)
-        for i in range(len(stamp_ns)):
-            now = int(stamp_ns[i])
-            message = of[strain_type](
-                header=header(now),
-                phalanges=["index", "middle"],
-                strain=strain[i],
-                status=np.zeros(2, np.uint8),
-                sequence=np.full(2, i, np.uint32),
-                channels=np.array([], np.uint16),
-            )
-            writer.write(felt, now, store.serialize_cdr(message, strain_type))
-            if i % (POSE_NS // STRAIN_NS) == 0:
-                place = of["geometry_msgs/msg/Point"](x=float(states[i, 0]), y=float(states[i, 1]), z=0.0)
-                pose = of["geometry_msgs/msg/Pose"](position=place, orientation=level)
-                stamped = of[pose_type](header=header(now), pose=pose)
-                writer.write(seen, now, store.serialize_cdr(stamped, pose_type))
-
-
 def main() -> None:
     """Measure and record."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=1_000_000)
-    parser.add_argument("--minutes", type=float, default=10.0, help="length of the bag")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rows = [
             *scan_file(args.pairs, folder),
             recorder(max(args.pairs // 10, 1000), folder),
-            bag(args.minutes, folder),
         ]
     record(rows)
 

@@ -1,4 +1,4 @@
-"""Comparison of methods: tasks over conditions, and their results."""
+"""Comparison of methods: every method on every condition, and the results."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Method:
 
     Parameters
     ----------
-    name : in tables and figures
-    configuration : choices of the user
+    name : name in tables and figures
+    configuration : configuration of the localizer
     measurement : parameters of a kernel model that override those of the scene
     """
 
@@ -53,8 +53,8 @@ class Results:
 
     Parameters
     ----------
-    conditions : in order
-    methods : by name
+    conditions : the conditions
+    methods : methods by name
     tasks : by method, the result of :func:`localize` for each condition
     """
 
@@ -64,11 +64,11 @@ class Results:
 
     @property
     def condition_names(self) -> list[str]:
-        """Names of the conditions, each once."""
+        """Distinct names of the conditions."""
         return list(dict.fromkeys(condition.name for condition in self.conditions))
 
     def sweeps(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
-        """Outcomes of all sweeps of one condition or all, in the same order for every method."""
+        """Outcomes of all sweeps of one condition or of all, in the same order for every method."""
         return [sweep for task in self._of(method, condition) for sweep in task["sweeps"]]
 
     def blanks(self, method: str, condition: str | None = None) -> list[dict[str, Any]]:
@@ -76,19 +76,19 @@ class Results:
         return [blank for task in self._of(method, condition) for blank in task["blanks"]]
 
     def values(self, method: str, name: str, condition: str | None = None) -> np.ndarray:
-        """One number of every sweep; NaN where unknown."""
+        """One value of every sweep; NaN where unknown."""
         return as_array([sweep[name] for sweep in self.sweeps(method, condition)])
 
     def interval(self, method: str, name: str, condition: str | None = None) -> Interval | None:
-        """Mean of one number over the sweeps, with its confidence interval."""
+        """Mean of one value over the sweeps, with its confidence interval."""
         return mean_interval(self.values(method, name, condition))
 
     def has_contact(self, condition: str) -> bool:
-        """Whether contact with the feature of a condition is known."""
+        """Whether contact with the feature is known in a condition."""
         return any(np.isfinite(self.values(m, "error_contact_m", condition)).any() for m in self.methods)
 
     def compared_error(self) -> tuple[str, str]:
-        """Name of the error that methods are compared by, and its description."""
+        """Name and description of the error by which methods are compared."""
         if any(map(self.has_contact, self.condition_names)):
             return "error_contact_m", "from contact to the feature's end"
         return "error_m", "over the sweep"
@@ -96,13 +96,13 @@ class Results:
     def _of(self, method: str, condition: str | None) -> list[dict[str, Any]]:
         return [
             task
-            for task, tried in zip(self.tasks[method], self.conditions, strict=True)
-            if condition in (None, tried.name)
+            for task, own in zip(self.tasks[method], self.conditions, strict=True)
+            if condition in (None, own.name)
         ]
 
 
 def as_array(values: Sequence[float | None]) -> np.ndarray:
-    """Numbers as an array, NaN for ``None``."""
+    """Convert numbers to an array with NaN for ``None``."""
     return np.array([np.nan if value is None else float(value) for value in values])
 
 
@@ -112,9 +112,9 @@ class Trial:
 
     Parameters
     ----------
-    condition : of the evaluation
-    configuration : of the localizer
-    calibration : of the condition's scan, as :func:`learn_condition` returns it
+    condition : condition of the evaluation
+    configuration : configuration of the localizer
+    calibration : calibration of the condition's scan, from :func:`learn_condition`
     measurement : parameters of a kernel model
     """
 
@@ -124,7 +124,7 @@ class Trial:
     measurement: dict[str, Any] = field(default_factory=dict)
 
     def task(self, function: Callable[[Trial], dict[str, Any]]) -> Task:
-        """The task of calling ``function`` with the trial."""
+        """Task that calls ``function`` with the trial."""
         identity = {
             "condition": self.condition.identity,
             "calibration": self.calibration,
@@ -134,11 +134,11 @@ class Trial:
         return Task(function, (self,), identity)
 
     def scene(self, material: Material) -> Scene:
-        """The scene with the parameters of the model."""
+        """Scene with the parameters of the measurement model."""
         return replace(material.scene, measurement=self.measurement)
 
     def localizer(self, material: Material) -> Localizer:
-        """The localizer on the loaded condition."""
+        """Localizer on the loaded condition."""
         length, std = self.calibration["information_length"], self.calibration["registration_std"]
         return build_localizer(
             material.scan,
@@ -157,19 +157,23 @@ def evaluate(
     progress: Progress | None = None,
     measure: Callable[[Trial], dict[str, Any]] | None = None,
 ) -> Results:
-    """Try every method on every condition; results that ``folder`` holds are reused.
+    """Evaluate every method on every condition.
 
     Parameters
     ----------
-    measure : in place of :func:`localize`, with at least its results
+    conditions, methods : what is compared
+    folder : folder of stored results, which are reused
+    workers : workers of the tasks
+    progress : called with a description of the work and the completed fraction
+    measure : replaces :func:`localize`; returns at least its results
 
     Raises
     ------
     ParameterError
-        An unusable configuration, or unavailable workers.
+        An invalid configuration, or unavailable workers.
     """
-    tried = trials(conditions, methods, folder, workers, progress)
-    tasks = [trial.task(measure or localize) for own in tried for trial in own]
+    planned = trials(conditions, methods, folder, workers, progress)
+    tasks = [trial.task(measure or localize) for own in planned for trial in own]
     results = run_tasks(tasks, folder, workers, progress, "localizing")
     n = len(conditions)
     by_method = {method.name: results[i * n : (i + 1) * n] for i, method in enumerate(methods)}
@@ -183,11 +187,11 @@ def trials(
     workers: Workers,
     progress: Progress | None = None,
 ) -> list[list[Trial]]:
-    """For each method its trials on the conditions, with what is learned from their scans."""
+    """Trials of each method on the conditions, with the calibrations of their scans."""
     learned = learn_conditions(conditions, folder, workers, progress)
     kernels = [method for method in methods if method.configuration.model != SWEEP_MIXTURE]
     widths: list[dict[str, Any]] = [{}] * len(conditions)
-    if kernels:  # given by the scenes or chosen from the scans
+    if kernels:
         tasks = [Task(choose_widths, (condition,), condition.map_identity) for condition in conditions]
         widths = run_tasks(tasks, folder, workers, progress, "choosing kernel widths")
     return [
@@ -204,20 +208,20 @@ def trials(
 def learn_conditions(
     conditions: Sequence[Condition], folder: Path, workers: Workers, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
-    """The calibration of every condition, as plain values."""
+    """Calibrations of all conditions, as values that JSON can hold."""
     tasks = [Task(learn_condition, (condition,), condition.map_identity) for condition in conditions]
     return run_tasks(tasks, folder, workers, progress, "learning from the scans")
 
 
 def learn_condition(condition: Condition) -> dict[str, Any]:
-    """The calibration of a condition's scan."""
+    """Calibration of a condition's scan."""
     material = condition.load()
     calibration = learn(material.scan, material.scene)
     return {**calibration._asdict(), "registration_std": calibration.registration_std.tolist()}
 
 
 def choose_widths(condition: Condition) -> dict[str, Any]:
-    """Parameters of the kernel models for a condition: given by its scene or chosen from the scan."""
+    """Parameters of the kernel models for a condition, from its scene or else chosen from the scan."""
     material = condition.load()
     given = ModelParameters.from_mapping(material.scene.measurement)
     if given.position_std is None or given.strain_std is None:
@@ -226,7 +230,7 @@ def choose_widths(condition: Condition) -> dict[str, Any]:
 
 
 def localize(trial: Trial) -> dict[str, Any]:
-    """Outcomes of a condition's sweeps and blank sweeps, and computing times."""
+    """Outcomes of the sweeps and blank sweeps of a condition, and computing times."""
     scene, tracks, blanks = replayed(trial)
     return {
         "sweeps": [sweep_outcome(scene, track) for track in tracks],
@@ -236,10 +240,10 @@ def localize(trial: Trial) -> dict[str, Any]:
 
 
 def replayed(trial: Trial) -> tuple[Scene, list[Track], list[Track]]:
-    """Scene of a trial, and replays of its condition's sweeps and blank sweeps."""
+    """Scene of a trial, and replays of the sweeps and blank sweeps of its condition."""
     material = trial.condition.load()
     scene, localizer = trial.scene(material), trial.localizer(material)
-    # Processor time, because tasks share the machine.
+    # Processor time, because other tasks run at the same time.
     recording = with_contact(material.recording, scene, mixture_of(localizer).map)
     tracks = replay(localizer, recording, clock=time.thread_time)
     return scene, tracks, replay(localizer, material.blank) if material.blank is not None else []

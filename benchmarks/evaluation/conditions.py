@@ -23,13 +23,13 @@ from tactile_localizer.sim.scan import AXES
 
 @dataclass(frozen=True)
 class Material:
-    """A map and sweeps to be localized on it.
+    """Scan of a map, and sweeps to localize on it.
 
     Parameters
     ----------
-    scan, scene : of the map
-    recording : its positions are odometry, the truth is known
-    blank : sweeps that never reach the feature, or ``None``
+    scan, scene : scan and scene of the map
+    recording : sweeps with odometry and truth
+    blank : sweeps that do not reach the feature, or ``None``
     """
 
     scan: Scan
@@ -44,10 +44,10 @@ class SimulatedCondition:
 
     Parameters
     ----------
-    name : one of :data:`SIMULATED_FEATURES`
-    seed : of the simulation and of the filter
-    sweeps : test sweeps over the feature
-    blanks : sweeps that end before it
+    name : one of :data:`~tactile_localizer.sim.material.SIMULATED_FEATURES`
+    seed : seed of the simulation and of the filter
+    sweeps : number of test sweeps over the feature
+    blanks : number of sweeps that end before it
     """
 
     name: str
@@ -57,7 +57,7 @@ class SimulatedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Values that identify this condition."""
+        """Values that identify the condition."""
         return dict(vars(self))
 
     @property
@@ -87,7 +87,7 @@ def _simulate(condition: SimulatedCondition) -> Material:
 
 
 def recording_of(scan: SimulatedScan) -> Recording:
-    """Simulated sweeps as a recording: the arm's positions with the truth."""
+    """Simulated sweeps as a recording of the arm's positions, with the truth."""
     sweeps = tuple(
         RecordedSweep(
             number=int(scan.sweep[part.start]),
@@ -109,10 +109,10 @@ class RecordedCondition:
 
     Parameters
     ----------
-    name : in tables and figures
-    seed : of the odometry noise and of the filter
-    scan, scene : of the map
-    recording : its positions are the truth unless it has ground truth
+    name : name in tables and figures
+    seed : seed of the odometry noise and of the filter
+    scan, scene : scan and scene of the map
+    recording : recording whose positions are the truth, unless it has a separate truth
     starts, travel : number of random starts and their travel, m; ``None``: the sweeps as recorded
     """
 
@@ -126,7 +126,7 @@ class RecordedCondition:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Name, seed and digests of all numbers."""
+        """Values that identify the condition, with digests of its arrays."""
         sweeps = [
             known
             for sweep in self.recording.sweeps
@@ -149,7 +149,7 @@ class RecordedCondition:
         return {"scene": scene_to_dict(self.scene), "scan": scan}
 
     def load(self) -> Material:
-        """With odometry."""
+        """Add odometry to the recording, from random starts if requested."""
         recording, rng = self.recording, np.random.default_rng([self.seed, 1])
         if self.starts is not None:
             recording = random_starts(recording, self.scene, self.starts, self.travel, rng)

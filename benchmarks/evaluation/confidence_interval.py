@@ -19,7 +19,7 @@ class Interval(NamedTuple):
 
 
 def mean_interval(values: np.ndarray) -> Interval | None:
-    """Mean of the finite ``values`` with its percentile bootstrap interval; ``None`` where there are none."""
+    """Mean of the finite ``values`` with its percentile bootstrap interval; ``None`` if there are none."""
     values = values[np.isfinite(values)]
     if not len(values):
         return None

@@ -1,4 +1,4 @@
-"""Figures of an evaluation: errors of all methods, and convergence along the travel."""
+"""Figures of an evaluation: error of all methods, and convergence along the travel."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _SIZE = (4.8, 3.4)
 _COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
 _EARLIEST_MM, _LATEST_MM = -10.0, 30.0
 _CURVES = 8
-"""Methods whose convergence is drawn: more curves cannot be told apart."""
+"""Most methods whose convergence is drawn; more curves cannot be distinguished."""
 
 
 def evaluation_figures(results: Results) -> dict[str, Figure]:
-    """Every figure of an evaluation, by the name of its file."""
+    """Figures of an evaluation by file name."""
     featured, _ = by_feature(results)
     figures = {"methods": errors_of_methods(featured or results)}
     if featured is not None:
@@ -57,7 +57,7 @@ def errors_of_methods(results: Results) -> Figure:
 
 
 def convergence(results: Results) -> Figure:
-    """Fraction of the sweeps that have converged, over the travel since contact, for the first methods."""
+    """Fraction of converged sweeps over the travel from contact, for the first :data:`_CURVES` methods."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     plot = figure.add_subplot()
     for method in list(results.methods)[:_CURVES]:

@@ -1,7 +1,7 @@
-"""Independent tasks on the cores of this machine or a dask cluster; every result is stored when it is ready.
+"""Independent tasks on the cores of this machine or on a dask cluster, with stored results.
 
-A task's result depends on its arguments alone, not on the worker: random numbers are seeded by the
-arguments, and workers use one thread each. An interrupted run resumes with the missing tasks.
+The result of a task depends on its arguments only: they seed the random numbers, and every worker uses one
+thread. An interrupted run resumes with the missing tasks.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Task:
 
     Parameters
     ----------
-    function : importable by name; returns values that JSON can hold
-    arguments : of the call
-    identity : values that identify the task, as JSON can hold them; equal identities mean equal results
+    function : function that can be imported by name and returns values that JSON can hold
+    arguments : arguments of the call
+    identity : values that JSON can hold and that determine the result
     """
 
     function: Callable[..., dict[str, Any]]
@@ -79,9 +79,9 @@ def run_tasks(
     progress: Progress | None = None,
     text: str = "evaluating",
 ) -> list[dict[str, Any]]:
-    """Results of the tasks, in order; results that ``folder`` holds are reused.
+    """Results of the tasks in order; stored results in ``folder`` are reused.
 
-    An interrupt ends the workers too; SIGTERM does where the caller makes it one.
+    An interrupt ends the workers too.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def run_tasks(
                     done += 1
                     if progress is not None:
                         progress(text, done / len(files))
-    # New results are read back too, so that all have the same types.
+    # New results are also read from their files, so that all have the same types.
     return [json.loads(files[task.key].read_text(encoding="utf-8"))["result"] for task in tasks]
 
 
@@ -113,7 +113,7 @@ def source_digest() -> str:
 def configuration_identity(configuration: Configuration) -> dict[str, Any]:
     """Values that identify a configuration: its fields, and a digest of a user-defined model's sources.
 
-    The sources are the module, or all modules of the package, without what they import.
+    The sources are the module, or all modules of the package, without their imports.
     """
     choices = vars(configuration)
     if SEPARATOR not in configuration.model:
@@ -125,7 +125,7 @@ def configuration_identity(configuration: Configuration) -> dict[str, Any]:
 
 
 def _digest(places: Iterable[Path]) -> str:
-    """Digest of Python files, or of those in folders."""
+    """Digest of Python files and of those in folders."""
     digest = hashlib.sha256()
     for place in places:
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
@@ -136,13 +136,13 @@ def _digest(places: Iterable[Path]) -> str:
 def _backend(workers: Workers) -> AbstractContextManager[Any]:
     if workers.dask is not None:
         return _dask(workers.dask)
-    # A single job runs in this process, which the command line has made single-threaded like the workers.
+    # A single job runs in this process.
     return joblib.parallel_config("loky", n_jobs=workers.jobs, inner_max_num_threads=1)
 
 
 @contextmanager
 def _quietly_closed(results: Generator[Any, None, None]) -> Iterator[Iterator[Any]]:
-    """Results in the order of the tasks; joblib does not warn when they are abandoned."""
+    """Context of the results in order; suppresses joblib's warning if they are not consumed."""
     try:
         yield results
     finally:

@@ -32,7 +32,7 @@ PAPER_PARAMETERS = {
 PAPER_MODELS = tuple(model for model in MODELS if model != SWEEP_MIXTURE)
 
 PARTICLES = (75, 300, 1000)
-"""The paper's number of particles, the default's, and one that should approach the exact filter."""
+"""Numbers of particles: the paper's, the default, and one that should approach the exact filter."""
 
 
 def paper_form(model: str) -> str:
@@ -46,17 +46,17 @@ def exact_form(model: str) -> str:
 
 
 def exact_of(method: Method) -> str:
-    """Name of the method with the exact filter that a method approximates, or its own."""
+    """Name of the exact filter that a method approximates; its own name if it is exact."""
     if method.name.endswith("-paper"):
         return f"{method.name}-grid"
     return "default" if method.configuration.model == SWEEP_MIXTURE else method.name
 
 
 def standard_methods() -> dict[str, Method]:
-    """By name: the default, also with few and many particles, the presets, and the paper's models.
+    """Standard methods by name: the default, also with few and many particles, presets, and kernel models.
 
-    Sums of Gaussians have widths chosen from the scan; the paper's models are in the paper's form, with its
-    particle filter and with the exact filter.
+    The kernel models have widths chosen from the scan; the paper's models have the paper's parameters, with
+    its particle filter and with the exact filter.
     """
     methods = [Method("default", Configuration())]
     methods += [

@@ -66,12 +66,12 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def conditions_from_arguments(args: argparse.Namespace, blanks: int = 0) -> list[Condition]:
-    """The conditions of ``add_condition_arguments``, and ``blanks`` simulated sweeps before the feature.
+    """The conditions of ``add_condition_arguments``, with ``blanks`` simulated sweeps before the feature.
 
     Raises
     ------
     ParameterError, ScanError
-        A count out of range, or only one of recordings and scan.
+        A number is out of range, or only one of recordings and scan is given.
     """
     for name in ("sweeps", "seeds"):
         if getattr(args, name) < 1:

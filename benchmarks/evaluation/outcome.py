@@ -1,4 +1,4 @@
-"""Outcome of one sweep as plain numbers, for evaluations to collect."""
+"""Outcome of one sweep as plain numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tactile_localizer.scene import Scene
 
 
 def sweep_outcome(scene: Scene, track: Track) -> dict[str, Any]:
-    """Outcome of a sweep over a feature, whose truth is known."""
+    """Outcome of a sweep with known truth."""
     during = track.on_contact
     errors, squared = position_error(scene, track), squared_mahalanobis(scene, track)
     covered = (squared <= SQUARED_95[scene.dimension]).astype(float)
@@ -39,7 +39,7 @@ def sweep_outcome(scene: Scene, track: Track) -> dict[str, Any]:
 
 
 def mean(values: np.ndarray) -> float | None:
-    """Mean of the finite values; ``None`` where there are none."""
+    """Mean of the finite values; ``None`` if there are none."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else None
 

@@ -1,4 +1,4 @@
-"""HTML report in one file, with embedded figures and tables; figures as PNG files."""
+"""HTML report in a single file with figures and tables; figures as PNG files."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def write_report(
     tables: Sequence[Table],
     command: str,
 ) -> None:
-    """Write a page with figures, by name, then tables, then the command and the machine it ran on.
+    """Write a page with figures by name, tables, the command, and the machine on which it ran.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def write_report(
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path) -> None:
-    """Write figures as PNG files, each under its name.
+    """Write figures as PNG files named by their keys.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def save_figures(figures: Mapping[str, Figure], folder: Path) -> None:
 
 
 def machine() -> dict[str, str]:
-    """Processor, cores, system and versions of this machine, by name."""
+    """Processor, cores, system and software versions of this machine, by name."""
     return {
         "processor": processor(),
         "cores": str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
@@ -124,7 +124,7 @@ def _section(table: Table) -> str:
 
 
 def _figure(name: str, figure: Figure) -> str:
-    """A figure as a data URL; the same figure gives the same bytes."""
+    """Figure as a data URL, the same bytes for the same figure."""
     buffer = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "tactile_localizer"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})

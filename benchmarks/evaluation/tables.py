@@ -1,4 +1,4 @@
-"""Tables of an evaluation, for the terminal and the report."""
+"""Tables of an evaluation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tactile_localizer.offline.metrics import INCH, MARKS
 from tactile_localizer.offline.table import Table
 
 _PROMPT_M = 0.005
-"""Travel after contact within which convergence is counted as prompt, m."""
+"""Travel after contact within which convergence counts as prompt, m."""
 
 FOUND_M = 0.005
-"""Largest error of a start that counts as found, m."""
+"""Largest final error of a sweep that counts as found, m."""
 
 
 def evaluation_tables(results: Results) -> list[Table]:
-    """All tables; without those that need what a recording does not have."""
+    """All tables for which the results have data."""
     featured, featureless = by_feature(results)
     compared = featured or results
     tables = [error_table(compared)]
@@ -36,7 +36,7 @@ def evaluation_tables(results: Results) -> list[Table]:
 
 
 def by_feature(results: Results) -> tuple[Results | None, Results | None]:
-    """The results on conditions with known contact, and those on the others; ``None``: there are none."""
+    """Results on conditions with known contact, and on the others; ``None`` if there are none."""
     known = {name for name in results.condition_names if results.has_contact(name)}
 
     def only(keep: Callable[[str], bool]) -> Results | None:
@@ -48,7 +48,7 @@ def by_feature(results: Results) -> tuple[Results | None, Results | None]:
 
 
 def times(results: Results, method: str) -> tuple[float, float]:
-    """Medians over the tasks of the median update time and of its 99th percentile, us."""
+    """Medians over the tasks of the median and the 99th percentile of the update time, µs."""
     of = [task["timing"] for task in results.tasks[method]]
     medians = [t["update_median_us"] for t in of if t["update_median_us"] is not None]
     if not medians:
@@ -86,14 +86,14 @@ def error_table(results: Results) -> Table:
     )
     n = len(results.sweeps(next(iter(results.methods))))
     note = (
-        f"Mean {what}, 95 % confidence interval over {n} sweeps; to exact filter: relative to the same model "
-        "on a grid."
+        f"Mean {what}, 95 % confidence interval over {n} sweeps; to exact filter: relative to the grid "
+        "filter with the same model."
     )
     return Table("Error", columns, rows, note)
 
 
 def travel_table(results: Results) -> Table:
-    """Error after some travel, on material that has no contact to count from."""
+    """Error along the travel on material without contact."""
     after = {
         (condition, method): [sweep["error_after_travel_m"] for sweep in results.sweeps(method, condition)]
         for condition in results.condition_names
@@ -117,8 +117,8 @@ def travel_table(results: Results) -> Table:
         "coverage",
     )
     note = (
-        f"Median error, mm, after the travel from a start; found: within {FOUND_M * 1e3:g} mm at the end; "
-        "worst: at the end, mm; coverage of the 95 % region."
+        f"Median error after the travel, mm; found: error of at most {FOUND_M * 1e3:g} mm at the end; worst: "
+        "largest error at the end, mm; coverage of the 95 % region."
     )
     return Table("Error along the travel", columns, rows, note)
 
@@ -157,14 +157,14 @@ def convergence_table(results: Results) -> Table:
     )
     blanks = len(results.blanks(next(iter(results.methods))))
     note = (
-        "Sweeps that converged before the feature's end; travel and time from contact; falsely converged "
-        f"before contact, and in {blanks} blank sweeps; mean error while converged."
+        "Sweeps that converged before the feature's end; travel and time from contact to convergence; false "
+        f"convergence before contact and in {blanks} blank sweeps; mean error while converged."
     )
     return Table("Convergence", columns, rows, note)
 
 
 def quality_table(results: Results) -> Table:
-    """Calibration and computing time of each method."""
+    """Consistency of the covariance and computing time of each method."""
     rows = []
     for method in results.methods:
         median, p99 = times(results, method)
@@ -179,22 +179,22 @@ def quality_table(results: Results) -> Table:
                 f"{p99:.0f}",
             )
         )
-    columns = ("method", "coverage", "on contact", "NEES", "on contact", "update, µs", "99 %, µs")
+    columns = ("method", "coverage", "in contact", "NEES", "in contact", "update, µs", "99 %, µs")
     note = (
         "Fraction of estimates whose 95 % region contains the truth; NEES per degree of freedom (ideally 1)."
     )
-    return Table("Calibration and time", columns, rows, note)
+    return Table("Consistency and time", columns, rows, note)
 
 
 def configuration_table(results: Results) -> Table:
-    """Fields in which the configuration of each method differs from the default."""
+    """Differences between the configuration of each method and the default."""
     default = asdict(Configuration())
     rows = []
     for name, method in results.methods.items():
         own = {**asdict(method.configuration), **method.measurement}
         changed = {key: value for key, value in own.items() if default.get(key) != value}
         rows.append((name, _fields(changed) or "the defaults"))
-    columns = ("method", "differs from the default in")
+    columns = ("method", "differences from the default")
     return Table("Configurations", columns, rows, f"Default: {_fields(default)}.")
 
 
@@ -203,7 +203,7 @@ def _fields(values: dict[str, Any]) -> str:
 
 
 def _of(function: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
-    """Statistic of the finite ``values``; NaN where there are none."""
+    """Statistic of the finite ``values``; NaN if there are none."""
     known = values[np.isfinite(values)]
     return float(function(known)) if len(known) else np.nan
 

@@ -1,4 +1,4 @@
-"""Accuracy against computing time of many configurations: the Pareto front, and choices from it."""
+"""Accuracy against computing time of many configurations: Pareto front and choice."""
 
 from __future__ import annotations
 
@@ -21,28 +21,27 @@ from tactile_localizer.offline.metrics import timing
 from tactile_localizer.offline.replay import replay
 
 _MEMORY_SAMPLES = 200
-"""Samples from the start of a sweep over which memory is measured."""
+"""Number of samples from the start of a sweep for which memory is measured."""
 
 _TIMED_SWEEPS = 2
 _PASSES = 3
-"""Repetitions of the sweeps in which time is measured."""
-
+"""Repetitions of the timed sweeps."""
 
 DEFAULT = "default"
-"""Name of the configuration without changes, beside those of the presets."""
+"""Name of the default configuration beside those of the presets."""
+
 BUDGETS_US = (100.0, 200.0, 300.0, 500.0, 1000.0)
-"""Times, us, of a measurement update and of a millimetre of travel, for which the table of budgets names the
-most accurate configuration."""
+"""Budgets for a measurement update and for a millimetre of travel in the table of budgets, µs."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A configuration to try.
+    """Configuration to measure.
 
     Parameters
     ----------
-    configuration : of the localizer
-    preset : its name, where it is a preset or the :data:`DEFAULT`
+    configuration : configuration of the localizer
+    preset : name of the preset, or :data:`DEFAULT`; empty for other configurations
     """
 
     configuration: Configuration
@@ -72,11 +71,12 @@ class Trade:
 
     Parameters
     ----------
-    error : m, mean from contact to the feature's end (over the sweep where contact is not known)
+    candidate : the configuration
+    error : mean error from contact to the feature's end (over the sweep if contact is not known), m
     coverage : fraction of the estimates whose 95 % region contains the truth
-    update_us, update_p99_us : processor time of a measurement update, median and 99th percentile
-    us_per_mm : processor time per millimetre of travel
-    memory_mb : peak memory beside the scan, MB
+    update_us, update_p99_us : processor time of a measurement update, median and 99th percentile, µs
+    us_per_mm : processor time per millimetre of travel, µs
+    memory_mb : peak memory without the scan, MB
     """
 
     candidate: Candidate
@@ -89,7 +89,7 @@ class Trade:
 
 
 def candidates() -> list[Candidate]:
-    """Configurations over model, filter, particles, cells, precision and travel between updates."""
+    """Candidates with different models, filters, particles, cells, precisions and travel between updates."""
     found = [Candidate(Configuration(), preset=DEFAULT)]
     found += [Candidate(load_configuration(preset), preset=preset) for preset in PRESETS]
     found += [Candidate(configuration) for configuration in _configurations()]
@@ -118,19 +118,19 @@ def _configurations() -> Iterator[Configuration]:
 
 def trade(
     conditions: Sequence[Condition],
-    tried: Sequence[Candidate],
+    measured: Sequence[Candidate],
     folder: Path,
     workers: Workers,
     progress: Progress | None = None,
 ) -> list[Trade]:
-    """Try every candidate on every condition; results that ``folder`` holds are reused.
+    """Measure accuracy and cost of every candidate on every condition; stored results are reused.
 
     Raises
     ------
     ParameterError
         Unavailable workers.
     """
-    methods = [Method(str(number), one.configuration) for number, one in enumerate(tried)]
+    methods = [Method(str(number), one.configuration) for number, one in enumerate(measured)]
     results = evaluate(conditions, methods, folder, workers, progress)
     first = [own[0] for own in trials(conditions, methods, folder, workers, progress)]
     # One at a time: concurrent tasks would slow each other down.
@@ -147,14 +147,15 @@ def trade(
             us_per_mm=own["timing"]["us_per_mm"],
             memory_mb=own["peak_bytes"] / 1e6,
         )
-        for one, method, own in zip(tried, methods, costs, strict=True)
+        for one, method, own in zip(measured, methods, costs, strict=True)
     ]
 
 
 def cost(trial: Trial) -> dict[str, Any]:
-    """Cost of a localizer: processor time of one thread, and peak memory beside the scan.
+    """Cost of a localizer: processor time of one thread, and peak memory without the scan.
 
-    The time of each strain is the least of several repetitions, which removes the load of other processes.
+    The time of each sample is the minimum over several repetitions, which removes the load of other
+    processes.
     """
     material = trial.condition.load()
     few = replace(material.recording, sweeps=material.recording.sweeps[:_TIMED_SWEEPS])
@@ -164,7 +165,7 @@ def cost(trial: Trial) -> dict[str, Any]:
         replace(tracks[0], seconds=np.min([track.seconds for track in tracks], axis=0))
         for tracks in zip(*passes, strict=True)
     ]
-    # The belief is widest, and takes most memory, at the start.
+    # The belief is widest at the start and takes the most memory.
     start = replace(few, sweeps=(few.sweeps[0].part(slice(_MEMORY_SAMPLES), 1),))
     tracemalloc.start()
     try:
@@ -176,17 +177,17 @@ def cost(trial: Trial) -> dict[str, Any]:
 
 
 def per_update(trade: Trade) -> float:
-    """Time of a measurement update, us."""
+    """Time of a measurement update, µs."""
     return trade.update_us
 
 
 def per_millimetre(trade: Trade) -> float:
-    """Time per millimetre of travel, us."""
+    """Time per millimetre of travel, µs."""
     return trade.us_per_mm
 
 
 def pareto_front(trades: Sequence[Trade], duration: Callable[[Trade], float] = per_update) -> list[Trade]:
-    """The trades that no other beats in both error and time, from fast to accurate."""
+    """Trades that no other one beats in both error and time, from fast to accurate."""
     front: list[Trade] = []
     for one in sorted(trades, key=lambda t: (duration(t), t.error.mean)):
         if not front or one.error.mean < front[-1].error.mean:
@@ -197,12 +198,12 @@ def pareto_front(trades: Sequence[Trade], duration: Callable[[Trade], float] = p
 def within_budget(
     trades: Sequence[Trade], budget_us: float, duration: Callable[[Trade], float] = per_update
 ) -> Trade | None:
-    """The most accurate trade whose time is at most ``budget_us``."""
+    """Most accurate trade with a time of at most ``budget_us``."""
     affordable = (t for t in trades if duration(t) <= budget_us)
     return min(affordable, key=lambda t: t.error.mean, default=None)
 
 
 def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
-    """The cheapest trade whose mean error is at most ``target_m``."""
+    """Fastest trade with a mean error of at most ``target_m``."""
     accurate = (t for t in trades if t.error.mean <= target_m)
     return min(accurate, key=lambda t: t.update_us, default=None)

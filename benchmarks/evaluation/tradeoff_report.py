@@ -1,4 +1,4 @@
-"""Figure and tables of a trade-off."""
+"""Figure and tables of the trade-off."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tactile_localizer.offline.table import Table
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))
 _MARKERS = {"grid": "s", "particle": "o"}
 _FEW_TICKS, _MANY_TICKS = (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-"""Of each decade of an axis of time: many where it spans less than one."""
+"""Ticks per decade of a time axis; many if it spans less than a decade."""
 _COLUMNS = (
     "configuration",
     "error, mm",
@@ -37,13 +37,13 @@ _COLUMNS = (
 
 
 def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
-    """Tables of budgets, the Pareto front, the presets, and everything tried."""
+    """Tables of budgets, Pareto front, presets and all candidates."""
     front = pareto_front(trades)
     presets = [one for one in trades if one.candidate.preset]
-    everything = sorted(trades, key=lambda one: one.update_us)
+    by_time = sorted(trades, key=lambda one: one.update_us)
     note = (
         "Error from contact to the feature's end with its 95 % confidence interval; processor time of one "
-        "thread, least of three repetitions; peak memory beside the scan."
+        "thread, minimum of three repetitions; peak memory without the scan."
     )
     return [
         _budgets(trades),
@@ -51,15 +51,15 @@ def tradeoff_tables(trades: Sequence[Trade]) -> list[Table]:
             "Pareto front",
             _COLUMNS,
             [_row(one) for one in front],
-            "Nothing tried is both faster and more accurate.",
+            "No other candidate is both faster and more accurate.",
         ),
         Table("Presets", _COLUMNS, [_row(one) for one in presets], note),
-        Table("Everything tried", _COLUMNS, [_row(one) for one in everything], note),
+        Table("All candidates", _COLUMNS, [_row(one) for one in by_time], note),
     ]
 
 
 def _budgets(trades: Sequence[Trade]) -> Table:
-    """What is lost with a given time for an update, or for a millimetre of travel."""
+    """Most accurate candidates within a time per update and per millimetre of travel."""
     best = min(one.error.mean for one in trades)
 
     def cells(found: Trade | None) -> tuple[str, str, str]:
@@ -81,15 +81,15 @@ def _budgets(trades: Sequence[Trade]) -> Table:
     ]
     return Table(
         "Budgets",
-        ("budget, µs", "for an update", "error, mm", "lost, mm", "for a millimetre", "error, mm", "lost, mm"),
+        ("budget, µs", "per update", "error, mm", "loss, mm", "per millimetre", "error, mm", "loss, mm"),
         rows,
-        "The most accurate configuration within a processor time of one measurement update, median, and "
-        "within one per millimetre of travel; lost: beside the most accurate of all.",
+        "The most accurate candidate within a processor time per measurement update (median), and per "
+        "millimetre of travel; loss: relative to the most accurate of all.",
     )
 
 
 def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
-    """Figure of error against the time of an update and of a millimetre, with Pareto fronts and presets."""
+    """Figure of the error over the time per update and per millimetre, with Pareto fronts and presets."""
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     by_update, by_travel = figure.subplots(1, 2, sharey=True)
     _draw(by_update, trades, per_update)
@@ -110,7 +110,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
 
 
 def _draw(plot: Axes, trades: Sequence[Trade], duration: Callable[[Trade], float]) -> None:
-    """Error against one kind of time."""
+    """Draw the error over one kind of time."""
 
     def places(some: Sequence[Trade]) -> tuple[list[float], list[float]]:
         return [duration(one) for one in some], [one.error.mean * MM for one in some]
@@ -139,7 +139,7 @@ def _draw(plot: Axes, trades: Sequence[Trade], duration: Callable[[Trade], float
 
 
 def _draw_presets(plot: Axes, presets: Sequence[Trade], duration: Callable[[Trade], float]) -> None:
-    """Circle the presets and put their names in a row at the bottom, in the order of their times."""
+    """Circle the presets and write their names in a row at the bottom, sorted by time."""
     for number, one in enumerate(presets):
         place = (duration(one), one.error.mean * MM)
         plot.plot(*place, "o", ms=10, mfc="none", mec="black")
@@ -155,7 +155,7 @@ def _draw_presets(plot: Axes, presets: Sequence[Trade], duration: Callable[[Trad
 
 
 def describe(trade: Trade) -> str:
-    """Description of a trade in one line."""
+    """One-line description of a trade."""
     return (
         f"{trade.candidate.name}: error {trade.error.mean * MM:.2f} mm, update {trade.update_us:.0f} µs "
         f"(99 %: {trade.update_p99_us:.0f} µs), {trade.memory_mb:.0f} MB"

@@ -51,7 +51,12 @@ def test_all_candidates_are_printed_and_written(command: list[str], capsys) -> N
     assert "fast: sweep_mixture grid" in printed
     trades = json.loads(Path("out/tradeoff.json").read_text())["trades"]
     assert len(trades) == len(FEW)
-    assert all(one["update_us"] > 0 and one["memory_mb"] > 0 for one in trades)
+    for one in trades:
+        mean, low, high = one["error"]
+        assert 0 < low <= mean <= high
+        assert 0 < one["update_us"] <= one["update_p99_us"]
+        assert one["us_per_mm"] > 0
+        assert one["memory_mb"] > 0
     assert Path("out/tradeoff.png").exists()
     assert "scan.db" in Path("out/report.html").read_text()
 

@@ -20,10 +20,10 @@ from tactile_localizer.core.parameters import ModelParameters
 
 def test_every_method_is_tried_on_every_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(comparison, "learn_condition", lambda condition: CALIBRATION)
-    found = evaluate([condition(1), condition(2)], QUICK, tmp_path, Workers(1))
+    found = evaluate([condition(1, sweeps=1), condition(2, sweeps=1)], QUICK, tmp_path, Workers(1))
     assert found.condition_names == ["bump"]
     for method in ("default", "other"):
-        assert len(found.sweeps(method)) == 4
+        assert len(found.sweeps(method)) == 2
         assert np.isfinite(found.values(method, "error_contact_m")).all()
         assert found.interval(method, "error_contact_m").low > 0
         assert times(found, method)[0] > 0

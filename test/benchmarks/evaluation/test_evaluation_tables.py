@@ -44,7 +44,7 @@ def test_large_numbers_stay_short() -> None:
 def test_tables_without_data_are_left_out() -> None:
     unknown = {"error_contact_m": None, "coverage_contact": None, "nees_contact": None}
     titles = [t.title for t in evaluation_tables(results(dict.fromkeys(results().methods, unknown)))]
-    assert titles == ["Error", "Error along the travel", "Calibration and time"]
+    assert titles == ["Error", "Error along the travel", "Consistency and time"]
 
 
 def test_without_contact_errors_are_by_travel() -> None:

@@ -22,18 +22,6 @@ def task(seed: int, configuration: Configuration = QUICK[0].configuration) -> Ta
     return Trial(condition(seed), configuration, CALIBRATION).task(localize)
 
 
-def without_times(results: list[dict]) -> list[dict]:
-    return [{name: value for name, value in result.items() if name != "timing"} for result in results]
-
-
-def test_results_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
-    tasks = [task(seed) for seed in (1, 2)]
-    alone = run_tasks(tasks, tmp_path / "alone", Workers(1))
-    together = run_tasks(tasks, tmp_path / "together", Workers(2))
-    assert without_times(alone) == without_times(together)
-    assert alone[0]["sweeps"] != alone[1]["sweeps"]
-
-
 def test_a_dask_cluster_of_processes_gives_the_same_results(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="dask[distributed] is not installed")
     tasks = [quick_task(seed) for seed in (1, 2, 3)]
@@ -52,9 +40,9 @@ def test_a_run_resumes_with_the_missing_tasks(tmp_path: Path) -> None:
     kept, lost = (tmp_path / f"{one.key}.json" for one in tasks)
     written = kept.stat().st_mtime_ns
     lost.unlink()
-    shares: list[float] = []
-    again = run_tasks(tasks, tmp_path, Workers(1), lambda text, share: shares.append(share))
-    assert shares == [1.0]
+    fractions: list[float] = []
+    again = run_tasks(tasks, tmp_path, Workers(1), lambda text, fraction: fractions.append(fraction))
+    assert fractions == [1.0]
     assert kept.stat().st_mtime_ns == written
     assert again == first
 
@@ -68,7 +56,7 @@ def test_results_before_a_failure_are_kept(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 def test_a_failed_run_prints_no_warnings(tmp_path: Path) -> None:
-    def interrupt(text: str, share: float) -> None:
+    def interrupt(text: str, fraction: float) -> None:
         raise KeyboardInterrupt
 
     with warnings.catch_warnings():  # python-can leaks sockets of badly configured buses
@@ -80,9 +68,9 @@ def test_a_failed_run_prints_no_warnings(tmp_path: Path) -> None:
 
 
 def test_equal_tasks_run_once(tmp_path: Path) -> None:
-    shares: list[float] = []
-    run_tasks([quick_task(1)] * 2, tmp_path, Workers(1), lambda text, share: shares.append(share))
-    assert shares == [1.0]
+    fractions: list[float] = []
+    run_tasks([quick_task(1)] * 2, tmp_path, Workers(1), lambda text, fraction: fractions.append(fraction))
+    assert fractions == [1.0]
 
 
 def test_a_key_depends_on_identity_and_sources() -> None:

@@ -6,10 +6,7 @@ from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
 
-import pytest
-from evaluation import comparison
 from evaluation.confidence_interval import Interval
-from evaluation.jobs import Workers
 from evaluation.report import write_report
 from evaluation.tradeoff import (
     BUDGETS_US,
@@ -19,7 +16,6 @@ from evaluation.tradeoff import (
     candidates,
     for_target,
     pareto_front,
-    trade,
     within_budget,
 )
 from evaluation.tradeoff_report import tradeoff_figure, tradeoff_tables
@@ -28,7 +24,6 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 from support.browser import look_at
-from support.evaluations import CALIBRATION, QUICK, condition
 
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
@@ -87,18 +82,6 @@ def test_candidates_span_the_options_and_contain_the_presets() -> None:
     } | {DEFAULT: Configuration()}
     assert len({one.name for one in tried}) == len(tried)
     assert max(len(one.name) for one in tried) <= 60
-
-
-def test_candidates_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison, "learn_condition", lambda condition: CALIBRATION)
-    few = [Candidate(QUICK[0].configuration), Candidate(replace(QUICK[0].configuration, particles=30))]
-    found = trade([condition()], few, tmp_path, Workers(1))
-    assert [one.candidate for one in found] == few
-    for one in found:
-        assert 0 < one.error.low <= one.error.mean <= one.error.high
-        assert 0 < one.update_us <= one.update_p99_us
-        assert one.us_per_mm > 0
-        assert one.memory_mb > 0
 
 
 def test_the_report_contains_figure_and_tables(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ class Line:
         self.batches: list[list[can.Message]] = []
         self.log: list[str] = []
         self.notes: list[str] = []
+        self.mistakes: list[str] = []  # raised by the receiver, one for each batch of frames
         self.sender = can.Bus(interface="virtual", channel=channel)
         self.reader = CanReader(self._open, self._take, log=self.log.append, note=self.notes.append, **kwargs)
 
@@ -39,6 +40,8 @@ class Line:
         return self.opened[-1]
 
     def _take(self, messages: list[can.Message]) -> float:
+        if messages and self.mistakes:
+            raise KeyError(self.mistakes.pop())
         self.batches.append(messages)
         return 0.1
 
@@ -140,9 +143,15 @@ def test_a_bus_is_open_after_the_first_read(
 
 def test_backoff_doubles_up_to_the_limit(line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch) -> None:
     one = line(backoff_s=0.01, backoff_limit_s=0.04)
-    waits: list[float] = []
-    wait = one.reader._wake.wait
-    monkeypatch.setattr(one.reader._wake, "wait", lambda s: waits.append(s) or wait(s))
+    waits: list[float | None] = []
+    wait = threading.Event.wait
+
+    def recorded(event: threading.Event, timeout_s: float | None = None) -> bool:
+        if threading.current_thread().name == "can-reader":
+            waits.append(timeout_s)
+        return wait(event, timeout_s)
+
+    monkeypatch.setattr(threading.Event, "wait", recorded)
     one.up = False
     one.opened[-1].shutdown()
     wait_until(lambda: len(waits) >= 5, "five attempts", 5.0)
@@ -153,7 +162,10 @@ def test_backoff_doubles_up_to_the_limit(line: Callable[..., Line], monkeypatch:
     wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
     one.send(7)
     one.wait_for(7)
-    assert one.reader._delay_s == 0.01  # after good data it begins anew
+    waits.clear()
+    one.opened[-1].shutdown()
+    wait_until(lambda: waits, "another attempt", 5.0)
+    assert waits[0] == 0.01, "starts again after a data frame"
 
 
 def test_without_backoff_only_reconnect_reopens(
@@ -186,7 +198,7 @@ def test_bus_off_lasts_until_the_next_data_frame(
     wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
     assert one.reader.status.state == BUS_OFF
     one.send(3)
-    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be well", 5.0)
+    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be open", 5.0)
     assert one.received == [0x40, 3]
 
 
@@ -230,14 +242,7 @@ def test_the_reader_can_wait_for_an_absent_interface(request: pytest.FixtureRequ
 
 def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -> None:
     one = line(backoff_s=0.01)
-    take, mistakes = one.reader._deliver, ["a mistake"]
-
-    def deliver(messages: list[can.Message]) -> float:
-        if messages and mistakes:
-            raise KeyError(mistakes.pop())
-        return take(messages)
-
-    one.reader._deliver = deliver
+    one.mistakes.append("a mistake")
     one.send(1)
     wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
     assert "a mistake" in one.log[0]

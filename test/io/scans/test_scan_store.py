@@ -108,18 +108,20 @@ def test_batches_bound_memory(tmp_path):
     assert most < 4_000_000, "all pairs take 15 MB"
 
 
-def test_loading_sees_a_snapshot(tmp_path):
+def test_loading_sees_a_snapshot(tmp_path, monkeypatch):
     path = tmp_path / "scan.db"
     record(path)
     with ScanStore.open(path, writable=True) as writer, ScanStore.open(path) as reader:
         writer.begin_sweep()
 
-        def append_before(statement: str) -> None:
-            if statement.startswith("SELECT id"):
-                writer.append(*pairs(5))
-                writer.commit()
+        batches = reader.batches
 
-        reader._db.set_trace_callback(append_before)
+        def append_before():
+            writer.append(*pairs(5))
+            writer.commit()
+            return batches()
+
+        monkeypatch.setattr(reader, "batches", append_before)
         assert len(reader.load()) == 20
         assert len(reader.load()) == 25
 

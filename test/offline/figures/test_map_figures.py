@@ -33,13 +33,9 @@ def meshes(figure):
     return [artist for plot in figure.axes for artist in plot.collections if isinstance(artist, QuadMesh)]
 
 
-def test_a_scan_over_two_axes_has_a_sheet_and_neighbours_for_each_phalanx(scan, tmp_path):
-    figures = scan_figures(DrawnScan(scan, SCENE))
+def test_a_scan_over_two_axes_has_a_sheet_and_neighbours_for_each_phalanx(scan):
     expected = ["sweeps", "map", "map_index", "neighbours_index", "map_middle", "neighbours_middle"]
-    assert list(figures) == expected
-    for name, figure in figures.items():
-        figure.savefig(tmp_path / f"{name}.png", dpi=40)
-        assert (tmp_path / f"{name}.png").stat().st_size > 5000
+    assert list(scan_figures(DrawnScan(scan, SCENE))) == expected
 
 
 def test_all_channels_share_one_symmetric_colour_scale(scan):
