@@ -20,12 +20,12 @@ from evaluation.jobs import (
     run_tasks,
 )
 from evaluation.outcome import sweep_outcome
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.io.scans.learned import calibration_from_dict, calibration_to_dict
 from tactile_localizer.offline.metrics import timing, with_contact
 from tactile_localizer.offline.replay import Track, mixture_of, replay
 from tactile_localizer.scene import Scene
@@ -139,13 +139,12 @@ class Trial:
 
     def localizer(self, material: Material) -> Localizer:
         """Localizer on the loaded condition."""
-        length, std = self.calibration["information_length"], self.calibration["registration_std"]
         return build_localizer(
             material.scan,
             self.scene(material),
             self.configuration,
             np.random.default_rng(self.condition.seed),
-            calibration=Calibration(length, np.array(std)),
+            calibration=calibration_from_dict(self.calibration),
         )
 
 
@@ -216,8 +215,7 @@ def learn_conditions(
 def learn_condition(condition: Condition) -> dict[str, Any]:
     """Calibration of a condition's scan."""
     material = condition.load()
-    calibration = learn(material.scan, material.scene)
-    return {**calibration._asdict(), "registration_std": calibration.registration_std.tolist()}
+    return calibration_to_dict(learn(material.scan, material.scene))
 
 
 def choose_widths(condition: Condition) -> dict[str, Any]:

@@ -5,38 +5,19 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import evaluate
 import pytest
 from support.waiting import wait_until
 
-from tactile_localizer.cli import main
-from tactile_localizer.io.scene_file import load_scene, save_scene
-from tactile_localizer.resources import resource_path
-
-TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "evaluate.py"
 OWN = "test.csv --scan scan.db --scene scene.yaml --seeds 2 --methods fast own.yaml"
 
 
-@pytest.fixture(scope="module")
-def bump(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("bump")
-    scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
-    save_scene(scene, folder / "scene.yaml")
-    (folder / "own.yaml").write_text("filter: particle\nparticles: 40\n")
-    assert main(["simulate", "bump", "-o", str(folder), "--train", "5", "--test", "2"]) == 0
-    files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
-    assert main(["import", "csv", *files]) == 0
-    return folder
-
-
-@pytest.fixture
-def folder(bump: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(bump)
-    return bump
+@pytest.fixture(autouse=True)
+def own_method(bump_folder: Path) -> None:
+    Path("own.yaml").write_text("filter: particle\nparticles: 40\n")
 
 
 def without_times(document: dict) -> dict:
@@ -44,7 +25,7 @@ def without_times(document: dict) -> dict:
     return {**document, "tasks": tasks, "tables": None}
 
 
-def test_recordings_are_evaluated_on_a_scan(folder: Path, capsys) -> None:
+def test_recordings_are_evaluated_on_a_scan(bump_folder: Path, capsys) -> None:
     assert evaluate.main([*OWN.split(), "-o", "out"]) == 0
     printed = capsys.readouterr().out
     assert "bump, mm" in printed
@@ -56,7 +37,7 @@ def test_recordings_are_evaluated_on_a_scan(folder: Path, capsys) -> None:
     assert Path("out/methods.png").stat().st_size > 5000
 
 
-def test_the_number_of_workers_makes_no_difference(folder: Path) -> None:
+def test_the_number_of_workers_makes_no_difference(bump_folder: Path) -> None:
     documents = []
     for jobs in ("1", "2"):
         assert evaluate.main([*OWN.split(), "-o", f"jobs{jobs}", "--jobs", jobs]) == 0
@@ -64,7 +45,7 @@ def test_the_number_of_workers_makes_no_difference(folder: Path) -> None:
     assert documents[0] == documents[1]
 
 
-def test_an_interrupted_run_resumes(folder: Path) -> None:
+def test_an_interrupted_run_resumes(bump_folder: Path) -> None:
     command = [sys.executable, BENCHMARK]
     # More tasks than are done before the signal arrives.
     arguments = [*OWN.split(), "--seeds", "4", "-o", "again"]
@@ -89,7 +70,7 @@ def test_an_interrupted_run_resumes(folder: Path) -> None:
     assert all(file.stat().st_mtime_ns == written for file, written in before.items())
 
 
-def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) -> None:
+def test_random_starts_are_evaluated_along_their_travel(bump_folder: Path, capsys) -> None:
     arguments = [*OWN.split(), "--seeds", "1", "--starts", "3", "--travel", "0.02", "-o", "starts"]
     assert evaluate.main(arguments) == 0
     assert "bump, mm" in capsys.readouterr().out
@@ -113,7 +94,7 @@ def test_random_starts_are_evaluated_along_their_travel(folder: Path, capsys) ->
     ],
 )
 def test_unusable_requests_are_refused_in_one_line(
-    folder: Path, capsys, arguments: str, message: str
+    bump_folder: Path, capsys, arguments: str, message: str
 ) -> None:
     assert evaluate.main(arguments.split()) == 2
     printed = capsys.readouterr()

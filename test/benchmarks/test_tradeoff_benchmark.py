@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,13 +10,9 @@ import tradeoff
 import yaml
 from evaluation.tradeoff import Candidate
 
-from tactile_localizer.cli import main
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.io.scene_file import load_scene, save_scene
-from tactile_localizer.resources import resource_path
 
-TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 FEW = [
     Candidate(Configuration(filter="particle", particles=50, update_distance=0.001)),
     Candidate(Configuration(filter="particle", particles=400)),
@@ -26,20 +21,8 @@ FEW = [
 ]
 
 
-@pytest.fixture(scope="module")
-def bump(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("bump")
-    scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
-    save_scene(scene, folder / "scene.yaml")
-    assert main(["simulate", "bump", "-o", str(folder), "--train", "5", "--test", "2"]) == 0
-    files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
-    assert main(["import", "csv", *files]) == 0
-    return folder
-
-
 @pytest.fixture
-def command(bump: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    monkeypatch.chdir(bump)
+def command(bump_folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(tradeoff, "candidates", lambda: FEW)
     return ["test.csv", "--scan", "scan.db", "-o", "out"]
 

@@ -9,33 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.bags import pose, strain, write_bag
+from support.bump_folder import TUNED
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene
-from tactile_localizer.resources import resource_path
 
-TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 COMMAND = "replay test.csv --scan scan.db --scene scene.yaml --filter grid --seed 1"
-
-
-@pytest.fixture(scope="module")
-def bump(tmp_path_factory) -> Path:
-    """A folder with a scan of the simulated bump, test sweeps, and a scene that leaves nothing to choose."""
-    folder = tmp_path_factory.mktemp("bump")
-    scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
-    save_scene(scene, folder / "scene.yaml")
-    assert main(["simulate", "bump", "-o", str(folder), "--test", "2"]) == 0
-    arguments = ["--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
-    assert main(["import", "csv", str(folder / "train.csv"), *arguments]) == 0
-    return folder
-
-
-@pytest.fixture
-def folder(bump: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(bump)
-    return bump
 
 
 def run(arguments: str) -> int:
@@ -50,7 +31,7 @@ def updates_text(path: str) -> str:
     return Path(path).read_text().partition('"updates"')[2]
 
 
-def test_import_and_replay_localize_and_write_every_update(folder: Path, capsys) -> None:
+def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, capsys) -> None:
     assert main([*COMMAND.split(), "--json", "out.json"]) == 0
     printed = capsys.readouterr().out
     assert "sweep_mixture, grid filter; odometry simulated" in printed
@@ -72,8 +53,10 @@ def test_import_and_replay_localize_and_write_every_update(folder: Path, capsys)
     assert {"sweep", "converged", "reason", "state", "probability", "on_map", "stamp_ns"} <= set(last)
 
 
-def test_positions_in_millimetres_do_not_count_as_converged(folder: Path, tmp_path: Path, capsys) -> None:
-    header, *rows = (folder / "test.csv").read_text().splitlines()
+def test_positions_in_millimetres_do_not_count_as_converged(
+    bump_folder: Path, tmp_path: Path, capsys
+) -> None:
+    header, *rows = (bump_folder / "test.csv").read_text().splitlines()
     names = header.split(",")
     scaled = [
         ",".join(
@@ -91,9 +74,9 @@ def test_positions_in_millimetres_do_not_count_as_converged(folder: Path, tmp_pa
 
 
 def test_kernel_widths_that_do_not_fit_the_scan_are_reported_first(
-    folder: Path, tmp_path: Path, capsys
+    bump_folder: Path, tmp_path: Path, capsys
 ) -> None:
-    scene = replace(load_scene(folder / "scene.yaml"), measurement={**TUNED, "strain_std": 3.0})
+    scene = replace(load_scene(bump_folder / "scene.yaml"), measurement={**TUNED, "strain_std": 3.0})
     save_scene(scene, tmp_path / "wide.yaml")
     Path(tmp_path / "kernel.yaml").write_text("model: sum_of_gaussians\n")
     command = f"replay test.csv --scan scan.db --scene {tmp_path / 'wide.yaml'} --starts 1 --travel 0.01"
@@ -104,7 +87,7 @@ def test_kernel_widths_that_do_not_fit_the_scan_are_reported_first(
     assert "kernel widths" not in capsys.readouterr().out  # the default model has none
 
 
-def test_updates_are_reproducible_by_seed(folder: Path) -> None:
+def test_updates_are_reproducible_by_seed(bump_folder: Path) -> None:
     short = COMMAND.replace("grid", "particle").replace("test.csv", "short.csv").split()
     lines = Path("test.csv").read_text().splitlines()
     Path("short.csv").write_text("\n".join(lines[:120]))
@@ -115,14 +98,14 @@ def test_updates_are_reproducible_by_seed(folder: Path) -> None:
     assert document("a.json")["summary"] == document("b.json")["summary"]
 
 
-def test_exact_odometry_is_the_truths_displacements(folder: Path) -> None:
+def test_exact_odometry_is_the_truths_displacements(bump_folder: Path) -> None:
     arguments = "replay test.csv --scan scan.db --odometry exact --config fast --json exact.json"
     assert main(arguments.split()) == 0
     assert document("exact.json")["summary"]["odometry"] == "exact"
     assert document("exact.json")["configuration"]["cell"] == load_configuration("fast").cell
 
 
-def test_a_misfit_and_the_reason_are_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_misfit_and_the_reason_are_printed(bump_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     header, *rows = Path("test.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows[:400]]
     millivolts = [[*row[:4], *(str(1e3 * float(v)) for v in row[4:20]), *row[20:]] for row in cells]
@@ -133,14 +116,14 @@ def test_a_misfit_and_the_reason_are_printed(folder: Path, capsys: pytest.Captur
     assert "strains are 1000 times too large" in printed
 
 
-def test_a_scan_file_is_a_recording(folder: Path) -> None:
+def test_a_scan_file_is_a_recording(bump_folder: Path) -> None:
     assert run("replay scan.db --scan scan.db --config fast --starts 3 --travel 0.02 --json own.json") == 0
     summary = document("own.json")["summary"]
     assert summary["sweeps"] == 3
     assert summary["error_after_travel_m"]["0.02"]["count"] == 3
 
 
-def test_a_bag_has_odometry_and_ground_truth(folder: Path) -> None:
+def test_a_bag_has_odometry_and_ground_truth(bump_folder: Path) -> None:
     test = np.genfromtxt("test.csv", delimiter=",", names=True)
     names = [f"{phalanx}_{gauge}" for phalanx in ("index", "middle") for gauge in range(1, 9)]
     happened = []
@@ -150,7 +133,7 @@ def test_a_bag_has_odometry_and_ground_truth(folder: Path) -> None:
         happened.append(("strain", now, strain(now, ("index", "middle"), strain=values)))
         happened.append(("palm_pose", now, pose(now, x=row["x"] + 4.0)))
         happened.append(("simulator/ground_truth", now, pose(now, x=row["x"])))
-    write_bag(folder / "bag", happened)
+    write_bag(bump_folder / "bag", happened)
     assert run("replay bag --scan scan.db --config fast --json bag.json") == 0
     found = document("bag.json")
     assert found["summary"]["odometry"] == "recorded"
@@ -158,11 +141,11 @@ def test_a_bag_has_odometry_and_ground_truth(folder: Path) -> None:
     assert found["updates"][-1]["truth"][0] == pytest.approx(test["x"][599])
 
 
-def test_a_recording_without_truth_is_localized(folder: Path, capsys) -> None:
+def test_a_recording_without_truth_is_localized(bump_folder: Path, capsys) -> None:
     happened = []
     for now in range(10, 500, 10):
         happened += [("strain", now, strain(now, ("index", "middle"))), ("palm_pose", now, pose(now))]
-    write_bag(folder / "without_posterior", happened)
+    write_bag(bump_folder / "without_posterior", happened)
     assert run("replay without_posterior --scan scan.db --config fast") == 0
     assert "errors are unknown" in capsys.readouterr().out
 
@@ -189,14 +172,16 @@ def test_a_recording_without_truth_is_localized(folder: Path, capsys) -> None:
         ("empty.mcap test.csv --scan scan.db", "test.csv: expected only bags beside a bag"),
     ],
 )
-def test_unusable_input_is_refused_in_one_line(folder: Path, capsys, arguments: str, message: str) -> None:
+def test_unusable_input_is_refused_in_one_line(
+    bump_folder: Path, capsys, arguments: str, message: str
+) -> None:
     assert main(["replay", *arguments.split()]) == 2
     printed = capsys.readouterr()
     assert message in printed.err
     assert printed.err.count("\n") == 1
 
 
-def test_a_scan_of_another_scene_is_noted(folder: Path, capsys) -> None:
+def test_a_scan_of_another_scene_is_noted(bump_folder: Path, capsys) -> None:
     save_scene(replace(load_scene("scene.yaml"), name="other"), "other.yaml")
     assert (
         run("replay test.csv --scan scan.db --scene other.yaml --config fast --starts 1 --travel 0.01") == 0
@@ -221,7 +206,7 @@ def test_fabric_is_localized_globally(
     assert error["median"] < 0.001
 
 
-def test_a_scan_may_have_more_phalanges_than_the_scene(folder: Path) -> None:
+def test_a_scan_may_have_more_phalanges_than_the_scene(bump_folder: Path) -> None:
     scene = load_scene("scene.yaml")
     save_scene(replace(scene, phalanges=scene.phalanges[1:]), "middle.yaml")
     arguments = "replay scan.db --scan scan.db --scene middle.yaml --config fast --starts 1 --travel 0.01"

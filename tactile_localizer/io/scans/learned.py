@@ -10,8 +10,9 @@ import contextlib
 import dataclasses
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,17 +30,17 @@ _log = logging.getLogger(__name__)
 
 
 KEY = "calibration on held-out sweeps, 7"
-"""Under which a calibration is kept; the number changes with how :func:`~.factory.learn` calibrates."""
+"""Key of stored calibrations; the number changes with the algorithm of :func:`~.factory.learn`."""
 
 
 def learned_calibration(
     path: Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
 ) -> Calibration:
-    """What :func:`~.factory.learn` learns from the scan, or what it learned from the same data before.
+    """Calibration of a scan, stored in its file or computed by :func:`~.factory.learn` and then stored.
 
     Parameters
     ----------
-    path : the scan file that the calibration is kept in, where that can be written
+    path : scan file; a file that cannot be written is left unchanged
     scan, scene : training pairs and their scene
     progress : called with a description of the step and its completed fraction
     """
@@ -83,18 +84,26 @@ def find_calibration(
     digest = digest_of(scan, scene)
     if (kept := load_learned(path, KEY, digest)) is not None:
         with contextlib.suppress(KeyError, TypeError, ValueError):
-            values = json.loads(kept)
-            calibration = Calibration(
-                float(values["information_length"]),
-                np.array(values["registration_std"], dtype=np.float64),
-                values["variance"] and VarianceModel(**values["variance"]),
-            )
+            calibration = calibration_from_dict(json.loads(kept))
             if calibration.registration_std.shape == (scene.dimension,):
                 return calibration, None
     calibration = learn(scan, scene, progress)
-    values = {
+    return calibration, LearnedEntry(KEY, digest, json.dumps(calibration_to_dict(calibration)).encode())
+
+
+def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
+    """JSON form of a calibration."""
+    return {
         "information_length": calibration.information_length,
         "registration_std": calibration.registration_std.tolist(),
         "variance": calibration.variance and dataclasses.asdict(calibration.variance),
     }
-    return calibration, LearnedEntry(KEY, digest, json.dumps(values).encode())
+
+
+def calibration_from_dict(values: Mapping[str, Any]) -> Calibration:
+    """Calibration from its JSON form; raises KeyError, TypeError or ValueError if it is another one."""
+    return Calibration(
+        float(values["information_length"]),
+        np.array(values["registration_std"], dtype=np.float64),
+        values["variance"] and VarianceModel(**values["variance"]),
+    )

@@ -20,7 +20,7 @@ from tactile_localizer.sim import simulate_scan
 
 TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 
-CALIBRATION = {"information_length": 0.0022, "registration_std": [0.0004, 0.0004]}
+CALIBRATION = {"information_length": 0.0022, "registration_std": [0.0004, 0.0004], "variance": None}
 
 QUICK = (
     Method("default", Configuration(filter="particle", particles=60)),
