@@ -362,7 +362,7 @@ def _scene_row(
             times.append(time.perf_counter() - begin)
     worst = 0.0
     for number in range(0, len(strains), len(strains) // 10):
-        states = scene.lower + rng.random((75, dimension)) * (scene.upper - scene.lower)
+        states = scene.lower + rng.random((75, dimension)) * scene.extent
         a, b = (
             np.exp(v - v.max()) for v in (m.log_likelihood(states, strains[number]) for m in (model, exact))
         )

@@ -52,7 +52,7 @@ def narrow_trace(configuration: Configuration, scene: Scene) -> float:
 def sweep_axis(scene: Scene, tracks: list[Track]) -> int:
     """Index of the axis along which the sweeps run: on which the truth spans most of the bounds."""
     spans = [np.ptp(track.truth, axis=0) for track in tracks if track.truth is not None and len(track)]
-    return int(np.argmax(np.mean(spans, axis=0) / (scene.upper - scene.lower))) if spans else 0
+    return int(np.argmax(np.mean(spans, axis=0) / scene.extent)) if spans else 0
 
 
 def bin_edges(scene: Scene, axis: int) -> np.ndarray:

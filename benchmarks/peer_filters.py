@@ -220,7 +220,7 @@ class Stonesoup:
 
 def uniform(scene: Scene, count: int, rng: np.random.Generator) -> np.ndarray:
     """Uniform states over the scene, (count, 2)."""
-    return scene.lower + rng.random((count, 2)) * (scene.upper - scene.lower)
+    return scene.lower + rng.random((count, 2)) * scene.extent
 
 
 def noise(

@@ -185,7 +185,7 @@ def tv_to_exact(
         for _ in range(17):
             _, truth, strain = next(source)
         near = np.clip(truth + _CONVERGED_STD * rng.standard_normal((75, 2)), scene.lower, scene.upper)
-        uniform = scene.lower + rng.random((75, 2)) * (scene.upper - scene.lower)
+        uniform = scene.lower + rng.random((75, 2)) * scene.extent
         states = near if converged else uniform
         a, b = (np.exp(v - v.max()) for v in (exact(states, strain), found(states, strain)))
         worst = max(worst, 0.5 * float(np.abs(a / a.sum() - b / b.sum()).sum()))

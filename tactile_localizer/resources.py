@@ -1,4 +1,4 @@
-"""Where the files that come with the package are: scenes, parameters, CAN databases, messages."""
+"""Paths of the files that come with the package: scenes, parameters, CAN databases, messages."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import os
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
-"""The directory of this Python package; its parent is the source tree, if it is not installed."""
+"""Directory of this Python package; its parent is the source tree, unless it is installed."""
 
 
 def resource_path(relative: str | Path) -> Path:
     """Path of a file that comes with the package.
 
-    Looked for in the source tree, in an installed wheel and in the share directories of ROS, in this order.
+    Searched are the source tree, an installed wheel and the share directories of ROS, in this order.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ def resource_path(relative: str | Path) -> Path:
 
 
 def given_or_shipped(path: str | Path, folder: str) -> Path:
-    """``path`` where it exists, else the file of that name that comes with the package, else ``path`` again.
+    """``path`` if it exists, otherwise the file of that name that comes with the package, if any.
 
     Parameters
     ----------
-    path : as given; only a plain name, such as ``linen.yaml``, is looked for in the package
-    folder : where the package keeps such files, such as ``config/scenes``
+    path : only a plain name, such as ``linen.yaml``, is searched in the package
+    folder : folder of such files in the package, such as ``config/scenes``
     """
     path = Path(path).expanduser()
     if path.exists() or path.parent != Path():

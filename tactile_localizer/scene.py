@@ -1,7 +1,6 @@
-"""What is modelled: the state's axes, the phalanges that feel, the feature's region, the motion's noise.
+"""Scene: the axes of the state, the phalanges, the region of the feature and the motion noise.
 
-A model contains only the axes, phalanges and region that the scene names.
-Reading and writing scenes as YAML is :mod:`tactile_localizer.io.scene_file`'s.
+:mod:`tactile_localizer.io.scene_file` reads and writes scenes as YAML.
 """
 
 from __future__ import annotations
@@ -18,27 +17,25 @@ from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import SceneError
 
 AXIS_NAMES = ("x", "y", "yaw")
-"""Axes that a scene may name: metres, metres, radians; palm relative to the material."""
+"""Axes that a scene may name, m, m and rad: the palm's position relative to the material."""
 
 DEFAULT_MOTION_STD = 0.003
-"""m (or rad) of unknown motion, one sigma, after 1 m of travel, where a scene gives none."""
+"""Default standard deviation of the motion noise after 1 m of travel, m or rad."""
 
 LARGEST_POSITION = 1e3
-"""m or rad: positions, bounds and offsets beyond this are taken for damage or a wrong unit and refused."""
+"""Largest valid position, bound or offset, m or rad; others indicate damage or a wrong unit."""
 
 SMALLEST_EXTENT = 1e-6
-"""m or rad: least distance between an axis's bounds."""
+"""Least distance between the bounds of an axis, m or rad."""
 
 MOST_PHALANGES = 100
-"""Phalanges that a scene may have: more than any hand."""
+"""Largest number of phalanges of a scene."""
 
 LARGEST_STRAIN = 1e10
-"""V, or the strain's own unit: more than the counts of a 32-bit converter. Beyond it values are refused."""
+"""Largest valid strain, V or counts: more than a 32-bit converter can produce."""
 
 MOST_CHANNELS = 4096
-"""Channels that a phalanx may have: more than any tactile array has."""
-
-FLOAT = np.float64
+"""Largest number of channels of a phalanx."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +46,8 @@ class Axis:
     ----------
     name : one of :data:`AXIS_NAMES`
     lower, upper : bounds of the palm's position, m (``yaw``: rad)
-    motion_std : one sigma of the unknown motion after 1 m of travel, m (``yaw``: rad). The variance
-        grows in proportion to the travel, so the sample rate does not matter.
+    motion_std : standard deviation of the motion noise after 1 m of travel, m (``yaw``: rad); its variance
+        is proportional to the travel
     """
 
     name: str
@@ -92,19 +89,19 @@ class Axis:
 
     @property
     def wraps(self) -> bool:
-        """Whether the axis is a full turn, so that its two ends are the same place."""
+        """Whether the axis is a full turn, so that its ends are the same place."""
         return self.name == "yaw" and self.extent >= 2 * math.pi - 1e-9
 
 
 @dataclass(frozen=True)
 class Phalanx:
-    """A tactile sensor and where it sits.
+    """A tactile sensor and its place on the hand.
 
     Parameters
     ----------
-    name : what messages and files call it
-    offset : in the palm's frame on each axis of the scene, m (``yaw``: rad); it turns with the palm's yaw
-    channels : values that the sensor gives at a time
+    name : in messages and files
+    offset : in the palm's frame, on each axis of the scene, m (``yaw``: rad)
+    channels : number of values per measurement
     """
 
     name: str
@@ -120,18 +117,18 @@ class Phalanx:
 
 @dataclass(frozen=True)
 class Region:
-    """An axis-aligned box in a phalanx's coordinates (the paper's Gamma): where it can touch the feature.
+    """Axis-aligned box of phalanx positions in which the phalanx can touch the feature (the paper's Gamma).
 
-    ``lower`` and ``upper`` have one entry an axis; infinite where the region has no limit.
+    ``lower`` and ``upper`` have one entry per axis, which may be infinite.
     """
 
     lower: tuple[float, ...]
     upper: tuple[float, ...]
 
     def contains(self, positions: np.ndarray) -> np.ndarray:
-        """Which of ``positions`` (N, d), in phalanx coordinates, lie in the region: (N,) bool."""
+        """Whether phalanx positions (N, d) are in the region: (N,) bool."""
         inside = np.ones(len(positions), dtype=bool)
-        # An axis at a time: a reduction over two or three columns is slow.
+        # One axis at a time, because a reduction over two or three columns is slow.
         for coordinates, low, high in zip(positions.T, self.lower, self.upper, strict=True):
             inside &= (coordinates >= low) & (coordinates <= high)
         return inside
@@ -139,16 +136,15 @@ class Region:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that is modelled.
+    """Axes, phalanges and feature of a localization problem.
 
     Parameters
     ----------
-    name : what the scene is called in files and messages
+    name : in files and messages
     axes : one to three axes, in the order of the state vector
     phalanges : the tactile sensors in use, in the order of the strain vector
-    feature : the region of the feature, in phalanx coordinates; ``None``: not known
-    measurement : parameters of the measurement model, by name; missing ones are chosen from the
-        scan by leave-one-sweep-out prediction
+    feature : region of the feature, in phalanx positions; ``None``: not known
+    measurement : parameters of the measurement model, by name (:class:`.ModelParameters`)
     """
 
     name: str
@@ -195,69 +191,74 @@ class Scene:
 
     @cached_property
     def layout(self) -> ChannelLayout:
-        """The elements of the strain vector by phalanx."""
+        """Channels of the strain vector by phalanx."""
         return ChannelLayout(tuple(phalanx.channels for phalanx in self.phalanges))
 
     @property
     def lower(self) -> np.ndarray:
         """Lower bounds, (d,)."""
-        return np.array([axis.lower for axis in self.axes], dtype=FLOAT)
+        return np.array([axis.lower for axis in self.axes], dtype=np.float64)
 
     @property
     def upper(self) -> np.ndarray:
         """Upper bounds, (d,)."""
-        return np.array([axis.upper for axis in self.axes], dtype=FLOAT)
+        return np.array([axis.upper for axis in self.axes], dtype=np.float64)
+
+    @property
+    def extent(self) -> np.ndarray:
+        """Lengths of the axes, (d,)."""
+        return self.upper - self.lower
 
     @property
     def motion_std(self) -> np.ndarray:
-        """Unknown motion after 1 m of travel, one sigma an axis, (d,)."""
-        return np.array([axis.motion_std for axis in self.axes], dtype=FLOAT)
+        """Standard deviation of the motion noise after 1 m of travel, (d,), m (yaw: rad)."""
+        return np.array([axis.motion_std for axis in self.axes], dtype=np.float64)
 
     @property
     def wraps(self) -> np.ndarray:
-        """Which axes are full turns, (d,) bool."""
+        """Whether each axis is a full turn, (d,) bool."""
         return np.array([axis.wraps for axis in self.axes])
 
     def columns(self, names: tuple[str, ...]) -> np.ndarray:
-        """Columns of this scene's axes in states on the axes ``names``, (d,) int.
+        """Indices (d,) of this scene's axes among the axes ``names``.
 
         Raises
         ------
         SceneError
-            The scene names an axis that the states do not have.
+            The scene names an axis that is not among them.
         """
-        for axis in self.axis_names:
-            if axis not in names:
-                raise SceneError(f"axis {axis!r} of scene {self.name!r}: expected one of {', '.join(names)}")
-        return np.array([names.index(axis) for axis in self.axis_names], dtype=np.intp)
+        return self._indices("axis", self.axis_names, names)
 
     def rows(self, names: tuple[str, ...]) -> np.ndarray:
-        """Places of this scene's phalanges among the phalanges ``names``, (F,) int.
+        """Indices (F,) of this scene's phalanges among the phalanges ``names``.
 
         Raises
         ------
         SceneError
             The scene names a phalanx that is not among them.
         """
-        for phalanx in self.phalanx_names:
-            if phalanx not in names:
+        return self._indices("phalanx", self.phalanx_names, names)
+
+    def _indices(self, kind: str, own: tuple[str, ...], names: tuple[str, ...]) -> np.ndarray:
+        for name in own:
+            if name not in names:
                 raise SceneError(
-                    f"phalanx {phalanx!r} of scene {self.name!r}: expected one of {', '.join(names)}"
+                    f"{kind} {name!r} of scene {self.name!r}: expected one of {', '.join(names)}"
                 )
-        return np.array([names.index(phalanx) for phalanx in self.phalanx_names], dtype=np.intp)
+        return np.array([names.index(name) for name in own], dtype=np.intp)
 
     def channels(self, names: tuple[str, ...], counts: Sequence[int] = ()) -> np.ndarray:
-        """Columns of this scene's phalanges in a strain vector of the phalanges ``names``, (C,) int.
+        """Indices (C,) of this scene's channels in a strain vector of other phalanges.
 
         Parameters
         ----------
         names : phalanges of the strain vector
-        counts : channels of each of them; empty: the default for each
+        counts : number of channels of each; empty: the default for each
 
         Raises
         ------
         SceneError
-            The scene names a phalanx that the strain vector does not have, or has with other channels.
+            The strain vector lacks a phalanx of the scene, or has another number of channels for it.
         """
         layout = ChannelLayout.of(counts, len(names))
         columns: list[int] = []

@@ -1,4 +1,4 @@
-"""Which model, which filter, how much work: the choices that trade speed for accuracy."""
+"""Configuration of the localizer: model, filter, and their parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number
 
 SWEEP_MIXTURE = "sweep_mixture"
-"""The model that learns its noise from the scan and needs no kernel widths (:mod:`.sweep_mixture`)."""
+"""The default model, which learns its noise from the scan (:mod:`.sweep_mixture`)."""
 MODELS = (SWEEP_MIXTURE, "sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
 
@@ -26,7 +26,6 @@ _CHOICES = {
     "precision": PRECISIONS,
     "resampling": tuple(RESAMPLERS),
 }
-
 
 RANGES: dict[str, tuple[float, float]] = {
     "particles": (1, 1_000_000),
@@ -45,27 +44,29 @@ RANGES: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class Configuration:
-    """Choices that do not depend on the material.
+    """Parameters that do not depend on the material.
 
     Parameters
     ----------
-    model : measurement model, one of :data:`MODELS`, :data:`SWEEP_MIXTURE`, or one's own as
-        ``module:Class`` (:mod:`.own_model`)
-    filter : ``particle``, or ``grid``, the exact recursion on cells
-    particles : how many particles when the belief has converged
-    max_particles : how many while it is wide, if more than ``particles``; the paper has 75 always
-    cell : size of the grid's cells in spacings of the scan's lines; on one axis they are 0.5 mm, on three so
+    model : measurement model, one of :data:`MODELS`, or a user-defined one as ``module:Class``
+        (:mod:`.user_defined`)
+    filter : one of :data:`FILTERS`; ``grid`` is exact but for the size of its cells
+    particles : number of particles of a converged belief
+    max_particles : number of particles of a wide belief, if larger; the paper always has 75
+    cell : size of the grid's cells in line spacings of the scan; on one axis cells are 0.5 mm, on three so
         large that there are at most 25,000
-    evaluation : how kernel sums are evaluated (:mod:`.kernel_sum`)
-    precision : of the strains in memory, ``float64`` or ``float32``
-    conditional : sum-of-Gaussians in conditional form; ``False``: the paper's joint form
+    evaluation : of kernel sums (:mod:`.kernels.sums`)
+    precision : of kernel sums, ``float64`` or ``float32``
+    conditional : whether the sum of Gaussians is in conditional form, or in the paper's joint form
     resampling : scheme (:mod:`.resampling`)
-    resample_below : resample when the effective sample size falls below this fraction; 1: every step
-    random_particles : replaced by uniformly random ones at each update (particle filter); the paper has 10
+    resample_below : fraction of the particles below which the effective sample size leads to resampling; 1:
+        at every update
+    random_particles : number of particles replaced by uniformly random ones at every update; 10 in the paper
     update_distance : m of travel between two measurement updates
     convergence_radius : m about the estimate within which the hand has to be
     convergence_yaw_radius : the same for yaw, rad
-    convergence_probability : that it is on the map and there, above which the position has converged
+    convergence_probability : probability of being on the map and within the radius above which the position
+        has converged
     convergence_travel : m of travel over which this must hold
 
     Raises
@@ -93,7 +94,7 @@ class Configuration:
 
     @property
     def uses_kernel_widths(self) -> bool:
-        """Whether the measurement model has the kernel widths that a scene may give."""
+        """Whether the measurement model has kernel widths."""
         return self.model in ("sum_of_gaussians", "featureless")
 
     def __post_init__(self) -> None:

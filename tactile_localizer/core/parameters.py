@@ -1,4 +1,4 @@
-"""Parameters of the kernel models that depend on the material and the hand."""
+"""Parameters of the kernel and Gaussian models that depend on the material and the hand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactile_localizer.quantity import number, whole_number
 from tactile_localizer.scene import LARGEST_POSITION, LARGEST_STRAIN, Scene
 
 _SMALLEST = 1e-12
-"""Least width: far below the resolution of any sensor; squares of its reciprocal can still be summed."""
+"""Least width, far below the resolution of any sensor; squares of its reciprocal do not overflow in sums."""
 _LARGEST = {
     "position_std": LARGEST_POSITION,
     "strain_std": LARGEST_STRAIN,
@@ -22,22 +22,22 @@ _LARGEST = {
 }
 _MOST_NEIGHBOURS = 10_000
 _RETIRED = ("correlation_change", "sweep_offset")
-"""Parameters of earlier versions, which old scan files hold; they are learned now."""
+"""Parameters of earlier versions, which are ignored in old scan files."""
 
 
 @dataclass(frozen=True)
 class ModelParameters:
-    """What a scene may give under ``measurement``; ``None``: to be chosen from the scan.
+    """Entries of a scene under ``measurement``; ``None``: chosen from the scan.
 
     Parameters
     ----------
-    position_std : kernel width in position, one number or one an axis, m (yaw: rad); the paper's S_x is
-        its square
-    strain_std : kernel width in strain, one number or one a channel, V; the paper's S_z is its square
-    correlation_length : m of travel that make one independent measurement
-    interpolate : whether the kernel models also have pairs interpolated between the sweeps; ``None``: where
-        the sweeps leave gaps
-    neighbours : nearest pairs of the Gaussian models; the paper has 8
+    position_std : kernel width in position, one number or one per axis, m (yaw: rad); the square root of
+        the paper's S_x
+    strain_std : kernel width in strain, one number or one per channel, V; the square root of the paper's S_z
+    correlation_length : m of travel per independent measurement
+    interpolate : whether pairs are interpolated between the sweeps for the kernel models; ``None``: if the
+        sweeps are sparse
+    neighbours : number of nearest pairs of the Gaussian models; 8 in the paper
     """
 
     position_std: Any = None
@@ -75,7 +75,7 @@ class ModelParameters:
 
     @classmethod
     def of_scene(cls, scene: Scene) -> ModelParameters:
-        """From a scene, with one kernel width for all, or one an axis or a channel.
+        """From a scene.
 
         Raises
         ------
@@ -83,17 +83,14 @@ class ModelParameters:
             As :meth:`from_mapping`; or the number of widths does not fit the scene.
         """
         parameters = cls.from_mapping(scene.measurement)
-        for name, count in (
-            ("position_std", scene.dimension),
-            ("strain_std", scene.layout.size),
-        ):
+        for name, count in (("position_std", scene.dimension), ("strain_std", scene.layout.size)):
             width = getattr(parameters, name)
             if isinstance(width, list) and len(width) not in (1, count):
                 raise ParameterError(f"measurement {name}: expected one number or {count}, got {len(width)}")
         return parameters
 
     def to_mapping(self) -> dict[str, Any]:
-        """As plain numbers and lists of four digits, for a scene file."""
+        """As numbers and lists, rounded to four digits, for a scene file."""
         return {name: _plain(value) for name, value in vars(self).items() if value is not None}
 
 

@@ -68,7 +68,7 @@ def _feature(scene: Scene) -> np.ndarray:
 
 def _cells(scene: Scene, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of positions (n, 2), m; positions outside the bounds are clipped to the edge."""
-    relative = (positions - scene.lower) / (scene.upper - scene.lower)
+    relative = (positions - scene.lower) / scene.extent
     column = np.clip(np.floor(relative[:, 0] * _COLUMNS), 0, _COLUMNS - 1).astype(int)
     row = np.clip(np.floor((1 - relative[:, 1]) * _ROWS), 0, _ROWS - 1).astype(int)
     return row, column

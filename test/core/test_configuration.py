@@ -9,11 +9,11 @@ from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError
 
 
-def test_without_a_file_the_defaults_apply() -> None:
+def test_defaults_of_an_empty_mapping() -> None:
     assert Configuration.from_mapping({}) == Configuration()
 
 
-def test_whole_numbers_serve_where_numbers_are_expected() -> None:
+def test_whole_numbers_are_numbers() -> None:
     assert Configuration.from_mapping({"update_distance": 1}).update_distance == 1.0
 
 
@@ -34,12 +34,12 @@ def test_whole_numbers_serve_where_numbers_are_expected() -> None:
         ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
     ],
 )
-def test_a_wrong_choice_is_refused_with_what_was_expected(values: dict[str, Any], message: str) -> None:
+def test_an_invalid_choice_is_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         Configuration.from_mapping(values)
 
 
-def test_parameters_of_the_material_survive_their_plain_form() -> None:
+def test_model_parameters_survive_conversion() -> None:
     given = {
         "position_std": [0.001, 0.002],
         "strain_std": 0.03,
@@ -60,7 +60,7 @@ def test_parameters_of_the_material_survive_their_plain_form() -> None:
         {"position_std": []},
     ],
 )
-def test_a_wrong_parameter_of_the_material_is_refused(values: dict[str, Any]) -> None:
+def test_an_invalid_model_parameter_is_refused(values: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match="measurement"):
         ModelParameters.from_mapping(values)
 

@@ -1,1 +1,1 @@
-"""What is learned from a scan."""
+"""Parameters that are learned from a scan."""

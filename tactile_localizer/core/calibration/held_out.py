@@ -1,12 +1,11 @@
-"""Tempering and registration, from sweeps that are held out of the map and localized on it.
+"""Tempering and registration error, from held-out sweeps that are localized on the map of the others.
 
-*Tempering*: the map's own errors recur from strain to strain, so consecutive strains are no independent
-measurements. The travel that makes one is the longest whose error on held-out sweeps is within one standard
-error of the least.
+*Tempering*: errors of the map are correlated along a sweep, so that consecutive strains are not independent
+measurements. The travel per independent measurement is the longest candidate whose error on held-out sweeps
+is within one standard error of the least.
 
-*Registration*: fingers flex, material stretches and recordings begin late. Where one sweep felt a place,
-another feels it a little further on. Its variance is added to the filter's, so that the predictive density of
-held-out positions is largest.
+*Registration error*: fingers flex, material stretches and recordings start late, which shifts sweeps against
+each other. The variance added to that of the filter maximizes the predictive density of held-out positions.
 """
 
 from __future__ import annotations
@@ -28,35 +27,34 @@ from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
 INFORMATION_LENGTHS = (0.001, 0.0017, 0.003, 0.005)
-"""m of travel between two independent measurements: the candidates."""
+"""Candidates for the travel per independent measurement, m."""
 _MOST_SWEEPS = 10
-"""Sweeps that are held out, one after another: each takes a new map."""
+"""Sweeps that are held out, each of which takes a new map."""
 _PRIOR_STD = PITCH
 _PRIOR_ERRORS = 5.0
-"""Registration of a scan of which nothing is known, m, and how many independent errors it counts for. By
-judgement; repeats of the same slide over two fabrics are shifted by 0.1 to 0.5 mm. On four fabrics the least
-coverage of the 95 % region was .88, .89 and .87 with 2, 5 and 10 errors."""
+"""Prior of the registration error, m, and the number of independent errors that it counts as. By judgement;
+repeats of a slide over two fabrics are shifted by 0.1 to 0.5 mm. On four fabrics the least coverage of the
+95 % region was .88, .89 and .87 with 2, 5 and 10 errors."""
 _MISTAKE = 0.02
-"""Error, m, beyond which a sweep was mistaken for another place: how far does not matter."""
+"""Error, m, from which a place was mistaken for another one, and the size of the error is irrelevant."""
 _SURROUNDINGS = 0.05
-"""m around a sweep within which it is localized: more than twice what counts as mistaken. The rest of a large
-scan would take minutes."""
+"""m around a sweep within which it is localized, more than twice a mistake; a large map is slow."""
 _BOUND = 6.0
-"""Medians of an error's size beyond which it was mistaken for another place."""
+"""Multiple of the median absolute error at which errors are clipped."""
 _ONE_SIGMA = 0.8413
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
-"""Registrations that are tried, in units of the prior's."""
+"""Candidates for the registration error, in units of the prior."""
 _LINES_PER_CELL = 1.0 / 3.0
 
 
 class Calibration(NamedTuple):
-    """What held-out sweeps say about the filter.
+    """Parameters of the filter learned from held-out sweeps.
 
     Parameters
     ----------
-    information_length : m of travel that make one independent measurement of the position
-    registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
-    variance : of the visits that the sweeps were localized with; ``None``: not kept
+    information_length : m of travel per independent measurement of the position
+    registration_std : (d,) m (yaw: rad), standard deviation of the shift between sweeps
+    variance : variance model under which the sweeps were localized; ``None``: not stored
     """
 
     information_length: float
@@ -67,30 +65,30 @@ class Calibration(NamedTuple):
 class _Outcome(NamedTuple):
     """Errors, m, and variances, m^2 (yaw by its lever), both (n, d), along one held-out sweep.
 
-    ``felt`` (n,) bool is where the material has a signal.
+    ``has_signal`` (n,) bool is false on featureless material.
     """
 
     errors: np.ndarray
     variance: np.ndarray
-    felt: np.ndarray
+    has_signal: np.ndarray
 
     @property
     def error(self) -> float:
-        """Mean error, m; one that is as large as a mistake counts no more than that."""
+        """Mean error, m; errors are clipped at a mistake."""
         return float(np.minimum(np.linalg.norm(self.errors, axis=1), _MISTAKE).mean())
 
 
 def calibrate(
     scene: Scene, model: SweepModel, localizer: Callable[[Scene, SweepMixture], Localizer]
 ) -> Calibration:
-    """Localize sweeps on the map of the others, of a large scan on the surroundings of each sweep.
+    """Localize sweeps on the map of the others, within the surroundings of each sweep.
 
     Parameters
     ----------
-    model : learned from the scan
-    localizer : makes one of a scene and a mixture, without registration
+    model : sweep model of the scan
+    localizer : makes a localizer from a scene and a mixture, without registration error
     """
-    # Two slides over cloth do not tell the candidates apart, and with the shortest other fabrics converge.
+    # Two slides over cloth do not distinguish the candidates, and with the shortest other fabrics converge.
     lengths = INFORMATION_LENGTHS if model.noise.featureless else INFORMATION_LENGTHS[-1:]
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
@@ -98,24 +96,26 @@ def calibrate(
     chosen = evenly(sweeps, _MOST_SWEEPS)
 
     def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
-        track, felt = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
+        track, has_signal = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
         near = surroundings(scene, track.positions)
         mixture = model.mixture(near, _LINES_PER_CELL, lengths[0], without)
-        return [_localize(localizer(near, mixture.tempered(each)), track, felt, near) for each in lengths]
+        return [
+            _localize(localizer(near, mixture.tempered(each)), track, has_signal, near) for each in lengths
+        ]
 
     errors = [[outcome.error for outcome in localize(i, (i,), lengths)] for i in chosen]
-    length = lengths[_longest(np.array(errors))]
-    # Without a neighbour where there are enough: it is alike beyond chance, in the same deformation mode.
+    length = lengths[longest_of_best(np.array(errors))]
+    # A neighbour is held out too, because it resembles the sweep by chance, in the same deformation mode.
     outcomes = [
         localize(i, (i, i + 1) if sweeps > 3 and i + 1 < sweeps else (i,), (length,))[0] for i in chosen
     ]
-    # A sweep against the mean of all of them, from sweeps against the mean of the others.
+    # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
     return Calibration(length, scale * _registration(outcomes, scene), model.variance)
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
-    """The scene as far as :data:`_SURROUNDINGS` around positions (n, d); axes that wrap remain whole."""
+    """The scene cropped to :data:`_SURROUNDINGS` around positions (n, d); full-turn axes remain whole."""
     low = positions.min(axis=0) - _SURROUNDINGS / levers(scene)
     high = positions.max(axis=0) + _SURROUNDINGS / levers(scene)
     axes = tuple(
@@ -127,19 +127,19 @@ def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
     return replace(scene, axes=axes)
 
 
-def _longest(errors: np.ndarray) -> int:
-    """The last candidate whose mean of the errors (S, L) is within one standard error of the least."""
-    from scipy.special import stdtrit  # takes a third of a second to import, which a calibrated scan saves
+def longest_of_best(errors: np.ndarray) -> int:
+    """Index of the last column of errors (S, L) whose mean is within one standard error of the least."""
+    from scipy.special import stdtrit  # an import of 0.3 s, not needed for a calibrated scan
 
     best = int(errors.mean(axis=0).argmin())
     loss = errors - errors[:, best : best + 1]
-    # Of two sweeps the standard error is hardly known: Student's t is as wide as that deserves.
+    # The quantile of Student's t, because the standard error of few sweeps is itself uncertain.
     tolerance = stdtrit(len(errors) - 1, _ONE_SIGMA) * loss.std(axis=0, ddof=1) / np.sqrt(len(errors))
     return int(np.flatnonzero(loss.mean(axis=0) <= tolerance)[-1])
 
 
-def _localize(localizer: Localizer, track: Track, felt: np.ndarray, scene: Scene) -> _Outcome:
-    """Errors of a localizer along a sweep, from a uniform prior."""
+def _localize(localizer: Localizer, track: Track, has_signal: np.ndarray, scene: Scene) -> _Outcome:
+    """Localize a sweep from a uniform prior."""
     localizer.reset()
     errors, variance, rows = [], [], []
     for index, (position, strain) in enumerate(zip(track.positions, track.strain, strict=True)):
@@ -149,26 +149,27 @@ def _localize(localizer: Localizer, track: Track, felt: np.ndarray, scene: Scene
             errors.append(np.where(scene.wraps, wrap_angle(error), error))
             variance.append(np.diag(estimate.covariance))
             rows.append(index)
-    return _Outcome(np.array(errors) * levers(scene), np.array(variance) * levers(scene) ** 2, felt[rows])
+    scale = levers(scene)
+    return _Outcome(np.array(errors) * scale, np.array(variance) * scale**2, has_signal[rows])
 
 
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
-    """Standard deviation (d,), from the independent errors of each sweep beside those of the prior.
+    """Standard deviation (d,) of the registration error, from the errors of each sweep and the prior.
 
-    Before contact the position is open, which says nothing about registration. Of equals the largest: less
-    than half a nat below the most probable, which is one standard error.
+    Errors before contact, where the position is open, are excluded. Of the candidates within half a nat of
+    the most probable, which is one standard error, the largest is returned.
     """
     found = []
-    known = [each.felt & (each.variance.sum(axis=1) < _MISTAKE**2) for each in outcomes]
-    felt = [(each.errors[rows], each.variance[rows]) for each, rows in zip(outcomes, known, strict=True)]
-    # Each sweep is held out of the others' mean, in which it was one: together they lack one.
-    share = 1.0 - 1.0 / max(len(outcomes), 2)
-    extent = (scene.upper - scene.lower) * levers(scene)
+    known = [each.has_signal & (each.variance.sum(axis=1) < _MISTAKE**2) for each in outcomes]
+    parts = [(each.errors[rows], each.variance[rows]) for each, rows in zip(outcomes, known, strict=True)]
+    # The errors of n sweeps, each against the mean of the others, have n - 1 degrees of freedom.
+    freedom = 1.0 - 1.0 / max(len(outcomes), 2)
+    extent = scene.extent * levers(scene)
     for axis in range(scene.dimension):
         candidates = _PRIOR_STD * _CANDIDATES
         fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-        for errors, variance in (each for each in felt if len(each[0])):
-            count = share * _independent(errors[:, axis])
+        for errors, variance in (part for part in parts if len(part[0])):
+            count = freedom * independent_samples(errors[:, axis])
             fit += [
                 count * _log_density(errors[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
                 for each in candidates
@@ -177,10 +178,10 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
     return np.array(found) / levers(scene)
 
 
-def _independent(errors: np.ndarray) -> float:
-    """Effective number of independent samples in ``errors`` (n,), which are in order along a sweep.
+def independent_samples(errors: np.ndarray) -> float:
+    """Effective number of independent samples in a series of errors (n,).
 
-    n over the integrated autocorrelation, up to its first zero; a constant error counts as one sample.
+    It is n over the autocorrelation integrated up to its first zero; a constant error counts as one sample.
     """
     bound = _BOUND * np.median(np.abs(errors))
     bounded = errors.clip(-bound, bound)
@@ -194,6 +195,6 @@ def _independent(errors: np.ndarray) -> float:
 
 
 def _log_density(squared: np.ndarray, variance: np.ndarray, extent: float) -> float:
-    """Mean logarithm of a normal density, with a hundredth uniform for mistaken places."""
+    """Mean log-density of squared errors, normal with a uniform fraction of 1 % for mistaken places."""
     normal = -0.5 * (squared / variance + np.log(2.0 * np.pi * variance))
     return float(np.logaddexp(normal + math.log(0.99), math.log(0.01 / extent)).mean())

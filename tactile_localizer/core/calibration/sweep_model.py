@@ -1,4 +1,4 @@
-"""The sweep mixture's parameters, learned from a scan."""
+"""Parameters of the sweep mixture, learned from a scan."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 _CORRELATIONS_PER_MEASUREMENT = 2.0
-"""Lengths of the signal's summed autocorrelation that make one measurement in another session: on a shorter
-way an offset and a gain fit any material. By judgement; tried on two fabrics."""
+"""Correlation lengths of the signal per independent measurement in another session: over a shorter distance
+any material can be fitted by an offset and a gain. By judgement; tried on two fabrics."""
 
 
 class SweepModel(NamedTuple):
-    """Noise and variance of the visits of a scan."""
+    """Noise estimate and variance model of a scan."""
 
     noise: NoiseEstimate
     variance: VarianceModel
@@ -33,7 +33,7 @@ class SweepModel(NamedTuple):
     def mixture(
         self, scene: Scene, lines: float, information_length: float, without: tuple[int, ...] = ()
     ) -> SweepMixture:
-        """The measurement model for cells of ``lines`` spacings, without some of the tracks."""
+        """The measurement model for cells of ``lines`` line spacings, without some of the tracks."""
         tracks = [track for index, track in enumerate(self.noise.tracks) if index not in without]
         cell = cell_size(scene, self.noise.spacing, lines)
         nodes = {"nodes_per_cell": 1} if without else {}
@@ -48,7 +48,7 @@ class SweepModel(NamedTuple):
             **nodes,
         )
         session = None
-        # A grid on three axes has too many cells for each to carry what it learns.
+        # A grid on three axes has too many cells to estimate an offset for each.
         if not self.noise.featureless and scene.dimension < 3:
             session = NewSession(
                 self.noise.model, table, _CORRELATIONS_PER_MEASUREMENT * self.variance.signal_correlation
@@ -60,12 +60,12 @@ class SweepModel(NamedTuple):
 def learn_sweep_model(
     scan: Scan, scene: Scene, whitening: np.ndarray | None = None, variance: VarianceModel | None = None
 ) -> SweepModel:
-    """Learn the noise of the scan's visits, and how it grows where the map has to interpolate.
+    """Estimate the noise of a scan and its variance between the sweeps.
 
     Parameters
     ----------
-    whitening : (C, C) to take instead of the scan's own (:func:`.common_whitening`)
-    variance : fitted before, to the same scan and under the same whitening; ``None``: fitted now
+    whitening : (C, C) to use instead of the scan's own (:func:`.common_whitening`)
+    variance : fitted to the same scan under the same whitening; ``None``: fitted now
 
     Raises
     ------
@@ -77,10 +77,10 @@ def learn_sweep_model(
 
 
 def learn_comparable(candidates: Sequence[tuple[Scan, Scene]]) -> list[SweepModel]:
-    """Learn several scans in the same coordinates, so that a strain's densities on them can be compared.
+    """Learn the models of several scans in the same coordinates, so that their densities are comparable.
 
-    Whitening and prior of a sweep's offset are common to them. The variance of a visit is each material's
-    own: under the mean of four fabrics' one was taken for another. Raises as :func:`learn_sweep_model`.
+    They have a common whitening and a common prior of a sweep's offset, but individual variance models: with
+    the mean of four fabrics, one was mistaken for another. Raises as :func:`learn_sweep_model`.
     """
     own = [estimate_noise(scan, scene).model for scan, scene in candidates]
     whitening = common_whitening(own)

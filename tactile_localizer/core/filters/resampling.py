@@ -1,8 +1,8 @@
-"""Resampling: which particles survive, drawn in proportion to their weights.
+"""Resampling of particles in proportion to their weights.
 
-Douc, Cappé and Moulines, "Comparison of resampling schemes for particle filtering" (2005), describe
-the four schemes. Each maps weights (P,) that sum to one to the indices (count,) of the ancestors,
-and is unbiased: particle i is expected ``count * weights[i]`` times.
+The four schemes are described by Douc, Cappé and Moulines, "Comparison of resampling schemes for particle
+filtering" (2005). Each maps weights (P,) that sum to one to the indices (count,) of the ancestors, and is
+unbiased: the expected number of copies of particle i is ``count * weights[i]``.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ Resampler = Callable[[np.ndarray, int, np.random.Generator], np.ndarray]
 
 
 def evenly(weights: np.ndarray, count: int) -> np.ndarray:
-    """Systematic with the offset in the middle: indices of what stands for the whole, the same each time."""
+    """Deterministic systematic resampling, with a central offset: a representative sample."""
     return _invert(weights, (np.arange(count) + 0.5) / count)
 
 
 def systematic(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """One random offset, then evenly spaced: the least variance for the least work."""
+    """Evenly spaced points with one random offset: low variance at the lowest cost."""
     return _invert(weights, (np.arange(count) + rng.random()) / count)
 
 
@@ -32,15 +32,15 @@ def stratified(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.
 
 
 def multinomial(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Independent draws: the textbook scheme, and the noisiest."""
+    """Independent draws, with the highest variance."""
     return _invert(weights, np.sort(rng.random(count)))
 
 
 def residual(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """The whole part of ``count * weights`` for certain, the rest by independent draws."""
+    """The integer part of ``count * weights`` deterministically, the rest by independent draws."""
     expected = np.asarray(weights, dtype=np.float64)
     expected = count * (expected / expected.sum())
-    # A weight such as 1/3 times 3 may fall a rounding error short of a whole copy.
+    # The product of a weight and the count may be a rounding error below an integer.
     copies = np.floor(expected + 1e-12 * count).astype(np.intp)
     certain = np.repeat(np.arange(len(weights)), copies)[:count]
     missing = count - len(certain)
@@ -59,13 +59,7 @@ RESAMPLERS: dict[str, Resampler] = {
 
 
 def resampler(name: str) -> Resampler:
-    """The scheme called ``name``.
-
-    Raises
-    ------
-    ParameterError
-        No scheme has that name.
-    """
+    """The scheme with this name; an unknown name is a :class:`.ParameterError`."""
     try:
         return RESAMPLERS[name]
     except KeyError:
@@ -73,10 +67,9 @@ def resampler(name: str) -> Resampler:
 
 
 def _invert(weights: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Indices of the particles that the ascending ``points`` in [0, 1) fall on."""
+    """Indices of the particles at the ascending ``points`` in [0, 1) of the cumulative weights."""
     cumulative = np.cumsum(weights, dtype=np.float64)
-    # Dividing by the last entry, not by one: rounding must not leave a point beyond the end, and a
-    # point that rounds up to the total must not fall on trailing particles of weight zero.
+    # Rounding must not put a point beyond the end, or on trailing particles of weight zero.
     total = cumulative[-1]
     last = int(np.searchsorted(cumulative, total, side="left"))
     return np.minimum(np.searchsorted(cumulative, points * total, side="right"), last)

@@ -1,1 +1,1 @@
-"""What a place feels like, and how well a strain fits it."""
+"""Measurement models: maps of the expected strain, and likelihoods of strains on them."""

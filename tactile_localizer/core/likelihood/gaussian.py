@@ -68,7 +68,7 @@ class Gaussian(MeasurementModel):
         self._layout = scene.layout
         self._neighbours = min(neighbours, len(positions))
         self._independent = independent
-        self._extent = scene.upper - scene.lower
+        self._extent = scene.extent
         index, unrolled = unroll(positions, scene.wraps, 0.5 * self._extent)
         self._strain, self._index = strain, index
         self._tree = cKDTree(unrolled / self._extent)

@@ -106,7 +106,7 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
     """
     length = PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
     sizes = length / levers(scene)
-    extent = scene.upper - scene.lower
+    extent = scene.extent
     if scene.dimension == 3:
         sizes *= max(1.0, float(np.prod(extent / sizes)) / MOST_CELLS_IN_SPACE) ** (1.0 / 3.0)
     return np.minimum(sizes, extent)
@@ -171,7 +171,7 @@ def build_map(
     ``turning`` (C,) is the whitened change of featureless strain per rad of yaw.
     """
     per_cell = 1 if scene.dimension == 3 else nodes_per_cell
-    extent = scene.upper - scene.lower
+    extent = scene.extent
     shape = tuple(int(count) for count in np.maximum(np.ceil(extent * per_cell / cell - 1e-9), 1))
     step = extent / np.array(shape)
     origin = scene.lower + 0.5 * step

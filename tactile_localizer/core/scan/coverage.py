@@ -30,7 +30,7 @@ class Coverage:
         self, scene: Scene, distance_m: float = SWEEP_DISTANCE_M, distance_rad: float = SWEEP_DISTANCE_RAD
     ) -> None:
         distance = np.array([distance_rad if axis.name == "yaw" else distance_m for axis in scene.axes])
-        extent = scene.upper - scene.lower
+        extent = scene.extent
         self._lower = scene.lower
         self._shape = np.ceil(_CELLS_PER_DISTANCE * extent / distance).astype(int)
         self._cell = extent / self._shape

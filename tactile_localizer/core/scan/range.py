@@ -38,7 +38,7 @@ class ScanRange:
         strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
         lower, upper = strain.min(axis=0), strain.max(axis=0)
         margin = _MARGIN * (upper - lower)
-        extent = np.where(scene.wraps, np.inf, scene.upper - scene.lower)
+        extent = np.where(scene.wraps, np.inf, scene.extent)
         return cls(scene.layout, lower - margin, upper + margin, extent)
 
     def strains_outside(self, strain: np.ndarray, present: np.ndarray) -> np.ndarray:

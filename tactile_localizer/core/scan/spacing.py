@@ -57,10 +57,10 @@ def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
     # A positive width also for a channel in which most sweeps agree exactly.
     spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
-    spacing = max(float(np.median(distance)), 0.002) * (scene.upper - scene.lower)
+    spacing = max(float(np.median(distance)), 0.002) * scene.extent
     return np.maximum(spacing, _LEAST_WIDTH), spread
 
 
 def scaled_states(scan: Scan, scene: Scene) -> np.ndarray:
     """States (N, d) on the scene's axes, as fractions of its extents."""
-    return scan.states[:, scene.columns(scan.axes)] / (scene.upper - scene.lower)
+    return scan.states[:, scene.columns(scan.axes)] / scene.extent

@@ -129,7 +129,7 @@ def _shown_positions(scene: Scene, palms: np.ndarray, shown: int) -> Iterator[tu
 
 def axis_scale(scene: Scene) -> np.ndarray:
     """Display scale of each axis, (d,): 1 for lengths; yaw is scaled to the extent of the longest of them."""
-    extent = scene.upper - scene.lower
+    extent = scene.extent
     angle = np.array([axis.name == "yaw" for axis in scene.axes])
     if angle.all() or not angle.any():
         return np.ones(len(extent))

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.parametrize("feature", ["bump", "snap", "grommet"])
-def test_the_proposal_covers_what_the_simulation_touches(feature: str) -> None:
+def test_the_proposal_agrees_with_the_simulation(feature: str) -> None:
     scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
     proposal = propose_region(simulate_scan(feature, seed=3).to_scan(), scene)
     assert proposal.region is not None
@@ -26,7 +26,7 @@ def test_the_proposal_covers_what_the_simulation_touches(feature: str) -> None:
     np.testing.assert_allclose(proposal.region.upper, scene.feature.upper, atol=0.008)
 
 
-def test_a_region_that_the_scene_gives_does_not_change_the_proposal() -> None:
+def test_the_region_of_the_scene_is_ignored() -> None:
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     scan = simulate_scan("bump", seed=3).to_scan()
     without = dataclasses.replace(scene, feature=None)
@@ -40,7 +40,7 @@ def test_material_without_a_feature_has_no_region(seed: int) -> None:
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1e9, 1e-12])
-def test_gauges_that_never_change_have_no_region(value: float) -> None:
+def test_constant_gauges_have_no_region(value: float) -> None:
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     scan = simulate_scan("bump", seed=3).to_scan()
     strain = np.full_like(scan.strain, value)
@@ -62,7 +62,7 @@ def test_offsets_of_the_sweeps_do_not_hide_the_region() -> None:
     np.testing.assert_allclose(found.upper, plain.upper, atol=0.008)
 
 
-def test_fabric_is_felt_everywhere_and_has_no_region(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fabric_has_no_region(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(ROOT / "benchmarks")
     recordings = importlib.import_module("fabric_recordings")
     maps = [c for c in recordings.find_conditions(data_dir / "fabric_slide") if c.mapped]

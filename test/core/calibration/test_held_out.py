@@ -7,8 +7,8 @@ import pytest
 
 from tactile_localizer.core.calibration.held_out import (
     INFORMATION_LENGTHS,
-    _independent,
-    _longest,
+    independent_samples,
+    longest_of_best,
     surroundings,
 )
 from tactile_localizer.core.factory import learn
@@ -34,13 +34,13 @@ def cloth(shift: float, repeats: int = 6, seed: int = 0) -> Scan:
     return Scan(np.tile(x, repeats)[:, None], np.concatenate(strain), sweep, ("x",), ("index",))
 
 
-def test_sweeps_that_are_shifted_give_the_registration() -> None:
+def test_shifted_sweeps_give_the_registration_error() -> None:
     registration = {shift: float(learn(cloth(shift), SCENE).registration_std[0]) for shift in (0.0, 0.001)}
     assert registration[0.0] < 0.0005
     assert registration[0.001] == pytest.approx(0.001, rel=0.4)
 
 
-def test_a_featureless_approach_does_not_leave_the_registration_at_its_prior() -> None:
+def test_a_featureless_approach_does_not_affect_the_registration_error() -> None:
     scan = cloth(0.002)
     x, rng = scan.states[:, 0], np.random.default_rng(1)
     featureless = np.abs(x - 0.085) > 0.015
@@ -49,15 +49,15 @@ def test_a_featureless_approach_does_not_leave_the_registration_at_its_prior() -
     assert calibration.registration_std[0] > 0.0008
 
 
-def test_an_error_that_wanders_counts_once_per_correlation_length() -> None:
+def test_correlated_errors_count_once_per_correlation_length() -> None:
     rng = np.random.default_rng(0)
     free = rng.standard_normal(400)
-    assert _independent(np.full(400, 0.001)) == pytest.approx(1.0, rel=0.01)
-    assert _independent(free) == pytest.approx(400.0, rel=0.35)
-    assert _independent(np.repeat(free[:100], 4)) == pytest.approx(100.0, rel=0.35)
+    assert independent_samples(np.full(400, 0.001)) == pytest.approx(1.0, rel=0.01)
+    assert independent_samples(free) == pytest.approx(400.0, rel=0.35)
+    assert independent_samples(np.repeat(free[:100], 4)) == pytest.approx(100.0, rel=0.35)
 
 
-def test_two_long_slides_say_more_of_the_registration_than_the_prior() -> None:
+def test_two_long_slides_outweigh_the_prior() -> None:
     assert learn(cloth(0.0, 2), SCENE).registration_std[0] < 0.0004
 
 
@@ -65,19 +65,19 @@ def test_the_information_length_is_one_of_the_candidates() -> None:
     assert learn(cloth(0.0, 2), SCENE).information_length in INFORMATION_LENGTHS
 
 
-def test_of_one_sweep_nothing_is_known_and_the_most_cautious_is_taken() -> None:
+def test_a_single_sweep_gets_the_most_cautious_calibration() -> None:
     calibration = learn(cloth(0.0, 1), SCENE)
     assert calibration.information_length == INFORMATION_LENGTHS[-1]
     assert calibration.registration_std[0] > 0.0
 
 
-def test_among_equals_the_longest_is_taken_and_never_a_clearly_worse_one() -> None:
+def test_the_longest_of_equal_candidates_is_chosen() -> None:
     rng = np.random.default_rng(0)
     base = rng.uniform(0.001, 0.003, (8, 1))
     jitter = 1e-4 * rng.standard_normal((8, 4))
-    assert _longest(base + jitter + np.array([0.0, 1e-6, 2e-6, 0.002])) == 2
-    assert _longest(np.tile(base, 4)) == 3
-    assert _longest(base + np.array([0.0, 0.001, 0.001, 0.001])) == 0
+    assert longest_of_best(base + jitter + np.array([0.0, 1e-6, 2e-6, 0.002])) == 2
+    assert longest_of_best(np.tile(base, 4)) == 3
+    assert longest_of_best(base + np.array([0.0, 0.001, 0.001, 0.001])) == 0
 
 
 def test_a_sweep_is_localized_in_its_surroundings() -> None:

@@ -45,7 +45,7 @@ def test_ancestors_exist_and_have_weight(name, weights, count, seed, dtype):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("draw", [0.0, 0.5, math.nextafter(1.0, 0.0)])
 @pytest.mark.parametrize("count", [1, 75, 1_000_000])
-def test_the_ends_of_the_unit_interval_do_not_step_outside(name, dtype, draw, count):
+def test_extreme_draws_give_valid_ancestors(name, dtype, draw, count):
     weights = np.zeros(1000, dtype=dtype)
     weights[3:990] = np.random.default_rng(0).random(987)
     weights /= weights.sum()
@@ -57,7 +57,7 @@ def test_the_ends_of_the_unit_interval_do_not_step_outside(name, dtype, draw, co
 
 @every_scheme
 @pytest.mark.parametrize("total", [1.0, 0.9999, 1.0001, 1e-6, 1e6])
-def test_weights_need_not_sum_to_one_to_the_last_digit(name, total):
+def test_weights_need_not_sum_to_one_exactly(name, total):
     """Sums of float32 weights are off by 1e-7 times their number: no lineage may be cut for that."""
     weights = np.full(8, total / 8)
     ancestors = RESAMPLERS[name](weights, 8000, np.random.default_rng(0))
@@ -66,7 +66,7 @@ def test_weights_need_not_sum_to_one_to_the_last_digit(name, total):
 
 @every_scheme
 @pytest.mark.parametrize("count", [7, 10])
-def test_every_particle_is_expected_in_proportion_to_its_weight(name, count):
+def test_resampling_is_unbiased(name, count):
     """Chi-square over many seeds: the mean number of copies is count times the weight."""
     weights = np.array([0.02, 0.3, 0.0, 0.08, 0.25, 0.05, 0.3])
     rounds = 4000
@@ -89,7 +89,7 @@ def test_every_particle_is_expected_in_proportion_to_its_weight(name, count):
 
 
 @every_scheme
-def test_first_copies_are_unbiased_in_any_order_of_the_particles(name):
+def test_resampling_is_unbiased_in_any_order(name):
     """Pooled chi-square goodness of fit: one draw a seed, random weights, sorted up and down."""
     rng = np.random.default_rng(1)
     for order in (1, -1):
@@ -106,7 +106,7 @@ def test_a_certain_particle_is_the_only_ancestor(name):
 
 
 @every_scheme
-def test_low_variance_schemes_lose_no_particle_of_several_shares(name):
+def test_low_variance_schemes_keep_heavy_particles(name):
     """Four shares leave at least three copies; independent draws promise nothing."""
     weights = np.array([0.35, 0.25, 0.2, 0.2])
     least = [
@@ -133,11 +133,11 @@ def test_the_scheme_is_found_by_name(name):
 
 
 @given(weights=WEIGHTS, count=st.integers(1, 200))
-def test_what_stands_for_the_whole_is_drawn_with_the_offset_in_the_middle(weights, count):
+def test_evenly_is_systematic_with_a_central_offset(weights, count):
     np.testing.assert_array_equal(
         evenly(weights, count), RESAMPLERS["systematic"](weights, count, Fixed(0.5))
     )
 
 
-def test_what_stands_for_the_whole_is_in_proportion_to_the_weights():
+def test_evenly_is_proportional_to_the_weights():
     np.testing.assert_array_equal(evenly([0.25, 0.0, 0.5, 0.25], 8), [0, 0, 2, 2, 2, 2, 3, 3])
