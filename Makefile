@@ -29,7 +29,7 @@ build: venv ## Build the messages and link the package into the workspace
 	@scripts/build_workspace
 
 .PHONY: env
-env: build ## Say how to enter the environment
+env: build ## Print how to enter the environment
 	@echo 'source scripts/env.sh'
 
 untyped := import numpy; raise SystemExit(numpy.lib.NumpyVersion(numpy.__version__) >= "2.3.0")
@@ -38,14 +38,14 @@ untyped := import numpy; raise SystemExit(numpy.lib.NumpyVersion(numpy.__version
 lint: venv ## Check style and types
 	$(run) ruff check
 	$(run) ruff format --check
-	@$(run) python -c '$(untyped)' && echo "mypy is left out: it needs numpy 2.3, and thus Python 3.11" || $(run) mypy
+	@$(run) python -c '$(untyped)' && echo "mypy is skipped: it needs numpy 2.3, and thus Python 3.11" || $(run) mypy
 
 # Only a test that missed a deadline because its processes waited for a CPU is repeated, and reported as such.
 pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --durations=10
-# Tests of nodes wait much of their time, so more processes than cores run; the long ones begin first. Those that
-# compare with real time (a demo, a soak, scenarios of several nodes) come last, two at a time.
-in_real_time := test/demo test/integration test/launch test/soak
-long := test/ros test/test_examples.py test/fuzz
+# Tests of nodes spend much of their time waiting, so there are more workers than cores; the longest files come
+# first. Tests that depend on real time (soak, demo, scenarios of several nodes) run last, two at a time.
+in_real_time := test/soak test/demo test/integration test/launch
+long := test/ros test/test_examples.py test/test_packaging.py test/fuzz test/benchmarks test/cli
 others := $(filter-out $(in_real_time) $(long) test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test
@@ -53,8 +53,8 @@ test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with th
 ifdef ARGS
 	$(pytest) $(ARGS)
 else
-	$(pytest) --numprocesses 3 --dist loadfile $(long) $(others)
-	$(pytest) --numprocesses 2 --dist loadfile $(in_real_time)
+	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(long) $(others)
+	$(pytest) --numprocesses 2 --dist load --maxschedchunk 1 $(in_real_time)
 endif
 
 .PHONY: test-fast
@@ -66,12 +66,12 @@ fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scan files (M
 	$(run) python test/fuzz/fuzz.py --minutes $(if $(filter file,$(origin MINUTES)),10,$(MINUTES)) --seed $(SEED)
 
 .PHONY: coverage
-coverage: build ## Say which branches of core and io no test takes; fails below 95 %
+coverage: build ## List the branches of core and io that no test takes; fails below 95 %
 	$(run) python -m pytest --cov=tactile_localizer.core --cov=tactile_localizer.io --cov-branch --cov-fail-under=95 \
 		--cov-report=term-missing:skip-covered test/core test/io test/cli test/test_scene.py
 
 .PHONY: mutants
-mutants: build ## Seed known faults into copies of the core, one by one, and see that a test fails for each
+mutants: build ## Seed known faults into copies of the core, one by one, each of which a test must detect
 	$(run) python test/mutants.py
 
 .PHONY: docs
@@ -95,7 +95,7 @@ soak: build ## Inject faults at random into the running nodes (MINUTES=30 SEED=7
 	@$(run) python test/soak/run.py --minutes $(MINUTES) --seed $(SEED) --out out/soak
 
 .PHONY: bench
-bench: build ## Measure what needs no data, above all speed, into out/bench.json
+bench: build ## Measure speed, into out/bench.json
 	@for script in $$(grep -l 'from record import' benchmarks/*.py); do echo "$$script"; OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(run) python $$script || exit 1; done
 
 .PHONY: clean

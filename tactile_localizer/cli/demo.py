@@ -84,18 +84,16 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
-    """Draw the map (paper, Fig. 3), the error along the sweep (Fig. 5) and one sweep in detail."""
-    from tactile_localizer.demo.figures import error_along_the_sweep, sweep_in_detail
+    """Draw the map (paper, Fig. 3) and the error along the sweep (Fig. 5)."""
+    from tactile_localizer.demo.figures import error_along_the_sweep
 
     with ScanStore.open(folder / "scan.db") as store:
         scan, scene = store.load(), store.scene
-    median = sorted(sweeps, key=lambda sweep: float(sweep.error[sweep.after_contact].sum()))[len(sweeps) // 2]
     figures = {
         "map": map_pair(DrawnScan(scan, scene)),
         "error": error_along_the_sweep(
             sweeps, f"{feature}: localizing {len(sweeps)} sweeps from unknown starts"
         ),
-        "sweep": sweep_in_detail(median, f"{feature}: sweep {median.number + 1}, of median error"),
     }
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=110)
@@ -104,8 +102,8 @@ def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
 def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:
     table = Table(box=SIMPLE, show_header=False)
     error = summary["error_after_contact_mm"]
-    inch = summary["error_after_contact_inch"]
-    shown = "no contact" if error is None else f"{error:.2f} mm, {inch:.3f} inch (limit 0.1 inch)"
+    limit = f"limit {summary['limit_mm']:.2f} mm, 0.1 inch"
+    shown = "no contact" if error is None else f"{error:.2f} mm ({limit})"
     travel, duration = summary["travel_to_convergence_mm"], summary["time_to_convergence_s"]
     convergence = "never" if travel is None else f"{duration:.2f} s, {travel:.1f} mm"
     table.add_row("training sweeps", f"{summary['training_sweeps']}, two along each line")

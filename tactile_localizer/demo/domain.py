@@ -1,4 +1,4 @@
-"""Exclusive ROS domain and CAN port for one run on this machine."""
+"""Reservation of a ROS domain and a CAN port for one run on this machine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from tactile_localizer.errors import LiveError
 
 _DOMAINS = range(1, 100)
-"""Domain ids whose ports are below the ephemeral ports."""
+"""Domain ids whose UDP ports are below the ephemeral ports."""
 
 _FIRST_CAN_PORT = 43200
 """UDP port of the simulated CAN bus of domain 0; udp_multicast separates buses by port only."""

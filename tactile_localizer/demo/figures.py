@@ -1,4 +1,4 @@
-"""Figures of live sweeps: error along the sweep (paper, Fig. 5) and uncertainty (Fig. 8 b)."""
+"""Figure of live sweeps: error along the sweep (paper, Fig. 5) and uncertainty (Fig. 8 b)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_localizer.offline.axes import MM, label_axis
 
 _BIN_MM = 1.0
 _HIGHEST_MM = 15.0
-"""Larger errors occur before contact only, and are cut off."""
+"""Upper end of the error axis; larger errors occur only before contact."""
 _COLOUR = "tab:blue"
 _FEATURE = "tab:orange"
 
@@ -48,32 +48,11 @@ def error_along_the_sweep(sweeps: Sequence[LiveSweep], title: str) -> Figure:
     return figure
 
 
-def sweep_in_detail(sweep: LiveSweep, title: str) -> Figure:
-    """True and estimated position of the palm along one sweep."""
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    plots = figure.subplots(2, 1, sharex=True)
-    seconds = (sweep.stamp_ns - sweep.stamp_ns[0]) * 1e-9
-    for column, (plot, axis) in enumerate(zip(plots, "xy", strict=True)):
-        plot.plot(seconds, sweep.truth[:, column] * MM, "k", linewidth=1.2, label="truth")
-        plot.plot(seconds, sweep.mean[:, column] * MM, color=_COLOUR, linewidth=1.2, label="estimate")
-        plot.set_ylabel(f"{axis}, mm")
-        converged = np.ma.masked_where(~sweep.converged, sweep.mean[:, column] * MM)
-        plot.plot(seconds, converged, color="tab:green", linewidth=3.0, alpha=0.5, label="converged")
-        felt = seconds[sweep.after_contact]
-        if len(felt):
-            plot.axvspan(felt[0], felt[-1], color=_FEATURE, alpha=0.12, linewidth=0, label="on the feature")
-        plot.margins(x=0)
-    plots[-1].set_xlabel("time since the sweep began, s")
-    plots[0].legend(frameon=False)
-    plots[0].set_title(title)
-    return figure
-
-
 def _contact_band(plot: Axes, sweeps: Sequence[LiveSweep]) -> None:
-    """Shade the feature, from the sweeps' median contact to their median end."""
-    felt = np.array([(s.contact.first, s.contact.last) for s in sweeps if s.contact is not None])
-    if len(felt):
-        first, last = np.median(felt, axis=0) * MM
+    """Shade the feature, from the median contact of the sweeps to their median end."""
+    contacts = np.array([(s.contact.first, s.contact.last) for s in sweeps if s.contact is not None])
+    if len(contacts):
+        first, last = np.median(contacts, axis=0) * MM
         plot.axvspan(first, last, color=_FEATURE, alpha=0.12, linewidth=0, label="on the feature")
 
 

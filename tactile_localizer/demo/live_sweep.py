@@ -1,4 +1,4 @@
-"""Outcome of a live sweep over a simulated feature: error from contact on, and convergence."""
+"""Outcome of a live sweep over a simulated feature: error on contact, and convergence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_localizer.sim.scan import sweep_plan
 from tactile_localizer.sim.sweep import simulate_sweep
 
 LIMIT_M = 0.1 * INCH
-"""Error after contact that the paper reports, a tenth of an inch, m."""
+"""Error after contact reported in the paper, a tenth of an inch, m."""
 
 
 @dataclass(frozen=True)
@@ -26,16 +26,16 @@ class Contact:
 
 @dataclass(frozen=True)
 class LiveSweep:
-    """A sweep's n estimates, in the order of their stamps, and the truth at those stamps.
+    """The n estimates of a sweep, in the order of their stamps, and the truth at these stamps.
 
     Parameters
     ----------
-    number : of the sweep
+    number : number of the sweep
     stamp_ns : (n,) int64
     mean, truth : (n, 2) m, x and y
-    trace : (n,) m^2
+    trace : (n,) trace of the covariance, m²
     converged : (n,) bool
-    contact : with the feature; ``None``: the sweep passes beside it
+    contact : contact with the feature; ``None`` if the sweep passes beside it
     """
 
     number: int
@@ -48,18 +48,18 @@ class LiveSweep:
 
     @property
     def error(self) -> np.ndarray:
-        """Distance of the estimate from the truth, (n,), m."""
+        """Distance between estimate and truth, (n,), m."""
         return np.linalg.norm(self.mean - self.truth, axis=1)
 
     @property
     def after_contact(self) -> np.ndarray:
-        """Whether each estimate lies between contact and the feature's end, (n,) bool."""
+        """Whether the palm is between contact and the end of the feature, (n,) bool."""
         if self.contact is None:
             return np.zeros(len(self.stamp_ns), dtype=bool)
         return (self.truth[:, 0] >= self.contact.first) & (self.truth[:, 0] <= self.contact.last)
 
     def outcome(self) -> dict[str, Any]:
-        """Errors and convergence, by name; ``None`` where there is no value."""
+        """Errors and convergence, by name; ``None`` for an undefined value."""
         during = self.after_contact
         travel = np.abs(self.truth[:, 0] - self.truth[0, 0])
         first = int(np.argmax(self.converged)) if self.converged.any() else None
@@ -69,7 +69,6 @@ class LiveSweep:
             "start_mm": (self.truth[0] * 1e3).round(2),
             "error_after_contact_mm": _mean_mm(self.error[during]),
             "error_converged_mm": _mean_mm(self.error[during & self.converged]),
-            "error_at_end_mm": 1e3 * float(self.error[during][-1]) if during.any() else None,
             "converged": bool(self.converged[during].any()),
             "converged_before_contact": first is not None
             and (contact_m is None or bool(self.truth[first, 0] < contact_m)),
@@ -81,7 +80,7 @@ class LiveSweep:
 
 
 def contact_of(feature: str, seed: int, number: int, speed: float, rate: float) -> Contact | None:
-    """Contact of a simulated test sweep with the feature; ``None``: it passes beside it."""
+    """Contact of a simulated test sweep with the feature; ``None`` if it passes beside it."""
     start, end = sweep_plan("test", number, seed)
     sweep = simulate_sweep(feature, seed, number, "test", start=start, end=end, speed=speed, rate=rate)
     if sweep.contact < 0:
@@ -90,17 +89,13 @@ def contact_of(feature: str, seed: int, number: int, speed: float, rate: float) 
 
 
 def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
-    """Means over the sweeps, by name; ``within_limit``: mean error after contact of at most 0.1 inch."""
+    """Means over the sweeps, by name; ``within_limit``: the mean error after contact is at most 0.1 inch."""
     outcomes = [sweep.outcome() for sweep in sweeps]
-    errors = _known(outcomes, "error_after_contact_mm")
-    mean = float(np.mean(errors)) if len(errors) else None
+    mean = _mean(outcomes, "error_after_contact_mm")
     return {
         "error_after_contact_mm": mean,
-        "error_after_contact_inch": None if mean is None else mean / (INCH * 1e3),
         "error_converged_mm": _mean(outcomes, "error_converged_mm"),
-        "error_at_end_mm": _mean(outcomes, "error_at_end_mm"),
         "within_limit": mean is not None and mean <= LIMIT_M * 1e3,
-        "converged": bool(outcomes) and all(one["converged"] for one in outcomes),
         "converged_sweeps": sum(one["converged"] for one in outcomes),
         "converged_before_contact": sum(one["converged_before_contact"] for one in outcomes),
         "time_to_convergence_s": _mean(outcomes, "time_to_convergence_s"),
@@ -110,14 +105,10 @@ def summarize(sweeps: Sequence[LiveSweep]) -> dict[str, Any]:
 
 
 def _mean_mm(error: np.ndarray) -> float | None:
-    """Mean of errors, m, in mm; ``None`` where there are none."""
+    """Mean of errors in m, converted to mm; ``None`` if there are none."""
     return 1e3 * float(error.mean()) if len(error) else None
 
 
-def _known(outcomes: Sequence[dict[str, Any]], name: str) -> np.ndarray:
-    return np.array([one[name] for one in outcomes if one[name] is not None])
-
-
 def _mean(outcomes: Sequence[dict[str, Any]], name: str) -> float | None:
-    values = _known(outcomes, name)
-    return float(values.mean()) if len(values) else None
+    values = [one[name] for one in outcomes if one[name] is not None]
+    return float(np.mean(values)) if values else None

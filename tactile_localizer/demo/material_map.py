@@ -48,7 +48,7 @@ def _marks(scene: Scene, observations: Observations) -> dict[tuple[int, int], tu
     if observations.posteriors:
         posterior = observations.posteriors[-1]
         style = "bold green" if posterior.converged else "bold yellow"
-        (row,), (column,) = _cells(scene, posterior.mean[None])
+        (row,), (column,) = _cells(scene, np.array([posterior.mean]))
         marks[int(row), int(column)] = ("x", style)
     if observations.truths:
         (row,), (column,) = _cells(scene, np.array([observations.truths[-1][1:]]))

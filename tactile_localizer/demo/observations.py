@@ -1,4 +1,4 @@
-"""Messages of the running system, reduced to what the demonstration shows and evaluates."""
+"""Messages that the demonstration receives, shows and evaluates."""
 
 from __future__ import annotations
 
@@ -48,25 +48,13 @@ TOPICS = {
 }
 
 
-@dataclass(frozen=True)
-class PosteriorSample:
-    """One posterior: stamp of its strain, mean (2,), covariance (2, 2), and convergence with its reason."""
-
-    stamp_ns: int
-    mean: np.ndarray
-    covariance: np.ndarray
-    converged: bool
-    reason: str
-    probability: float
-
-
 class Observations:
-    """Received messages; written by the watcher's thread, read by others.
+    """Received messages; written by the thread of the watcher, read by others.
 
     Attributes
     ----------
-    posteriors : posteriors since the begin of the sweep
-    truths : stamps (ns) and true positions x, y (m) since the begin of the sweep
+    posteriors : posteriors since the beginning of the sweep that are not stale
+    truths : stamps (ns) and true positions x, y (m) since the beginning of the sweep
     active : received values of ``simulator/sweep_active``
     status : newest status of the scan
     particles : (P, 3) newest particles: x and y (m) and weight
@@ -74,7 +62,7 @@ class Observations:
     """
 
     def __init__(self) -> None:
-        self.posteriors: list[PosteriorSample] = []
+        self.posteriors: list[Posterior] = []
         self.truths: list[tuple[int, float, float]] = []
         self.active: list[bool] = []
         self.status: Any = None
@@ -116,24 +104,29 @@ class Observations:
 
     @property
     def frames_dropped(self) -> int:
-        """Number of frames that load cells sent and that are in no strain vector."""
+        """Number of frames of the load cells that are missing from the strain vectors."""
         return sum(int(values["drops"]) for values in self.diagnostics.values() if "drops" in values)
+
+    @property
+    def estimated_ns(self) -> int:
+        """Stamp of the newest posterior, ns; 0 before the first."""
+        return to_ns(self.posteriors[-1].header.stamp) if self.posteriors else 0
 
     def localized_sweep(self, number: int, end_ns: int, contact: Contact | None) -> LiveSweep:
         """The finished sweep: estimates up to ``end_ns``, and the interpolated truth at their stamps."""
-        known = list(self.truths)  # the watcher's thread may append
+        known = list(self.truths)  # the watcher may append meanwhile
         truths = np.array(known, dtype=np.float64)
         known_ns = np.array([stamp_ns for stamp_ns, _, _ in known], dtype=np.int64)
-        estimates = [one for one in self.posteriors if known_ns[0] <= one.stamp_ns <= end_ns]
-        stamp_ns = np.array([one.stamp_ns for one in estimates], dtype=np.int64)
-        since = known_ns[0]
-        places = [np.interp(stamp_ns - since, known_ns - since, truths[:, column]) for column in (1, 2)]
+        since_ns = known_ns[0]
+        estimates = [one for one in self.posteriors if since_ns <= to_ns(one.header.stamp) <= end_ns]
+        stamp_ns = np.array([to_ns(one.header.stamp) for one in estimates], dtype=np.int64)
+        truth = [np.interp(stamp_ns - since_ns, known_ns - since_ns, truths[:, axis]) for axis in (1, 2)]
         return LiveSweep(
             number=number,
             stamp_ns=stamp_ns,
             mean=np.array([one.mean for one in estimates]),
-            truth=np.stack(places, axis=1),
-            trace=np.array([np.trace(one.covariance) for one in estimates]),
+            truth=np.stack(truth, axis=1),
+            trace=np.array([one.covariance_trace for one in estimates]),
             converged=np.array([one.converged for one in estimates]),
             contact=contact,
         )
@@ -147,16 +140,7 @@ class Observations:
 
     def _on_posterior(self, message: Posterior) -> None:
         if not message.stale:
-            self.posteriors.append(
-                PosteriorSample(
-                    to_ns(message.header.stamp),
-                    np.array(message.mean),
-                    np.reshape(message.covariance, (2, 2)),
-                    message.converged,
-                    message.reason,
-                    message.probability,
-                )
-            )
+            self.posteriors.append(message)
 
     def _on_particles(self, message: PointCloud2) -> None:
         points = np.frombuffer(message.data, dtype="<f4").reshape(message.width, -1)

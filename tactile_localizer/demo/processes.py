@@ -1,4 +1,4 @@
-"""Running installed nodes as processes, with parameters and logs in files."""
+"""Installed nodes as processes, with parameters and logs in files."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class NodeProcess:
                     "ROS_LOG_DIR": str(folder / "ros"),
                     **environment,
                 },
-                start_new_session=True,  # an interrupt in the terminal reaches only this process
+                start_new_session=True,  # Ctrl-C reaches only this process
             )
 
     @property
@@ -129,7 +129,7 @@ class NodeProcesses:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._starting.shutdown()
-        # All are signalled first, so that stopping takes only as long as the slowest.
+        # Signal all first, so that they stop in parallel.
         for node in self._running:
             node.signal(signal.SIGINT)
         deadline = time.monotonic() + _STOP_TIMEOUT_S
@@ -201,6 +201,6 @@ def node_executable(name: str) -> Path:
 
 
 def shipped(name: str) -> dict[str, Any]:
-    """Parameters of a node from the package's configuration."""
+    """Parameters from the shipped parameter file of a node."""
     text = resource_path(f"config/{name}.yaml").read_text(encoding="utf-8")
     return dict(yaml.safe_load(text)["/**"]["ros__parameters"])

@@ -1,4 +1,4 @@
-"""The demonstration: scans a simulated feature, then localizes new sweeps on the scan, with all nodes."""
+"""The demonstration: the nodes scan a simulated feature, then localize new sweeps on the scan."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.sim.sweep import SPEED_MPS
 
 SCAN_SWEEPS = 2 * TRAINING_SWEEPS
-"""Training sweeps: two along each line, because a single one repeats its own disturbances in the map."""
+"""Number of training sweeps: two along each line, so that the noise between sweeps can be learned."""
 
 _STARTUP_S = 60.0
 _LOADING_S = 120.0
-"""Longest wait for a node to respond, and for the filter to load the scan, s."""
+"""Time limits for a response of a node, and for the filter to load the scan, s."""
 
 _POLL_S = 0.02
 
@@ -44,7 +44,7 @@ class DemoSettings:
     feature : feature in the simulated material
     folder : output folder; the output of an earlier demonstration is replaced
     seed : seed of all random processes
-    speed : simulated time per real time
+    speed : simulated seconds per second of real time
     sweeps : number of sweeps to localize
     """
 
@@ -59,7 +59,7 @@ class View(Protocol):
     """Shows the progress of the demonstration."""
 
     def phase(self, text: str) -> None:
-        """Called at the begin of a phase."""
+        """Called at the beginning of a phase."""
 
     def progress(self, done: int, total: int) -> None:
         """Called with the number of finished sweeps of the phase."""
@@ -79,7 +79,7 @@ class DemoResult:
     ----------
     sweeps : localized sweeps
     filter : last diagnostics of the filter's belief, by name
-    frames_dropped : frames that load cells sent and that are in no strain vector
+    frames_dropped : number of frames of the load cells that are missing from the strain vectors
     received : number of messages, by topic
     """
 
@@ -160,12 +160,14 @@ class _Demo:
         received = self._watcher.received
         self._until(
             lambda: received["strain"] and received["palm_pose"] and received["mapping/status"],
-            "strain, palm poses and the mapping's status",
+            "strain, palm poses and the status of the mapping node",
             _STARTUP_S,
         )
-        # Messages received here may not reach the mapping yet: nodes discover each other independently.
+        # Nodes discover each other independently: what is received here may not reach the mapping node yet.
         self._until(
-            lambda: self._observations.is_mapped, "the mapping to receive strain and palm poses", _STARTUP_S
+            lambda: self._observations.is_mapped,
+            "the mapping node to receive strain and palm poses",
+            _STARTUP_S,
         )
 
     def scan(self) -> None:
@@ -201,16 +203,12 @@ class _Demo:
         self._ask("simulator/prepare")
         # A lagging filter would count the motion to the start as part of the sweep.
         ready_ns = time.time_ns()
-        self._until(
-            lambda: self._observations.posteriors[-1].stamp_ns > ready_ns, "the filter to keep up", _STARTUP_S
-        )
+        self._until(lambda: self._observations.estimated_ns > ready_ns, "the filter to catch up", _STARTUP_S)
         self._watcher.call(Empty, "filter/reinitialize_global_localization")
         self._observations.begin_sweep()
         self._sweep()
         end_ns = self._observations.truths[-1][0]
-        self._until(
-            lambda: self._observations.posteriors[-1].stamp_ns >= end_ns, "the last posterior", _STARTUP_S
-        )
+        self._until(lambda: self._observations.estimated_ns >= end_ns, "the last posterior", _STARTUP_S)
         contact = contact_of(
             self._settings.feature,
             self._settings.seed,

@@ -25,8 +25,6 @@ from tactile_localizer.scene import Scene
 
 _REFRESH_S = 0.12
 _SHOWN_SWEEPS = 5
-_BARS = " ▁▂▃▄▅▆▇█"
-_SHOWN_ERRORS = 40
 
 
 @contextmanager
@@ -35,7 +33,7 @@ def demo_view(console: Console, scene: Scene, title: str) -> Iterator[View]:
 
     Parameters
     ----------
-    console : a live view on a terminal, lines elsewhere
+    console : console for the output; a live view if it is a terminal, otherwise lines
     scene : scene of the demonstration
     title : title of the view
     """
@@ -57,24 +55,24 @@ class PlainView:
 
     def phase(self, text: str) -> None:
         """See :class:`View`."""
-        self._say(text)
+        self._print(text)
 
     def progress(self, done: int, total: int) -> None:
         """See :class:`View`."""
         if done and done % 7 == 0:
-            self._say(f"{done} of {total} sweeps")
+            self._print(f"{done} of {total} sweeps")
 
     def show(self, observations: Observations, received: Mapping[str, int], note: str) -> None:
         """See :class:`View`."""
         if note and note != self._note:
             self._note = note
-            self._say(note)
+            self._print(note)
 
     def sweep(self, sweep: LiveSweep) -> None:
         """See :class:`View`."""
-        self._say(sweep_line(sweep))
+        self._print(sweep_line(sweep))
 
-    def _say(self, text: str) -> None:
+    def _print(self, text: str) -> None:
         elapsed_s = time.monotonic() - self._begun_s
         self._console.print(f"{elapsed_s:5.1f} s  {text}", highlight=False, soft_wrap=True)
 
@@ -88,7 +86,6 @@ class LiveView:
         self._sweeps: list[LiveSweep] = []
         self._shown_s = -math.inf
         self._rates: deque[tuple[float, dict[str, int]]] = deque(maxlen=9)
-        self._errors: deque[float] = deque(maxlen=_SHOWN_ERRORS)
 
     def phase(self, text: str) -> None:
         """See :class:`View`."""
@@ -98,7 +95,6 @@ class LiveView:
     def progress(self, done: int, total: int) -> None:
         """See :class:`View`."""
         self._done, self._total = done, total
-        self._errors.clear()
 
     def sweep(self, sweep: LiveSweep) -> None:
         """See :class:`View`."""
@@ -146,17 +142,16 @@ class LiveView:
             yield "truth", _place(truth)
         if observations.posteriors:
             posterior = observations.posteriors[-1]
-            yield "estimate", _place(posterior.mean)
+            mean = np.array(posterior.mean)
+            yield "estimate", _place(mean)
             if truth is not None:
-                error = float(np.linalg.norm(posterior.mean - truth))
-                self._errors.append(error)
+                error = float(np.linalg.norm(mean - truth))
                 style = "green" if error <= LIMIT_M else "yellow"
                 yield "error", Text(f"{error * 1e3:6.2f} mm  {error / INCH:6.3f} inch", style=style)
-                yield "", Text(_sparkline(self._errors), style=style)
-            deviations = np.sqrt(np.diag(posterior.covariance)) * 1e3
-            trace = np.trace(posterior.covariance) * 1e6
+            deviations = np.sqrt(np.reshape(posterior.covariance, (2, 2)).diagonal()) * 1e3
+            trace = posterior.covariance_trace * 1e6
             yield "trace", f"{trace:8.2f} mm²  ({deviations[0]:.2f} and {deviations[1]:.2f} mm)"
-            yield "probability", f"{posterior.probability:6.3f} of being within the convergence radius"
+            yield "probability", f"{posterior.probability:6.3f} that the palm is within the radius"
             style = "bold green" if posterior.converged else "yellow"
             yield "state", Text(posterior.reason, style=style)
         if observations.status is not None:
@@ -190,9 +185,3 @@ def sweep_line(sweep: LiveSweep) -> str:
 
 def _place(position: np.ndarray) -> str:
     return f"x {position[0] * 1e3:6.2f} mm   y {position[1] * 1e3:6.2f} mm"
-
-
-def _sparkline(values: deque[float]) -> str:
-    """Errors as bars; the highest bar means at least four times the limit."""
-    steps = [min(len(_BARS) - 1, math.ceil(value / LIMIT_M * 2)) for value in values]
-    return "".join(_BARS[step] for step in steps)

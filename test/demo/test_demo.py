@@ -61,5 +61,5 @@ def test_the_demo_runs_to_its_end(process, tmp_path):
     assert statuses[-1].coverage > 0.9
     assert max(m.covariance_trace for m in bag.by_topic["/filter/posterior"]) > 1e-4, "initially uniform"
     assert not any("Traceback" in log.read_text() for log in (folder / "log").glob("*.log"))
-    for picture in ("map", "error", "sweep"):
+    for picture in ("map", "error"):
         assert (folder / f"{picture}.png").stat().st_size > 10_000

@@ -13,16 +13,21 @@ pytestmark = pytest.mark.ros
 
 def midway():
     """Observations in the middle of a sweep: the truth at (20, 24) mm, the estimate 1 mm beside it."""
-    from tactile_localizer.demo.observations import Observations, PosteriorSample
+    from tactile_localizer.demo.observations import Observations
+    from tactile_localizer.msg import Posterior
 
     observations = Observations()
     observations.truths = [(k, 0.001 * k, 0.024) for k in range(21)]
-    observations.posteriors = [
-        PosteriorSample(
-            k, np.array([0.001 * k, 0.025]), np.diag([4e-6, 1e-6]), k > 10, "converged: so it is", 9.5
+    for k in range(21):
+        posterior = Posterior(
+            mean=[0.001 * k, 0.025],
+            covariance=[4e-6, 0.0, 0.0, 1e-6],
+            covariance_trace=5e-6,
+            converged=k > 10,
+            reason="converged: so it is",
         )
-        for k in range(21)
-    ]
+        posterior.header.stamp.nanosec = k
+        observations.posteriors.append(posterior)
     observations.particles = np.array([[0.02, 0.025, 0.6], [0.021, 0.026, 0.4]])
     observations.diagnostics["driver: index"] = {"drops": "3"}
     observations.diagnostics["filter: belief"] = {"update_median_us": "800.0", "update_p99_us": "1200.0"}

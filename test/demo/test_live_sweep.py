@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.demo.figures import error_along_the_sweep, sweep_in_detail
+from tactile_localizer.demo.figures import error_along_the_sweep
 from tactile_localizer.demo.live_sweep import Contact, LiveSweep, contact_of, summarize
 from tactile_localizer.sim import simulate_scan
 from tactile_localizer.sim.sweep import RATE_HZ, SPEED_MPS
@@ -28,9 +28,7 @@ def sweep(error_mm=2.0, converged_from=60, contact=Contact(0.020, 0.040), number
 
 
 def test_errors_count_between_contact_and_feature_end():
-    outcome = sweep(error_mm=1.5).outcome()
-    assert outcome["error_after_contact_mm"] == pytest.approx(1.5)
-    assert outcome["error_at_end_mm"] == pytest.approx(1.5)
+    assert sweep(error_mm=1.5).outcome()["error_after_contact_mm"] == pytest.approx(1.5)
 
 
 def test_the_error_while_converged_is_separate():
@@ -42,7 +40,7 @@ def test_the_error_while_converged_is_separate():
     assert sweep(converged_from=N).outcome()["error_converged_mm"] is None
 
 
-def test_time_and_travel_to_convergence_are_from_the_sweeps_start():
+def test_time_to_convergence_is_from_the_start_of_the_sweep():
     outcome = sweep(converged_from=60).outcome()
     assert outcome["time_to_convergence_s"] == pytest.approx(0.6)
     assert outcome["travel_to_convergence_mm"] == pytest.approx(30.0)
@@ -67,26 +65,19 @@ def test_a_sweep_without_contact_has_no_error_after_it():
 
 
 @pytest.mark.parametrize(("errors_mm", "within"), [((2.0, 3.0), True), ((2.0, 3.2), False)])
-def test_the_limit_is_a_tenth_of_an_inch_on_the_mean_of_the_sweeps(errors_mm, within):
+def test_the_limit_applies_to_the_mean_of_the_sweeps(errors_mm, within):
     summary = summarize([sweep(error) for error in errors_mm])
     assert summary["error_after_contact_mm"] == pytest.approx(np.mean(errors_mm))
-    assert summary["error_after_contact_inch"] == pytest.approx(np.mean(errors_mm) / 25.4)
     assert summary["within_limit"] is within
 
 
-def test_all_have_converged_only_if_each_has():
-    assert summarize([sweep(), sweep()])["converged"]
-    summary = summarize([sweep(), sweep(converged_from=N)])
-    assert (summary["converged"], summary["converged_sweeps"]) == (False, 1)
+def test_converged_sweeps_are_counted():
+    assert summarize([sweep(), sweep(converged_from=N)])["converged_sweeps"] == 1
 
 
 def test_no_sweeps_give_no_numbers():
     summary = summarize([])
-    assert (summary["error_after_contact_mm"], summary["within_limit"], summary["converged"]) == (
-        None,
-        False,
-        False,
-    )
+    assert (summary["error_after_contact_mm"], summary["within_limit"]) == (None, False)
 
 
 def test_contact_is_that_of_the_simulator():
@@ -106,7 +97,4 @@ def test_figures_show_every_sweep_and_the_limit(tmp_path):
     assert len(trace.lines) == 5
     np.testing.assert_allclose(share.lines[0].get_ydata()[[0, -1]], [0.0, 1.0])
     figure.savefig(tmp_path / "error.png")
-    detail = sweep_in_detail(sweeps[0], "bump")
-    np.testing.assert_allclose(detail.axes[0].lines[0].get_ydata()[-1], 50.0)
-    detail.savefig(tmp_path / "sweep.png")
     assert (tmp_path / "error.png").stat().st_size > 10_000

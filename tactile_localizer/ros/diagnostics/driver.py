@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -64,9 +64,8 @@ class DriverDiagnostics:
         drops = self._driver.status.queue_drops
         new_frames = [a - b for a, b in zip(counts.frames, previous.frames, strict=True)]
         statuses = [self._bus_status(counts.frames, new_frames, drops - self._previous_drops, elapsed_s)]
-        is_receiving = counts.cycles > 0
-        for i, (own, before) in enumerate(zip(counts.phalanges, previous.phalanges, strict=True)):
-            statuses.append(self._phalanx_status(i, own, before, is_receiving, elapsed_s))
+        for i, (now, before) in enumerate(zip(counts.phalanges, previous.phalanges, strict=True)):
+            statuses.append(self._phalanx_status(i, now, before, counts.cycles > 0, elapsed_s))
         self._previous, self._previous_drops, self._previous_s = counts, drops, now_s
         return statuses
 
@@ -111,51 +110,59 @@ class DriverDiagnostics:
         return self._publisher.status("CAN bus", level, message, values)
 
     def _phalanx_status(
-        self, i: int, own: PhalanxCounts, before: PhalanxCounts, is_receiving: bool, elapsed_s: float
+        self, i: int, now: PhalanxCounts, before: PhalanxCounts, is_receiving: bool, elapsed_s: float
     ) -> DiagnosticStatus:
-        latest = self._driver.latest
-        gauges = np.zeros(0, dtype=np.intp)
+        protocol, latest = self._driver.protocol, self._driver.latest
+        saturated: Sequence[int] = ()
         if latest is not None:
-            saturated = self._driver.protocol.saturated(latest.strain)
-            gauges = np.flatnonzero(saturated[self._driver.protocol.channels.slices[i]]) + 1
-        age_s = max(0.0, time.time() - own.last_ns * 1e-9) if own.last_ns else None
-        lost = own.drops - before.drops
-        received = own.samples + own.missing - before.samples - before.missing
-        level, message = DiagnosticStatus.OK, "OK"
-        if age_s is None:
-            silent = "silent: no frames received, while other phalanges send"
-            level, message = (
-                (DiagnosticStatus.ERROR, silent) if is_receiving else (DiagnosticStatus.OK, "idle")
-            )
-        elif age_s > self._stale_timeout_s:
-            level, message = DiagnosticStatus.ERROR, f"stale: no frames for {age_s:.1f} s"
-        elif own.interleaved - before.interleaved > max(_MIN_INTERLEAVED, _INTERLEAVED_FRACTION * received):
-            count = own.interleaved - before.interleaved
-            level = DiagnosticStatus.ERROR
-            message = f"two senders with the same identifiers: {count} frames inconsistent with the counter"
-        elif own.faults > before.faults:
-            level, message = DiagnosticStatus.ERROR, "fault reported by the load cell"
-        elif own.saturated > before.saturated:
-            level, message = DiagnosticStatus.WARN, "saturated"
-        elif lost:
-            level, message = DiagnosticStatus.WARN, f"{lost} frames lost"
-        elif own.unaligned > before.unaligned:
-            count = own.unaligned - before.unaligned
-            level, message = DiagnosticStatus.WARN, f"{count} samples discarded: ambiguous cycle"
+            own = protocol.saturated(latest.strain)[protocol.channels.slices[i]]
+            saturated = (np.flatnonzero(own) + 1).tolist()
+        age_s = max(0.0, time.time() - now.last_ns * 1e-9) if now.last_ns else None
         values = {
-            "rate_hz": f"{(own.samples - before.samples) / elapsed_s:.1f}",
+            "rate_hz": f"{(now.samples - before.samples) / elapsed_s:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",
-            "samples": own.samples,
-            "missing": own.missing,
-            "gaps": own.gaps,
-            "drops": own.drops,
-            "unaligned": own.unaligned,
-            "interleaved": own.interleaved,
-            "saturated_samples": own.saturated,
-            "saturated_gauges": " ".join(map(str, gauges)),
-            "faults": own.faults,
+            "samples": now.samples,
+            "missing": now.missing,
+            "gaps": now.gaps,
+            "drops": now.drops,
+            "unaligned": now.unaligned,
+            "interleaved": now.interleaved,
+            "saturated_samples": now.saturated,
+            "saturated_gauges": " ".join(map(str, saturated)),
+            "faults": now.faults,
         }
-        return self._publisher.status(self._driver.protocol.phalanges[i], level, message, values)
+        level, message = self._phalanx_level(now, before, age_s, is_receiving)
+        return self._publisher.status(protocol.phalanges[i], level, message, values)
+
+    def _phalanx_level(
+        self, now: PhalanxCounts, before: PhalanxCounts, age_s: float | None, is_receiving: bool
+    ) -> tuple[bytes, str]:
+        """Level and message of a phalanx: the most severe problem since the previous status."""
+        if age_s is None and is_receiving:
+            return DiagnosticStatus.ERROR, "silent: no frames received, while other phalanges send"
+        if age_s is None:
+            return DiagnosticStatus.OK, "idle"
+        if age_s > self._stale_timeout_s:
+            return DiagnosticStatus.ERROR, f"stale: no frames for {age_s:.1f} s"
+        received = now.samples + now.missing - before.samples - before.missing
+        interleaved = now.interleaved - before.interleaved
+        if interleaved > max(_MIN_INTERLEAVED, _INTERLEAVED_FRACTION * received):
+            text = (
+                f"two senders with the same identifiers: {interleaved} frames inconsistent with the counter"
+            )
+            return DiagnosticStatus.ERROR, text
+        if now.faults > before.faults:
+            return DiagnosticStatus.ERROR, "fault reported by the load cell"
+        if now.saturated > before.saturated:
+            return DiagnosticStatus.WARN, "saturated"
+        if now.drops > before.drops:
+            return DiagnosticStatus.WARN, f"{now.drops - before.drops} frames lost"
+        if now.unaligned > before.unaligned:
+            return (
+                DiagnosticStatus.WARN,
+                f"{now.unaligned - before.unaligned} samples discarded: ambiguous cycle",
+            )
+        return DiagnosticStatus.OK, "OK"
 
 
 def _words(kind: FrameKind) -> str:
