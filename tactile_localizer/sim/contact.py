@@ -7,8 +7,8 @@ the centre of pressure, the mean slope and the mean friction. The stiffness of t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
@@ -37,8 +37,7 @@ _NEWTON_STEPS = 8
 """Iterations of Newton's method; more do not change the table."""
 
 
-@dataclass(frozen=True)
-class Contact:
+class Contact(NamedTuple):
     """Contact of a pad at n positions, (n,) each.
 
     Parameters
@@ -55,10 +54,6 @@ class Contact:
     slope_x: np.ndarray
     slope_y: np.ndarray
     friction: np.ndarray
-
-    def as_array(self) -> np.ndarray:
-        """The six quantities as rows, (6, n)."""
-        return np.stack([self.lift, self.center_x, self.center_y, self.slope_x, self.slope_y, self.friction])
 
 
 def contact(feature: str, mode: str, x: np.ndarray, y: np.ndarray) -> Contact:

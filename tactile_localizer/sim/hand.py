@@ -132,7 +132,7 @@ def _touch(feature: str, sliding: Sliding, deformed: Deformation, offset: np.nda
     mixed = np.zeros((6, len(x)))
     for mode, weight in zip(MODES, deformed.weights.T, strict=True):
         if np.any(weight):
-            mixed += weight * contact(feature, mode, x, y).as_array()
+            mixed += weight * np.stack(contact(feature, mode, x, y))
     return Contact(*mixed)
 
 

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.decision.presence import Presence
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
@@ -133,15 +132,6 @@ def test_yaw_wraps_around() -> None:
         estimate = localizer.update(10_000_000 * n, np.array([(place + np.pi) % (2 * np.pi) - np.pi]), row)
     off = (float(estimate.mean[0]) - turned[-1] + np.pi) % (2.0 * np.pi) - np.pi
     assert abs(off) < 0.05
-
-
-def test_thousands_of_updates_do_not_make_the_probabilities_drift() -> None:
-    presence, rng = Presence(), np.random.default_rng(0)
-    for evidence in rng.standard_normal((20_000, 3)):
-        presence.predict(0.001, 0.001)
-        presence.update(evidence)
-    total = presence.probability + presence.unknown + presence.featureless
-    assert total == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.fixture(scope="module")

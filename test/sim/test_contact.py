@@ -12,7 +12,8 @@ WHOLE = ("bump", "snap", "grommet")
 
 
 def at(feature, x, y=0.0, mode="taut"):
-    return contact(feature, mode, np.atleast_1d(x), np.broadcast_to(y, np.shape(np.atleast_1d(x)))).as_array()
+    x = np.atleast_1d(x)
+    return np.stack(contact(feature, mode, x, np.broadcast_to(y, x.shape)))
 
 
 @pytest.mark.parametrize("feature", WHOLE)

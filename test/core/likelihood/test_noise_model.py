@@ -49,7 +49,7 @@ def sheet(seed: int = 0, offsets: float = 0.0) -> Scan:
     return Scan(states, strain, sweep, ("x", "y"), SHEET.phalanx_names, SHEET.layout.counts)
 
 
-def test_whitened_residuals_between_visits_have_unit_covariance() -> None:
+def test_whitened_residuals_have_unit_covariance() -> None:
     estimate = estimate_noise(cloth(4), CLOTH)
     residuals = np.concatenate(
         [
@@ -62,27 +62,27 @@ def test_whitened_residuals_between_visits_have_unit_covariance() -> None:
     np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
 
 
-def test_phalanges_are_whitened_apart() -> None:
+def test_phalanges_are_whitened_separately() -> None:
     whitening = estimate_noise(cloth(), CLOTH).model.whitening
     assert (whitening[:4, 4:] == 0.0).all()
     assert (whitening[4:, :4] == 0.0).all()
 
 
-def test_the_volume_is_that_of_the_whitening() -> None:
+def test_the_volume_is_the_determinant_of_the_whitening() -> None:
     model = estimate_noise(cloth(), CLOTH).model
     assert model.log_volume.sum() == pytest.approx(np.linalg.slogdet(model.whitening)[1])
 
 
 @settings(max_examples=8)
 @given(st.sampled_from([1e-9, 1e-3, 1e9]), st.integers(0, 3))
-def test_the_unit_of_the_strain_changes_nothing_in_whitened_coordinates(volts: float, seed: int) -> None:
+def test_whitened_strains_do_not_depend_on_the_unit(volts: float, seed: int) -> None:
     one, other = (estimate_noise(cloth(2, seed, unit), CLOTH) for unit in (1.0, volts))
     for mine, theirs in zip(one.tracks, other.tracks, strict=True):
         np.testing.assert_allclose(theirs.strain, mine.strain, atol=1e-5)
     np.testing.assert_allclose(other.model.log_volume, one.model.log_volume - 4 * np.log(volts), atol=1e-5)
 
 
-def test_touching_down_does_not_inflate_the_noise() -> None:
+def test_first_contact_does_not_inflate_the_noise() -> None:
     scan = cloth()
     start = scan.states[:, 0] < 0.01
     spoiled = scan.strain + np.where(start, 50.0, 0.0)[:, None] * (1.0 + scan.sweep[:, None])
@@ -91,7 +91,7 @@ def test_touching_down_does_not_inflate_the_noise() -> None:
     np.testing.assert_allclose(rough.log_volume, plain.log_volume, atol=1.0)
 
 
-def test_featureless_places_are_exactly_alike() -> None:
+def test_featureless_places_are_exactly_equal() -> None:
     estimate = estimate_noise(sheet(), SHEET)
     assert estimate.featureless
     far = np.concatenate(
@@ -105,12 +105,12 @@ def test_featureless_places_are_exactly_alike() -> None:
     assert middle.strain[np.abs(middle.positions[:, 0] - 0.025) < 0.002].any(axis=1).all()
 
 
-def test_visits_keep_what_the_tracks_lose() -> None:
+def test_visits_are_not_shrunk() -> None:
     estimate = estimate_noise(sheet(), SHEET)
     assert np.concatenate([visit.strain for visit in estimate.visits]).all()
 
 
-def test_material_that_is_felt_everywhere_is_not_shrunk() -> None:
+def test_textured_material_is_not_shrunk() -> None:
     estimate = estimate_noise(cloth(), CLOTH)
     assert not estimate.featureless
     for track, visit in zip(estimate.tracks, estimate.visits, strict=True):
@@ -118,32 +118,32 @@ def test_material_that_is_felt_everywhere_is_not_shrunk() -> None:
     assert not estimate.model.offset_variance.any(), "an offset cannot be told from a place"
 
 
-def test_offsets_of_the_sweeps_are_removed_where_featureless_material_shows_them() -> None:
+def test_offsets_of_sweeps_are_removed() -> None:
     estimate = estimate_noise(sheet(offsets=5.0), SHEET)
     assert estimate.featureless
     assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
     assert (estimate.model.offset_variance > 1.0).all(), "a new sweep may differ more than the scan's"
 
 
-def test_outside_a_region_that_the_scene_gives_nothing_is_felt() -> None:
+def test_strains_outside_the_region_are_zero() -> None:
     scene = dataclasses.replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
     for track in estimate_noise(sheet(), scene).tracks:
         assert (track.strain[track.positions[:, 0] < 0.025] == 0.0).all()
 
 
-def test_the_common_noise_of_one_model_is_its_own() -> None:
+def test_common_whitening_of_one_model() -> None:
     model = estimate_noise(cloth(), CLOTH).model
     np.testing.assert_allclose(common_whitening([model]), model.whitening, rtol=1e-6, atol=1e-9)
 
 
-def test_the_common_noise_is_the_mean_of_the_covariances() -> None:
+def test_common_whitening_is_that_of_the_mean_covariance() -> None:
     one, other = (estimate_noise(cloth(volts=volts), CLOTH).model for volts in (1.0, 2.0))
     common = np.linalg.inv(common_whitening([one, other]))
     covariances = [np.linalg.inv(m.whitening) @ np.linalg.inv(m.whitening).T for m in (one, other)]
     np.testing.assert_allclose(common @ common.T, np.mean(covariances, axis=0), rtol=1e-6, atol=1e-9)
 
 
-def test_of_many_sweeps_some_are_compared_and_the_noise_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_noise_is_estimated_from_a_sample_of_the_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
     scan = cloth(12)
     every = estimate_noise(scan, CLOTH)
     monkeypatch.setattr("tactile_localizer.core.likelihood.noise_model._JUDGED", 5)

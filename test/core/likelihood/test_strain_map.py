@@ -47,7 +47,7 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
     return Scan(np.tile(x, 3)[:, None], np.concatenate(strain), sweep, ("x",), ("index",), (3,))
 
 
-def test_the_tables_are_the_expectation_at_the_nodes() -> None:
+def test_tables_hold_the_expectation_at_the_nodes() -> None:
     tracks, cell, variance = tracks_of(lines(), PLANE), np.array([0.001, 0.002]), VarianceModel(2.0, 0.1, 0.5)
     table = build_map(tracks, PLANE, SPACING, cell, variance, True, np.zeros(3))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
@@ -62,7 +62,7 @@ def test_the_tables_are_the_expectation_at_the_nodes() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
-def test_every_state_has_a_node_also_beyond_the_bounds(states: list[tuple[float, float]]) -> None:
+def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> None:
     cell = np.full(2, 0.005)
     table = build_map(tracks_of(lines(), PLANE), PLANE, SPACING, cell, VarianceModel(), False, np.zeros(3))
     index = table.nearest(np.array(states))
@@ -71,13 +71,13 @@ def test_every_state_has_a_node_also_beyond_the_bounds(states: list[tuple[float,
     assert (np.abs(node - inside) <= 0.5 * table.step + 1e-9).all()
 
 
-def test_cells_are_shares_of_the_line_spacing_and_a_pitch_on_one_axis() -> None:
+def test_cell_size_on_one_and_two_axes() -> None:
     assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
     np.testing.assert_allclose(cell_size(PLANE, SPACING, 0.3), 0.0009)
     np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH)
 
 
-def test_cells_in_space_are_as_large_as_keeps_their_number_small() -> None:
+def test_cells_on_three_axes_are_limited_in_number() -> None:
     axes = (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05), Axis("yaw", -0.17, 0.17))
     space = Scene("space", axes, (Phalanx("index", (0.0, 0.0, 0.0)),))
     fine, coarse = cell_size(space, 0.0017, 0.3), cell_size(space, 0.005, 0.3)
@@ -94,14 +94,14 @@ def test_variance_grows_with_signal_and_interpolation_error() -> None:
     assert (VarianceModel(1.0, 0.0, 0.5).variance(expected, PLANE.layout) >= plain).all()
 
 
-def test_on_repeats_of_white_noise_a_visit_has_the_noises_variance() -> None:
+def test_the_variance_of_white_noise_is_one() -> None:
     scan = repeats(correlation=1e-9)
     fitted = fit_variance(estimate_noise(scan, LINE), LINE)
     assert fitted.visit == pytest.approx(1.0, rel=0.25)
     assert fitted.signal == 0.0, "the material has no zero to measure a signal from"
 
 
-def test_the_correlation_of_the_noise_is_a_length() -> None:
+def test_the_correlation_length_is_recovered() -> None:
     white, slow = (
         fit_variance(estimate_noise(repeats(length), LINE), LINE).summed_correlation
         for length in (1e-9, 0.003)
@@ -110,6 +110,6 @@ def test_the_correlation_of_the_noise_is_a_length() -> None:
     assert slow == pytest.approx(2.0 * 0.003, rel=0.4)
 
 
-def test_one_sweep_alone_has_the_default_variance() -> None:
+def test_a_single_sweep_has_the_default_variance() -> None:
     scan = repeats(1e-9)
     assert fit_variance(estimate_noise(scan.select(scan.sweep == 0), LINE), LINE) == VarianceModel()

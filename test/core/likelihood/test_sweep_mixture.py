@@ -57,7 +57,7 @@ def direct(model: SweepMixture, node: int, strain: np.ndarray, inflation: float 
 
 
 @pytest.mark.parametrize("alternative", ["position", "other_material", "elsewhere", "featureless"])
-def test_every_alternative_is_a_density_over_the_strain(alternative: str) -> None:
+def test_every_alternative_integrates_to_one(alternative: str) -> None:
     model = mixture((1,))
 
     def density(volts: float) -> float:
@@ -70,7 +70,7 @@ def test_every_alternative_is_a_density_over_the_strain(alternative: str) -> Non
 
 
 @pytest.mark.parametrize("counts", [(1,), (3, 5), (8, 8)])
-def test_float32_tables_give_the_density_of_a_direct_float64_evaluation(counts: tuple[int, ...]) -> None:
+def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) -> None:
     model, rng = mixture(counts), np.random.default_rng(1)
     used, known = np.ones(len(counts), bool), np.zeros(len(counts))
     for scale in (1.0, 10.0, 1e3):
@@ -88,14 +88,14 @@ def over_all_places(found: Evaluation) -> float:
     return float(logsumexp(both) - np.log(len(both)))
 
 
-def test_elsewhere_is_the_mean_over_all_places() -> None:
+def test_elsewhere_is_the_average_over_all_places() -> None:
     model = mixture((3, 5))
     strain, used = np.random.default_rng(2).standard_normal(8), np.ones(2, bool)
     found = model.evaluate(STATES, strain, used, np.zeros(2))
     assert found.elsewhere == pytest.approx(over_all_places(found), abs=1e-4)
 
 
-def test_a_sample_stands_for_a_map_that_is_too_large() -> None:
+def test_elsewhere_of_a_large_map_is_sampled() -> None:
     model, strain = mixture((3, 5), nodes=4_000), np.random.default_rng(2).standard_normal(8)
     states = 0.001 * np.arange(0.5, 4_000.0)[:, None]
     found = model.evaluate(states, strain, np.ones(2, bool), np.zeros(2))
@@ -113,27 +113,27 @@ def test_the_mixture_drops_an_absent_phalanx() -> None:
     assert one.elsewhere == other.elsewhere
 
 
-def test_doubt_of_the_offset_widens_the_density() -> None:
+def test_uncertainty_of_the_offset_widens_the_density() -> None:
     model, far = mixture((3, 5)), np.full(8, 30.0)
     sure, unsure = (model.evaluate(STATES, far, np.ones(2, bool), np.full(2, v)) for v in (0.0, 100.0))
     assert (unsure.position > sure.position).all()
     assert unsure.featureless > sure.featureless
 
 
-def test_material_that_is_felt_everywhere_is_never_featureless() -> None:
+def test_textured_material_is_never_featureless() -> None:
     model = mixture((3,), featureless=None)
     assert model.evaluate(STATES, np.zeros(3), ONE, NONE).featureless == -np.inf
 
 
 @pytest.mark.parametrize("strain", [1e6, -1e6, 1e12])
-def test_a_strain_unlike_all_others_has_a_finite_density(strain: float) -> None:
+def test_outliers_have_a_finite_mixture_density(strain: float) -> None:
     found = mixture((3, 5)).evaluate(STATES, np.full(8, strain), np.ones(2, bool), np.zeros(2))
     assert np.isfinite(found.position).all()
     assert np.isfinite(found.elsewhere)
     assert np.ptp(found.position) < 2 * 0.5 * NU * np.log(4.0), "the variance alone tells places apart"
 
 
-def test_what_is_expected_is_the_mean_under_the_belief() -> None:
+def test_expected_strain_is_the_mean_under_the_belief() -> None:
     model, nodes = mixture((3, 5)), [2, 4]
     log_weights = np.log([0.25, 0.75])
     expected = model.expected(np.array(nodes), log_weights, np.zeros(8))
