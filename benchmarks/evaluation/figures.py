@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from evaluation.comparison import Results
+from evaluation.methods import TENTH_INCH_MM
 from evaluation.tables import by_feature
-from tactile_localizer.offline.axes import MM, TENTH_INCH_MM, literal
+from tactile_localizer.offline.axes import MM, literal
 
 _SIZE = (4.8, 3.4)
 _COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")

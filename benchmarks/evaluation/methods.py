@@ -29,6 +29,9 @@ PAPER_PARAMETERS = {
 }
 """The paper's hand-set widths (III-C), m and V; no tempering, no interpolation."""
 
+TENTH_INCH_MM = 2.54
+"""Error after contact that the paper reports, mm."""
+
 PAPER_MODELS = tuple(model for model in MODELS if model != SWEEP_MIXTURE)
 
 PARTICLES = (75, 300, 1000)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from evaluation.methods import TENTH_INCH_MM
 from evaluation.tradeoff import (
     BUDGETS_US,
     Trade,
@@ -17,7 +18,7 @@ from evaluation.tradeoff import (
     within_budget,
 )
 from tactile_localizer.core.configuration import MODELS
-from tactile_localizer.offline.axes import MM, TENTH_INCH_MM
+from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.table import Table
 
 _COLOURS = dict(zip(MODELS, ("tab:blue", "tab:purple", "tab:red", "tab:orange", "tab:green"), strict=True))

@@ -134,8 +134,8 @@ def _protocol(parameters: dict[str, Any]) -> LoadCellProtocol:
     phalanges = parameters["phalanges"] or phalanges_of(load_dbc(path), names)
     if not phalanges:
         raise CanError(f"{path}: expected messages with the signal {names.gauges[0]!r}, found none")
-    own = {name: parameters.get(f"messages.{name}", ()) for name in phalanges}
-    return LoadCellProtocol.from_dbc(path, phalanges, own, names)
+    messages = {name: parameters.get(f"messages.{name}", ()) for name in phalanges}
+    return LoadCellProtocol.from_dbc(path, phalanges, messages, names)
 
 
 def _batches(

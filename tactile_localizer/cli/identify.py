@@ -82,8 +82,8 @@ def _candidates(paths: list[str]) -> dict[str, tuple[Scan, Scene]]:
         raise ParameterError(f"--scan: expected scans of different names, got {', '.join(names)}")
     first = loaded[0][2]
     for other, _, scene in loaded[1:]:
-        own = (scene.axis_names, scene.phalanx_names, scene.layout.counts)
-        if own != (first.axis_names, first.phalanx_names, first.layout.counts):
+        layout = (scene.axis_names, scene.phalanx_names, scene.layout.counts)
+        if layout != (first.axis_names, first.phalanx_names, first.layout.counts):
             raise ParameterError(
                 f"{other}: expected the axes, phalanges and channels of {loaded[0][0]}, found others"
             )

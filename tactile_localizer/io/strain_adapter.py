@@ -214,11 +214,11 @@ class StrainAdapter:
     def _vector(self, stamp_ns: int) -> StrainVector:
         strain = np.full(self.layout.size, np.nan)
         status = np.full(len(self.sources), MISSING, dtype=np.uint8)
-        for index, (own, kept) in enumerate(zip(self.layout.slices, self._kept, strict=True)):
+        for index, (channels, kept) in enumerate(zip(self.layout.slices, self._kept, strict=True)):
             earlier = (sample for sample in reversed(kept) if sample[0] <= stamp_ns)
-            newest_ns, values, bits = next(earlier, (-math.inf, strain[own], MISSING))
+            newest_ns, values, bits = next(earlier, (-math.inf, strain[channels], MISSING))
             if stamp_ns - newest_ns <= self._max_age_ns:
-                strain[own], status[index] = values, bits
+                strain[channels], status[index] = values, bits
         return StrainVector(stamp_ns, strain, status)
 
 

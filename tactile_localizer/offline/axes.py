@@ -16,9 +16,6 @@ MM = 1e3
 INCH_MM = 25.4
 """Millimetres per inch."""
 
-TENTH_INCH_MM = 0.1 * INCH_MM
-"""Error after contact that the paper reports, mm."""
-
 _LEGEND_INCH = 0.35
 """Height of a legend below the plots, inch."""
 

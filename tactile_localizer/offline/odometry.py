@@ -83,7 +83,7 @@ def random_starts(
     left = [along[-1:] - along for along in travels]
     wanted = length - _ROUNDING if length is not None else np.finfo(float).tiny
     starts = [np.flatnonzero(rest >= wanted) for rest in left]
-    places = [(index, int(start)) for index, own in enumerate(starts) for start in own]
+    places = [(index, int(start)) for index, rows in enumerate(starts) for start in rows]
     if not places:
         longest = max((float(rest.max(initial=0.0)) for rest in left), default=0.0)
         expected = "with any travel" if length is None else f"of at least {length * 1e3:.1f} mm"

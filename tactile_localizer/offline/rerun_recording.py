@@ -176,9 +176,9 @@ class ReplayView:
             log("error/estimate", rr.Scalars(float(np.linalg.norm(mean - truth))))
         _, near = self._tree.query(estimate.mean * self._scale, k=min(_NEIGHBOURS, len(self._strain)))
         expected = self._strain[np.atleast_1d(near)].mean(axis=0)
-        for phalanx, own in zip(self._scene.phalanges, self._scene.layout.slices, strict=True):
-            log(f"strain/{phalanx.name}/measured", rr.Scalars(sweep.strain[row, own]))
-            log(f"strain/{phalanx.name}/expected", rr.Scalars(expected[own]))
+        for phalanx, channels in zip(self._scene.phalanges, self._scene.layout.slices, strict=True):
+            log(f"strain/{phalanx.name}/measured", rr.Scalars(sweep.strain[row, channels]))
+            log(f"strain/{phalanx.name}/expected", rr.Scalars(expected[channels]))
         log_likelihoods = estimate.log_marginal, estimate.log_elsewhere, estimate.log_featureless
         for name, probability, log_likelihood in zip(
             _EXPLANATIONS, localizer.explanations(), log_likelihoods, strict=True

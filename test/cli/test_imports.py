@@ -1,4 +1,4 @@
-"""A replay waits for no library that it does not use."""
+"""A replay imports no library that it does not use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_localizer.cli import main
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """Modules that a replay on a scan of which everything was learned has imported at its end."""
+    """Modules imported by a replay on a scan with a stored calibration."""
     folder: Path = tmp_path_factory.mktemp("replay")
     recorded = folder / "recorded"
     scan = str(folder / "scan.db")

@@ -14,8 +14,8 @@ from tactile_localizer.cli import progress
 PROGRAM = """
 from tactile_localizer.cli.progress import progress_bars
 with progress_bars() as show:
-    for share in (0.0, 0.5, 1.0):
-        show("sorting", share)
+    for fraction in (0.0, 0.5, 1.0):
+        show("sorting", fraction)
 print("done")
 """
 
@@ -33,8 +33,8 @@ def test_long_work_prints_lines(capsys: pytest.CaptureFixture, monkeypatch: pyte
     now = iter([0.0, 4.0, 11.0, 12.0, 22.0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(now))
     with progress.progress_bars() as show:
-        for share in (0.1, 0.2, 0.5, 0.6, 0.9):
-            show("sorting", share)
+        for fraction in (0.1, 0.2, 0.5, 0.6, 0.9):
+            show("sorting", fraction)
     assert capsys.readouterr().err == "sorting: 50%\nsorting: 90%\n"
 
 

@@ -1,9 +1,9 @@
 """Fuzz the command line with mutated files: ``make fuzz MINUTES=10``.
 
-Each case mutates one good file, runs one command on it in a process of its own, and asserts: it ends
-within 10 s of processor time with less than 1 GB of memory, with a result (status 0 or 1) or one line that
-begins with ``error:`` (status 2), never with a traceback or a warning of numpy; and a scan file never loads
-as a different map without an error. What fails is kept in ``out/fuzz``, with the command to run it again.
+Each case mutates one valid file, runs one command on it in a separate process, and asserts that it ends
+within 10 s of processor time, with less than 1 GB of memory, with a result (status 0 or 1) or one line that
+begins with ``error:`` (status 2), and without a traceback or a numpy warning; and that a scan file does not
+load as a different map. Failing cases are kept in ``out/fuzz``, with the command to repeat them.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from tactile_localizer.errors import TactileLocalizerError  # noqa: E402
 MOST_SECONDS = 10
 MOST_BYTES = 1_000_000_000
 _MOST_WALL_SECONDS = 60
-"""Beyond which a process is taken to hang, however busy the machine is."""
+"""Elapsed time after which a process counts as hanging, also on a busy machine."""
 _ADDRESS_SPACE = 8_000_000_000
 _CRASHED, _DIFFERENT_MAP = 70, 71
 _LONGEST_ERROR = 1000
 
 
 def main() -> int:
-    """Fuzz for the time that is asked for; the exit status says whether everything held."""
+    """Fuzz for the given time; the exit status is 1 if a case failed."""
     args = _arguments()
     until = time.monotonic() + 60.0 * args.minutes
     folder = Path(tempfile.mkdtemp(prefix="fuzz_"))
@@ -66,17 +66,17 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--rounds", type=int, help="cases of each kind, in place of minutes")
-    parser.add_argument("--seed", type=int, default=0, help="of the first case")
+    parser.add_argument("--rounds", type=int, help="number of cases of each kind, instead of minutes")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first case")
     parser.add_argument("--target", action="append", help="fuzz this kind of file only (repeatable)")
-    parser.add_argument("--case", type=int, help="run this one case of a target and show what it prints")
-    parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="folder for what fails")
+    parser.add_argument("--case", type=int, help="run one case of a target and show its output")
+    parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="folder for failing cases")
     parser.add_argument("--most-failures", type=int, default=50)
     return parser.parse_args()
 
 
 def _warm_up() -> None:
-    """Import what the commands need, once for all of their processes."""
+    """Import the modules of the commands once for all processes."""
     for name in ("import_", "scan", "replay", "can"):
         __import__(f"tactile_localizer.cli.{name}")
 
@@ -104,7 +104,7 @@ def _fuzz(targets: list[Target], args: argparse.Namespace, good: Path, folder: P
     for name, count in cases.items():
         print(f"{name:18} {count:6} cases, {refused[name]:6} refused")
     print(f"{len(cases)} kinds, {sum(cases.values())} cases, {failures} failures")
-    print("run one again: test/fuzz/fuzz.py --target NAME --case NUMBER")
+    print("repeat a case: test/fuzz/fuzz.py --target NAME --case NUMBER")
     return 1 if failures else 0
 
 
@@ -112,22 +112,22 @@ def _again(targets: list[Target], seed: int, good: Path, folder: Path) -> int:
     (target,) = targets
     with _case_folder(folder) as case:
         status, reason, command = _run_case(target, seed, good, case)
-        print(f"{command}\nstatus {status}: {reason or 'held'}")
+        print(f"{command}\nstatus {status}: {reason or 'passed'}")
         for stream in ("stdout", "stderr"):
             print(f"--- {stream}\n{(case / stream).read_text(errors='replace')[-6000:]}")
     return 1 if reason else 0
 
 
 def _require_good_files(targets: list[Target], good: Path, folder: Path) -> None:
-    """See that what is not mutated is read: else what is refused could be refused for another reason."""
+    """Require that the files are read without mutation, so that refusals are due to the mutation."""
     for target in targets:
         with _case_folder(folder) as case:
             status, reason, command = _run_case(
                 replace(target, mutate=lambda _, content: content), 0, good, case
             )
             if reason or status == 2:
-                said = (case / "stderr").read_text()
-                raise SystemExit(f"{command}: expected to read a good file, {reason} {said}")
+                errors = (case / "stderr").read_text()
+                raise SystemExit(f"{command}: expected to read a good file, {reason} {errors}")
 
 
 @contextlib.contextmanager
@@ -141,7 +141,7 @@ def _case_folder(folder: Path) -> Iterator[Path]:
 
 
 def _run_case(target: Target, seed: int, good: Path, case: Path) -> tuple[int, str, str]:
-    """Exit status, what is wrong (empty: nothing) and the command line of one case."""
+    """Exit status, failure (empty if none) and command line of one case."""
     rng = random.Random(f"{target.name} {seed}")
     content = target.mutate(rng, (good / target.file).read_bytes())
     mutated = _place(case, good, target.file)
@@ -155,7 +155,7 @@ def _run_case(target: Target, seed: int, good: Path, case: Path) -> tuple[int, s
 
 
 def _place(case: Path, good: Path, file: str) -> Path:
-    """Where the mutated file goes: for a part of a bag, into a copy of the bag."""
+    """Path of the mutated file; a part of a bag is in a copy of the bag."""
     if "/" in file:
         shutil.copytree(good / Path(file).parent, case / Path(file).parent)
     return case / file
@@ -188,7 +188,7 @@ def _in_child(
 
 
 def _become(case: Path) -> None:
-    """Limit this process, and let what it prints go to files."""
+    """Limit the resources of this process and redirect its output to files."""
     for number, name in ((1, "stdout"), (2, "stderr")):
         stream = os.open(case / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(stream, number)

@@ -1,4 +1,4 @@
-"""A short run of the fuzz harness: mutated files of every kind end in a result or in one line."""
+"""A short run of the fuzz harness."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ FUZZ = Path(__file__).with_name("fuzz.py")
 
 
 @pytest.mark.slow
-def test_no_mutated_file_ends_in_a_traceback_takes_long_or_loads_as_another_map(tmp_path):
+def test_mutated_files_give_a_result_or_one_error_line(tmp_path):
     run = subprocess.run(
         [sys.executable, FUZZ, "--rounds", "8", "--seed", "0", "--out", tmp_path],
         capture_output=True,

@@ -84,11 +84,11 @@ def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
 
 
 def test_the_truth_does_not_affect_the_estimate(recording: Recording) -> None:
-    printed = replay(localizer(), recording)
-    without_posterior = replay(
+    with_truth = replay(localizer(), recording)
+    without_truth = replay(
         localizer(), replace(recording, sweeps=tuple(replace(s, truth=None) for s in recording.sweeps))
     )
-    for a, b in zip(printed, without_posterior, strict=True):
+    for a, b in zip(with_truth, without_truth, strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)
         assert b.truth is None
 
@@ -106,7 +106,7 @@ def test_missing_phalanges_are_left_out(recording: Recording) -> None:
     status[50:90, 0] = MISSING
     strain[50:90, :8] = np.nan
     status[100:107] = MISSING
-    strain[110, 3] = np.nan  # said to be well, but is not
+    strain[110, 3] = np.nan  # although its status is OK
     (track,) = replay(localizer(), replace(recording, sweeps=(replace(sweep, status=status, strain=strain),)))
     assert track.refused == 8
     np.testing.assert_array_equal(np.setdiff1d(np.arange(len(sweep)), track.row), [*range(100, 107), 110])
@@ -114,10 +114,10 @@ def test_missing_phalanges_are_left_out(recording: Recording) -> None:
 
 
 def test_progress_ends_at_one(recording: Recording) -> None:
-    printed: list[float] = []
-    replay(localizer(), recording, lambda text, share: printed.append(share))
-    assert printed == sorted(printed)
-    assert printed[-1] == 1.0
+    fractions: list[float] = []
+    replay(localizer(), recording, lambda text, fraction: fractions.append(fraction))
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 def test_columns_are_written_like_rows(tmp_path: Path) -> None:
@@ -147,7 +147,9 @@ def test_unwritable_results_leave_no_file(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["out.json"]
 
 
-def test_updates_are_rows_made_some_at_a_time(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_updates_do_not_depend_on_the_block_size(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tracks = replay(localizer(), recording)
     whole = list(Updates(SCENE, tracks))
     assert len(whole) == len(Updates(SCENE, tracks)) == len(recording)

@@ -62,7 +62,7 @@ class _LoadCell:
         self.breaks = CounterBreaks(counts)
         self.counter: int | None = None  # of the newest sample
         self.cycle = _UNALIGNED  # number of the newest sample's cycle, or _LATE, or _UNALIGNED
-        self.at = 0  # cycles opened when the newest sample began, including its own
+        self.at = 0  # cycles opened when the newest sample began, including this one
         self.began_ns = 0  # stamp of the first frame of the newest sample
         self.begun = 0  # samples of all load cells when the newest one began
         self.opened = 0  # cycles opened by then
@@ -92,7 +92,7 @@ class CycleAssembler:
     """
 
     def __init__(self, protocol: LoadCellProtocol, wait_s: float) -> None:
-        phalanx_of = [own.phalanx for own in protocol.messages]
+        phalanx_of = [message.phalanx for message in protocol.messages]
         bits = [protocol.messages[phalanx_of.index(p)].counter_bits for p in range(len(protocol.phalanges))]
         self._protocol = protocol
         self._wait_ns = round(wait_s * 1e9)
@@ -107,7 +107,9 @@ class CycleAssembler:
         ]
         self._cell_of = [self._cells[p] for p in phalanx_of]
         self._bit_of = [1 << phalanx_of[:slot].count(p) for slot, p in enumerate(phalanx_of)]
-        self._columns = [np.array([gauge.column for gauge in own.gauges], int) for own in protocol.messages]
+        self._columns = [
+            np.array([gauge.column for gauge in message.gauges], int) for message in protocol.messages
+        ]
         self._channels = protocol.channels
         self._cycles: list[Cycle] = []  # closed, not yet returned
         self._strain = np.empty(0)
@@ -210,29 +212,29 @@ class CycleAssembler:
         return FrameKind.DATA
 
     def _begin_sample(
-        self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
+        self, cell: _LoadCell, alignment: LoadCellCounter, bit: int, counter: int, stamp_ns: int
     ) -> FrameKind:
         """Begin a sample, closing and opening cycles as needed; returns ``DATA``, or the reason why not."""
         sequence, totals = cell.sequence, cell.breaks.totals
-        kind = self._count(cell, own, bit, counter, stamp_ns)
+        kind = self._count(cell, alignment, bit, counter, stamp_ns)
         if kind != FrameKind.DATA:
             return kind
         cell.began_ns = stamp_ns
-        cycle = self._cycle_of(cell, own, counter, stamp_ns)
+        cycle = self._cycle_of(cell, alignment, counter, stamp_ns)
         joins = self._open and cycle == self._cycle != cell.cycle
         if cycle is not None and cycle <= self._cycle and not joins:
             if cycle != self._expired:  # only a wrong offset makes a sample late for a complete cycle
-                own.doubt()
+                alignment.doubt()
             self._put(cell, counter, _LATE)
             cell.have = bit
             return FrameKind.OUT_OF_ORDER
-        alone = self._alignment.alone(own)
+        alone = self._alignment.alone(alignment)
         after_ns = stamp_ns - self._first_ns if joins else 0
         late = 0 < self._period_ns < 2 * after_ns
         if (
             cycle is None
-            or not (alone or own.admits(first=not joins, late=late))
-            or self._may_wrap(own, after_ns)
+            or not (alone or alignment.admits(first=not joins, late=late))
+            or self._may_wrap(alignment, after_ns)
         ):
             self._put(cell, counter, _UNALIGNED)
             cell.counts.unaligned += 1
@@ -240,7 +242,7 @@ class CycleAssembler:
         if joins:
             if self._first is not None and self._first.alignment is not None:
                 self._first.alignment.placed(first=True)
-                own.placed(first=False)
+                alignment.placed(first=False)
             self._put(cell, counter, cycle)
             return FrameKind.DATA
         if cycle > self._cycle + 1 and not alone:
@@ -249,70 +251,72 @@ class CycleAssembler:
         self._open_cycle(cell, counter, cycle, stamp_ns)
         return FrameKind.DATA
 
-    def _may_wrap(self, own: LoadCellCounter, elapsed_ns: int) -> bool:
+    def _may_wrap(self, alignment: LoadCellCounter, elapsed_ns: int) -> bool:
         """Whether a counter that has the same value after this time may be a whole span further on."""
-        return 0 < own.span * self._period_ns < 2 * elapsed_ns
+        return 0 < alignment.span * self._period_ns < 2 * elapsed_ns
 
     def _count(
-        self, cell: _LoadCell, own: LoadCellCounter, bit: int, counter: int, stamp_ns: int
+        self, cell: _LoadCell, alignment: LoadCellCounter, bit: int, counter: int, stamp_ns: int
     ) -> FrameKind:
         """Count losses since the load cell's newest sample; returns the reason if the frame begins none."""
         if cell.counter is None:
-            cell.sequence += (counter - cell.sequence) % own.span
+            cell.sequence += (counter - cell.sequence) % alignment.span
             return FrameKind.DATA
-        step = (counter - cell.counter) % own.span or own.span
+        step = (counter - cell.counter) % alignment.span or alignment.span
         if step == 1:
             self._learn_period(cell, stamp_ns)
         else:
-            own.broken()
-        alternated = cell.breaks.alternates(cell.counter, counter, own.span)
+            alignment.broken()
+        alternated = cell.breaks.alternates(cell.counter, counter, alignment.span)
         if alternated and cell.breaks.two_senders:
-            cell.breaks.begin(cell.counter, counter, own.span, alternated=True)
+            cell.breaks.begin(cell.counter, counter, alignment.span, alternated=True)
             cell.counts.interleaved += 1
             return FrameKind.DATA
         if self._follows(cell, 2) and abs(stamp_ns - cell.counts.last_ns) <= self._wait_ns:
-            step_back = own.span - step
-            if step_back <= own.max_lateness:
+            step_back = alignment.span - step
+            if step_back <= alignment.max_lateness:
                 if alternated:
                     cell.breaks.unused(counter)
                 cell.doubled |= cell.have != cell.complete
                 cell.counts.interleaved += 1
                 return FrameKind.OUT_OF_ORDER if step_back or not cell.have & bit else FrameKind.DUPLICATE
-        cell.breaks.begin(cell.counter, counter, own.span, alternated=alternated)
+        cell.breaks.begin(cell.counter, counter, alignment.span, alternated=alternated)
         passed = self._opened - cell.at  # cycles since its newest sample; their numbers may have jumped
-        least = max(1, passed - own.span // 2)
-        advance = least + (step - least) % own.span
+        least = max(1, passed - alignment.span // 2)
+        advance = least + (step - least) % alignment.span
         if advance - passed > MAX_LOST:
             advance = max(1, passed)
-            own.forget()
+            alignment.forget()
         used = 0 if cell.cycle == _LATE else cell.have.bit_count()
         cell.sequence += advance
         cell.breaks.skip(advance - 1, advance * cell.parts - used)
         return FrameKind.DATA
 
-    def _cycle_of(self, cell: _LoadCell, own: LoadCellCounter, counter: int, stamp_ns: int) -> int | None:
+    def _cycle_of(
+        self, cell: _LoadCell, alignment: LoadCellCounter, counter: int, stamp_ns: int
+    ) -> int | None:
         """Number of the cycle of a sample that begins; ``None`` if it is uncertain."""
         if cell.breaks.two_senders:
-            own.forget()
+            alignment.forget()
             return None
-        if not own.certain:
+        if not alignment.certain:
             cell.opened = self._opened
         elif self._opened - cell.opened > MAX_ABSENCE:
-            own.broken()
-        latest = 0 if self._alignment.alone(own) else own.max_lateness
+            alignment.broken()
+        latest = 0 if self._alignment.alone(alignment) else alignment.max_lateness
         in_open = self._open and cell.cycle == self._cycle
         earliest = self._cycle + (in_open or not self._open) - latest
         pause_ns = 0 if self._last_ns is None else stamp_ns - self._last_ns
-        self._alignment.begin(own, counter, pause_ns, earliest)
-        if not own.certain:
+        self._alignment.begin(alignment, counter, pause_ns, earliest)
+        if not alignment.certain:
             return None
-        cycle = own.cycle(counter, earliest)
+        cycle = alignment.cycle(counter, earliest)
         if self._jump is not None and self._jump.cell is not cell:
             jump, self._jump = self._jump, None
             ahead = cycle - self._cycle
-            if ahead not in (0, 1) and (ahead + jump.cycles) % own.span in (0, 1):
+            if ahead not in (0, 1) and (ahead + jump.cycles) % alignment.span in (0, 1):
                 self._undo(jump)
-                cycle = own.cycle(counter, self._cycle - own.max_lateness)
+                cycle = alignment.cycle(counter, self._cycle - alignment.max_lateness)
         return cycle
 
     def _put(self, cell: _LoadCell, counter: int, cycle: int) -> None:

@@ -94,10 +94,9 @@ def parse_options(texts: list[str]) -> dict[str, Any]:
 
 
 def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) -> can.BusABC:
-    """Open the bus; with a ``protocol``, for its frames alone where the kernel or the adapter can filter.
+    """Open the bus; with a ``protocol``, only for its frames if the kernel or the adapter can filter.
 
-    Where filtering would be python-can's own, in this process, all frames are let through: it would cost
-    more than it saves, and those that are not in the DBC could not be counted.
+    Elsewhere python-can would filter in this process, which costs more than it saves, so all frames pass.
 
     Raises
     ------

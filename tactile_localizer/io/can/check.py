@@ -111,15 +111,15 @@ class CanCheck:
         absent = self.absent()
         return [
             MessageReport(
-                own.message.name,
-                identifier(own.key),
-                self._frames[own.key],
-                self._rate(self._frames[own.key]),
-                own.length,
-                tuple(sorted(self._lengths.get(own.key, ()))),
+                message.definition.name,
+                identifier(message.key),
+                self._frames[message.key],
+                self._rate(self._frames[message.key]),
+                message.length,
+                tuple(sorted(self._lengths.get(message.key, ()))),
             )
-            for own in self._protocol.messages
-            if self._protocol.phalanges[own.phalanx] not in absent
+            for message in self._protocol.messages
+            if self._protocol.phalanges[message.phalanx] not in absent
         ]
 
     def phalanges(self) -> list[PhalanxReport]:
@@ -133,7 +133,9 @@ class CanCheck:
                 continue
             channels = self._protocol.channels.slices[p]
             gauges = tuple((np.flatnonzero(self._saturated[channels]) + 1).tolist())
-            frames = min(self._frames[own.key] for own in self._protocol.messages if own.phalanx == p)
+            frames = min(
+                self._frames[message.key] for message in self._protocol.messages if message.phalanx == p
+            )
             rate_hz = self._rate(frames)
             reports.append(
                 PhalanxReport(name, counts, rate_hz, self._lowest[channels], self._highest[channels], gauges)
@@ -142,7 +144,7 @@ class CanCheck:
 
     def unknown(self) -> list[tuple[str, int, float]]:
         """Identifier, number of frames and rate of each unknown message, most frequent first."""
-        known = {own.key for own in self._protocol.messages}
+        known = {message.key for message in self._protocol.messages}
         return [
             (identifier(key), frames, self._rate(frames))
             for key, frames in self._frames.most_common()
@@ -176,7 +178,7 @@ class CanCheck:
         return found
 
     def _seen(self) -> set[str]:
-        sending = (own.phalanx for own in self._protocol.messages if self._frames[own.key])
+        sending = (message.phalanx for message in self._protocol.messages if self._frames[message.key])
         return {self._protocol.phalanges[p] for p in sending}
 
     def _rate(self, count: int) -> float:

@@ -1,4 +1,4 @@
-"""The load cells of a hand on a bus: receive thread, decoding, assembly and tare, as one thing."""
+"""Driver of a hand's load cells: receive thread, decoding, assembly of cycles, and tare."""
 
 from __future__ import annotations
 

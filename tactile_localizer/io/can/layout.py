@@ -1,4 +1,4 @@
-"""The load cells' messages in a DBC: which frames they are, and their gauges, counters and statuses."""
+"""Messages of the load cells in a DBC, with their gauges, counters and statuses."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ class Gauge:
 
     Parameters
     ----------
-    signal : in the DBC
-    column : in the strain vector
-    scale, offset, volts : from the raw value to the DBC's unit, and from that to V
-    lowest, highest : V, ends of the range
+    signal : signal in the DBC
+    column : column in the strain vector
+    scale, offset, volts : conversion from the raw value to the DBC's unit, and from that to V
+    lowest, highest : ends of the range, V
     """
 
     signal: Signal
@@ -100,13 +100,13 @@ class LoadCellMessage:
 
     Parameters
     ----------
-    message : in the DBC
-    phalanx : index of its phalanx
-    gauges : in the message
-    counter, status : signals, ``None`` without one
+    definition : definition in the DBC
+    phalanx : index of the phalanx
+    gauges : gauges in the message
+    counter, status : signals of the counter and the status, ``None`` without one
     """
 
-    message: Message
+    definition: Message
     phalanx: int
     gauges: tuple[Gauge, ...]
     counter: Signal | None
@@ -115,12 +115,12 @@ class LoadCellMessage:
     @cached_property
     def key(self) -> int:
         """Key of its frames."""
-        return self.message.frame_id | (EXTENDED if self.message.is_extended_frame else 0)
+        return self.definition.frame_id | (EXTENDED if self.definition.is_extended_frame else 0)
 
     @cached_property
     def length(self) -> int:
         """Data bytes of a frame on the bus."""
-        return wire_length(self.message.length)
+        return wire_length(self.definition.length)
 
     @property
     def counter_bits(self) -> int:
@@ -237,19 +237,21 @@ def compile_layout(
     """
     found: list[LoadCellMessage] = []
     counts: list[int] = []
-    for index, (phalanx, own) in enumerate(zip(phalanges, messages, strict=True)):
-        gauges = _gauges_of(phalanx, own, names)
+    for index, (phalanx, definitions) in enumerate(zip(phalanges, messages, strict=True)):
+        gauges = _gauges_of(phalanx, definitions, names)
         first = sum(counts)
         counts.append(len(gauges))
         counter, status = (name.replace("{phalanx}", phalanx) for name in (names.counter, names.status))
-        _check(phalanx, own, gauges, counter)
-        for message in own:
+        _check(phalanx, definitions, gauges, counter)
+        for message in definitions:
             by_name = {signal.name: signal for signal in message.signals}
-            here = [Gauge.of(by_name[name], first + g) for g, name in enumerate(gauges) if name in by_name]
+            contained = [
+                Gauge.of(by_name[name], first + g) for g, name in enumerate(gauges) if name in by_name
+            ]
             signals = by_name.get(counter), by_name.get(status)
-            found.append(LoadCellMessage(message, index, tuple(here), *signals))
+            found.append(LoadCellMessage(message, index, tuple(contained), *signals))
     for key in {message.key for message in found}:
-        shared = [message.message.name for message in found if message.key == key]
+        shared = [message.definition.name for message in found if message.key == key]
         if len(shared) > 1:
             raise CanError(f"frame 0x{key & 0x1FFFFFFF:X}: expected one message, found {', '.join(shared)}")
     return tuple(found), ChannelLayout(tuple(counts))

@@ -70,8 +70,8 @@ class LoadCellProtocol:
     def __init__(self, phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> None:
         self.phalanges = tuple(phalanges)
         self.messages, self.channels = compile_layout(self.phalanges, messages, names)
-        self.is_fd = any(own.length > 8 or own.message.is_fd for own in self.messages)
-        self._slots = {own.key: slot for slot, own in enumerate(self.messages)}
+        self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
+        self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
 
     @classmethod
     def from_dbc(
@@ -95,21 +95,24 @@ class LoadCellProtocol:
         CanError
             The file is not a DBC, or lacks a message or signal of a phalanx.
         """
-        own = phalanx_messages(load_dbc(path), phalanges, messages or {})
-        return cls(phalanges, own, names or SignalNames())
+        definitions = phalanx_messages(load_dbc(path), phalanges, messages or {})
+        return cls(phalanges, definitions, names or SignalNames())
 
     @property
     def message_names(self) -> tuple[str, ...]:
         """Name of each message."""
-        return tuple(own.message.name for own in self.messages)
+        return tuple(message.definition.name for message in self.messages)
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
         """Filters for the kernel or the adapter that pass exactly the messages in use."""
         return [
-            {"can_id": message.frame_id, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for message in (own.message for own in self.messages)
-            for extended in [bool(message.is_extended_frame)]
+            {
+                "can_id": definition.frame_id,
+                "can_mask": 0x1FFFFFFF if definition.is_extended_frame else 0x7FF,
+                "extended": bool(definition.is_extended_frame),
+            }
+            for definition in (message.definition for message in self.messages)
         ]
 
     def decode(self, frame: can.Message) -> Decoded:
@@ -119,26 +122,26 @@ class LoadCellProtocol:
         if slot is None:
             flag = FrameKind.REMOTE if key & REMOTE else FrameKind.UNKNOWN_ID
             return Decoded(FrameKind.ERROR if key & ERROR else flag)
-        own = self.messages[slot]
-        if len(frame.data) != own.length:
+        message = self.messages[slot]
+        if len(frame.data) != message.length:
             return Decoded(FrameKind.WRONG_LENGTH)
-        raw: dict[str, Any] = own.message.decode_simple(
-            bytes(frame.data[: own.message.length]), decode_choices=False, scaling=False
+        raw: dict[str, Any] = message.definition.decode_simple(
+            bytes(frame.data[: message.definition.length]), decode_choices=False, scaling=False
         )
-        fault, saturated, volts = bool(own.status and raw[own.status.name] != 0), False, []
-        for gauge in own.gauges:
+        fault, saturated, volts = bool(message.status and raw[message.status.name] != 0), False, []
+        for gauge in message.gauges:
             value = (raw[gauge.signal.name] * gauge.scale + gauge.offset) * gauge.volts
             volts.append(value)
             if not gauge.lowest < value < gauge.highest:
                 saturated = saturated or value == value
                 fault = fault or not math.isfinite(value)
-        counter = raw[own.counter.name] & ((1 << own.counter_bits) - 1) if own.counter else 0
+        counter = raw[message.counter.name] & ((1 << message.counter_bits) - 1) if message.counter else 0
         return Decoded(FrameKind.DATA, slot, counter, fault, saturated, volts)
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
         """Whether each gauge of a decoded ``strain`` (C,), V, is at an end of its range: (C,) bool."""
         saturated = np.zeros(len(strain), dtype=bool)
-        for gauge in (gauge for own in self.messages for gauge in own.gauges):
+        for gauge in (gauge for message in self.messages for gauge in message.gauges):
             saturated[gauge.column] = not gauge.lowest < strain[gauge.column] < gauge.highest
         return saturated
 
@@ -157,24 +160,26 @@ class LoadCellProtocol:
         """
         frames = []
         first = self.channels.slices[phalanx].start
-        for own in self.messages:
-            if own.phalanx != phalanx:
+        for message in self.messages:
+            if message.phalanx != phalanx:
                 continue
-            values: dict[str, float] = dict.fromkeys((signal.name for signal in own.message.signals), 0)
-            for gauge in own.gauges:
+            values: dict[str, float] = dict.fromkeys(
+                (signal.name for signal in message.definition.signals), 0
+            )
+            for gauge in message.gauges:
                 values[gauge.signal.name] = gauge.raw(float(strain[gauge.column - first]))
-            if own.counter:
-                values[own.counter.name] = sequence % (1 << own.counter.length)
-            if own.status:
-                values[own.status.name] = status
-            data = own.message.encode(values, scaling=False, strict=False)
+            if message.counter:
+                values[message.counter.name] = sequence % (1 << message.counter.length)
+            if message.status:
+                values[message.status.name] = status
+            data = message.definition.encode(values, scaling=False, strict=False)
             frames.append(
                 can.Message(
                     timestamp=stamp_s,
-                    arbitration_id=own.message.frame_id,
-                    is_extended_id=own.message.is_extended_frame,
+                    arbitration_id=message.definition.frame_id,
+                    is_extended_id=message.definition.is_extended_frame,
                     is_fd=self.is_fd,
-                    data=data.ljust(own.length, b"\0"),
+                    data=data.ljust(message.length, b"\0"),
                 )
             )
         return frames

@@ -82,13 +82,13 @@ def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout) -> np
     """
     stored = _read(path)
     offset = np.zeros(layout.size)
-    for name, own, channels in zip(phalanges, layout.slices, layout.counts, strict=True):
-        values = stored.get(name, [0.0] * channels)
-        if len(values) != channels:
+    for name, part, count in zip(phalanges, layout.slices, layout.counts, strict=True):
+        values = stored.get(name, [0.0] * count)
+        if len(values) != count:
             raise ParameterError(
-                f"tare file {path}: expected {channels} voltages for phalanx {name}, found {len(values)}"
+                f"tare file {path}: expected {count} voltages for phalanx {name}, found {len(values)}"
             )
-        offset[own] = values
+        offset[part] = values
     return offset
 
 

@@ -187,8 +187,8 @@ def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
             raise ScanError(f"column {pair!r}: expected QUANTITY=COLUMN, as in stamp_s=time_ms*0.001")
         content[quantity.strip()] = value.split(",") if "," in value else value
     content.setdefault("strain_unit", base.strain_unit)
-    own = naming_from_dict(content)
-    return ColumnNaming({**base.columns, **own.columns}, own.strain_unit, {**base.speed, **own.speed})
+    given = naming_from_dict(content)
+    return ColumnNaming({**base.columns, **given.columns}, given.strain_unit, {**base.speed, **given.speed})
 
 
 def _columns(quantity: str, value: Any) -> Columns:

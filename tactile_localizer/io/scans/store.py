@@ -416,10 +416,9 @@ def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
         "name": lambda scene: [scene.name],
     }
     for what, of in values.items():
-        own, other = list(of(found)), list(of(expected))
-        if own != other:
-            wanted, given = (", ".join(map(str, each)) for each in (other, own))
-            raise ScanError(f"{where}: expected {what} {wanted}, found {given}")
+        texts = [", ".join(map(str, of(each))) for each in (expected, found)]
+        if list(of(expected)) != list(of(found)):
+            raise ScanError(f"{where}: expected {what} {texts[0]}, found {texts[1]}")
 
 
 @contextmanager

@@ -174,9 +174,9 @@ def neighbour_values(drawn: DrawnScan, phalanx: str) -> Figure:
     measurement distribution is multimodal there.
     """
     scan = drawn.scan
-    own = scan.layout.slices[scan.phalanges.index(phalanx)]
-    channel = int(np.argmax(scan.strain[:, own].std(axis=0)))
-    values = scan.strain[:, own.start + channel]
+    channels = scan.layout.slices[scan.phalanges.index(phalanx)]
+    channel = int(np.argmax(scan.strain[:, channels].std(axis=0)))
+    values = scan.strain[:, channels.start + channel]
     sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
     mine = scan.sweep == sweep
     x = display_units(scan.axes[0], scan.states[mine, 0])

@@ -41,12 +41,12 @@ def noise_table(scene: Scene, model: SweepModel, unit: str = "V") -> Table:
         (
             phalanx.name,
             str(phalanx.channels),
-            _median(visit[own]),
-            f"{visit[own].max():.3g}",
-            _median(offset[own]),
-            _median(signal[own]),
+            _median(visit[channels]),
+            f"{visit[channels].max():.3g}",
+            _median(offset[channels]),
+            _median(signal[channels]),
         )
-        for phalanx, own in zip(scene.phalanges, scene.layout.slices, strict=True)
+        for phalanx, channels in zip(scene.phalanges, scene.layout.slices, strict=True)
     ]
     columns = (
         "phalanx",
@@ -97,8 +97,8 @@ def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> 
         for axis, std in zip(scene.axis_names, positions, strict=True)
     ]
     rows += [
-        (f"strain, {phalanx.name}", f"{_median(strains[own])} {unit}")
-        for phalanx, own in zip(scene.phalanges, scene.layout.slices, strict=True)
+        (f"strain, {phalanx.name}", f"{_median(strains[channels])} {unit}")
+        for phalanx, channels in zip(scene.phalanges, scene.layout.slices, strict=True)
     ]
     note = "Standard deviations, of the median channel; chosen by the likelihood of held-out sweeps."
     return Table("Kernel widths", ("", "width"), rows, note)

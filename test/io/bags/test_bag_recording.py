@@ -24,18 +24,18 @@ from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
-FELT_MS = np.arange(20, 2001, 5)
+STRAIN_MS = np.arange(20, 2001, 5)
 
 
 def whole(path, storage="mcap", compression="none", last_ms=2000):
     return write_bag(path, slide(0, last_ms), storage, compression)
 
 
-def assert_felt(sweep, felt_ms=FELT_MS):
-    np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
-    np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms), atol=1e-12)
-    np.testing.assert_array_equal(sweep.strain[:, 0], felt_ms + 8000)
-    np.testing.assert_array_equal(sweep.strain[:, 8], felt_ms)
+def assert_whole(sweep, strain_ms=STRAIN_MS):
+    np.testing.assert_array_equal(sweep.stamp_ns, START + strain_ms * MS)
+    np.testing.assert_allclose(sweep.position[:, 0], x_at(strain_ms), atol=1e-12)
+    np.testing.assert_array_equal(sweep.strain[:, 0], strain_ms + 8000)
+    np.testing.assert_array_equal(sweep.strain[:, 8], strain_ms)
     assert not sweep.status.any()
 
 
@@ -60,8 +60,8 @@ def test_all_storages_give_the_same_recording(tmp_path, storage, compression, fo
         (bag,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
     recording = read_bag(bag, SCENE)
     (sweep,) = recording.sweeps
-    assert_felt(sweep)
-    assert sweep.gaps == 3, "felt before the first pose"
+    assert_whole(sweep)
+    assert sweep.gaps == 3, "before the first pose"
     assert recording.axes == ("x", "y")
     assert recording.phalanges == ("index", "middle")
     assert sweep.truth is None
@@ -77,13 +77,13 @@ def test_all_storages_give_the_same_recording(tmp_path, storage, compression, fo
 def test_a_bag_whose_metadata_cannot_be_read_is_read_without(tmp_path, content):
     bag = whole(tmp_path / "bag", "mcap")
     (bag / "metadata.yaml").write_text(content)
-    assert_felt(read_bag(bag, SCENE).sweeps[0])
+    assert_whole(read_bag(bag, SCENE).sweeps[0])
 
 
-def truncated(bag, share):
+def truncated(bag, fraction):
     (file,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
     with file.open("r+b") as stream:
-        stream.truncate(round(file.stat().st_size * share))
+        stream.truncate(round(file.stat().st_size * fraction))
     return file
 
 
@@ -98,8 +98,8 @@ def truncated(bag, share):
         ("sqlite3", "file"),
     ],
 )
-@pytest.mark.parametrize("share", [0.3, 0.7])
-def test_a_truncated_bag_is_read_up_to_the_damage(tmp_path, storage, compression, share):
+@pytest.mark.parametrize("fraction", [0.3, 0.7])
+def test_a_truncated_bag_is_read_up_to_the_damage(tmp_path, storage, compression, fraction):
     rng = np.random.default_rng(0)
     happened = [
         (topic, ms, strain(ms, strain=rng.normal(size=16)) if topic == "strain" else message)
@@ -107,11 +107,11 @@ def test_a_truncated_bag_is_read_up_to_the_damage(tmp_path, storage, compression
     ]
     bag = write_bag(tmp_path / "bag", happened, storage, compression)
     full = read_bag(bag, SCENE).sweeps[0]
-    truncated(bag, share)
+    truncated(bag, fraction)
     recording = read_bag(bag, SCENE)
     (sweep,) = recording.sweeps
     n = len(sweep)
-    assert share / 3 < n / len(full) < share + 0.1
+    assert fraction / 3 < n / len(full) < fraction + 0.1
     np.testing.assert_array_equal(sweep.stamp_ns, full.stamp_ns[:n])
     np.testing.assert_array_equal(sweep.position, full.position[:n])
     np.testing.assert_array_equal(sweep.strain, full.strain[:n])
@@ -135,7 +135,7 @@ def test_the_write_ahead_log_is_read(tmp_path):
     connection.close()
     assert list(dead.glob("*-wal"))
     (dead / "metadata.yaml").unlink()
-    assert_felt(read_bag(dead, SCENE).sweeps[0])
+    assert_whole(read_bag(dead, SCENE).sweeps[0])
 
 
 def test_split_bags_are_read_in_order(tmp_path):
@@ -144,16 +144,16 @@ def test_split_bags_are_read_in_order(tmp_path):
     for part, (first, last) in {2: (0, 1000), 10: (1000, 2000)}.items():
         piece = write_bag(tmp_path / f"piece_{part}", slide(first, last))
         shutil.copy(piece / f"piece_{part}.mcap", bag / f"split_{part}.mcap")
-    assert_felt(read_bag(bag, SCENE).sweeps[0])
+    assert_whole(read_bag(bag, SCENE).sweeps[0])
 
 
 def test_truth_is_interpolated(tmp_path):
     truths = [("simulator/ground_truth", ms, pose(ms, x=0.02 + ms * 1e-6)) for ms in range(1000, 1501, 10)]
     happened = sorted(slide(0, 2000) + truths, key=lambda entry: entry[1])
     sweep = read_bag(write_bag(tmp_path / "bag", happened), SCENE).sweeps[0]
-    known = (FELT_MS >= 1000) & (FELT_MS <= 1500)
+    known = (STRAIN_MS >= 1000) & (STRAIN_MS <= 1500)
     np.testing.assert_array_equal(np.isfinite(sweep.truth[:, 0]), known)
-    np.testing.assert_allclose(sweep.truth[known, 0], 0.02 + FELT_MS[known] * 1e-6, atol=1e-12)
+    np.testing.assert_allclose(sweep.truth[known, 0], 0.02 + STRAIN_MS[known] * 1e-6, atol=1e-12)
 
 
 def test_sweeps_follow_the_mapping_status(tmp_path):
@@ -178,8 +178,8 @@ def test_sweeps_follow_the_mapping_status(tmp_path):
 
 def test_sweeps_follow_global_localizations(tmp_path):
     travels = {100: 0.0, 200: 0.0, 300: 0.001, 400: 0.0009, 1000: 0.0, 1200: 0.004, 1600: 0.0, 1800: 0.0}
-    told = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
-    bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + told, key=lambda entry: entry[1]))
+    posteriors = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
+    bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + posteriors, key=lambda entry: entry[1]))
     recording = read_bag(bag, SCENE, by_status=False)
     ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in recording.sweeps]
     assert ranges == [(100, 995), (1000, 1595), (1600, 2000)]
@@ -306,17 +306,17 @@ def test_messages_without_channel_counts_are_decoded(tmp_path, monkeypatch):
     fields = {name: value for name, value in vars(strain(20)).items() if name != "channels"}
     writer = Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
     with writer:
-        felt = writer.add_connection("/strain", kind, typestore=earlier)
-        told = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
+        strains = writer.add_connection("/strain", kind, typestore=earlier)
+        poses = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
         for stamp_ms in range(5, 101, 5):
             message = earlier.types[kind](**{**fields, **_of(strain(stamp_ms))})
-            writer.write(felt, START + stamp_ms * MS, earlier.serialize_cdr(message, kind))
+            writer.write(strains, START + stamp_ms * MS, earlier.serialize_cdr(message, kind))
             raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
-            writer.write(told, START + stamp_ms * MS, raw)
+            writer.write(poses, START + stamp_ms * MS, raw)
     one_by_one = mock.Mock()
     monkeypatch.setattr(StrainDecoder, "of_message", one_by_one)
     (sweep,) = read_bag(tmp_path / "bag", SCENE).sweeps
-    assert_felt(sweep, np.arange(5, 101, 5))
+    assert_whole(sweep, np.arange(5, 101, 5))
     one_by_one.assert_not_called()
 
 
@@ -351,10 +351,10 @@ def test_an_adapter_reads_other_messages(tmp_path):
     bag = tmp_path / "bag"
     with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         taxels = writer.add_connection("/taxels", kind, typestore=STORE)
-        told = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
+        poses = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
         for stamp_ms in range(10, 500, 10):
             raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
-            writer.write(told, START + stamp_ms * MS, raw)
+            writer.write(poses, START + stamp_ms * MS, raw)
             layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
             size = 15 if stamp_ms == 250 else 16
             message = types[kind](layout=layout, data=stamp_ms + np.arange(float(size)))
@@ -364,10 +364,10 @@ def test_an_adapter_reads_other_messages(tmp_path):
     adapter = adapter_from_dict({"phalanges": {"index": entry}})
     recording = read_bag(bag, scene, adapter=adapter)
     (sweep,) = recording.sweeps
-    felt_ms = np.setdiff1d(np.arange(10, 500, 10), [250])
-    np.testing.assert_array_equal(sweep.strain[:, 3], felt_ms + 3.0)
-    np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
-    np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms), atol=1e-12)
+    strain_ms = np.setdiff1d(np.arange(10, 500, 10), [250])
+    np.testing.assert_array_equal(sweep.strain[:, 3], strain_ms + 3.0)
+    np.testing.assert_array_equal(sweep.stamp_ns, START + strain_ms * MS)
+    np.testing.assert_allclose(sweep.position[:, 0], x_at(strain_ms), atol=1e-12)
     assert recording.notes == (
         "skipped 1 invalid messages: taxels: expected 16 channels for phalanx index, got 15",
     )

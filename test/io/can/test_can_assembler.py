@@ -239,7 +239,7 @@ def spread(number: int, pause_s: float = 0.0001) -> list[can.Message]:
 
 @pytest.mark.parametrize("received", [1, 2, 3, 4])
 def test_starting_within_a_cycle_joins_no_halves(received: int) -> None:
-    assembler = CycleAssembler(HAND, wait_s=0.02)  # longer than the period: only the pause tells
+    assembler = CycleAssembler(HAND, wait_s=0.02)  # longer than the period: only the pause separates them
     made = feed(assembler, spread(0)[4 - received :] + [frame for n in range(1, 40) for frame in spread(n)])
     assert all(one.status.tolist() == [OK, OK] for one in made[15:])
     assert len(made) >= 39

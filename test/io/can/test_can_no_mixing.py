@@ -218,7 +218,7 @@ def test_a_silence_of_a_counters_span_joins_nothing() -> None:
     assert made[-1].status.tolist() == [OK, OK]
 
 
-def test_a_sample_is_not_put_together_across_a_counters_span() -> None:
+def test_samples_are_not_joined_across_a_counter_span() -> None:
     hand, _ = hand_of(CLASSIC, 2)
     assembler = warm_up(CycleAssembler(hand, 0.2), hand)
     frames = [frame for n in range(40) for frame in cycle(hand, n)]
@@ -227,7 +227,7 @@ def test_a_sample_is_not_put_together_across_a_counters_span() -> None:
     assert_not_mixed([made for frame in frames for made in assembler.feed([frame])])
 
 
-def test_a_load_cell_that_restarts_a_count_too_low_is_not_joined_while_another_is_silent() -> None:
+def test_a_restarted_counter_off_by_one_is_not_joined() -> None:
     hand, _ = hand_of(CLASSIC, 3)
     usual = [(p, n, n) for n in range(40) for p in (0, 1, 2)]
     without_first = [(2, n, n) for n in range(40, 57)]

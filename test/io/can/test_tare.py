@@ -38,11 +38,11 @@ def test_a_moving_hand_is_refused() -> None:
         average_of(vectors)
 
 
-@pytest.mark.parametrize("heard", [0, 9])
-def test_too_few_samples_are_refused(heard: int) -> None:
+@pytest.mark.parametrize("received", [0, 9])
+def test_too_few_samples_are_refused(received: int) -> None:
     vectors = np.zeros((200, 16))
-    vectors[heard:, 8:] = np.nan
-    with pytest.raises(MeasurementError, match=f"samples of middle, got {heard}"):
+    vectors[received:, 8:] = np.nan
+    with pytest.raises(MeasurementError, match=f"samples of middle, got {received}"):
         average_of(vectors)
     with pytest.raises(MeasurementError, match="samples of index, got 0"):
         average_of(np.zeros((0, 16)))

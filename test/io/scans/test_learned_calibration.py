@@ -1,4 +1,4 @@
-"""What the scan teaches about the filter is learned once, and kept in the scan file."""
+"""Calibrations are computed once and stored in the scan file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tactile_localizer.scene import Scene
 
 @pytest.fixture
 def calibrated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the scenes that were learned from; instead of a calibration that takes seconds."""
+    """Names of the calibrated scenes; replaces a calibration that takes seconds."""
     names: list[str] = []
 
     def learn(_scan: Scan, scene: Scene, _progress: object) -> Calibration:
@@ -44,7 +44,7 @@ def loaded(path: Path) -> tuple[Scan, Scene]:
         return store.load(), store.scene
 
 
-def test_it_is_learned_once(path: Path, calibrated: list[str]) -> None:
+def test_a_scan_is_calibrated_once(path: Path, calibrated: list[str]) -> None:
     first, second = (learned_calibration(path, *loaded(path)) for _ in range(2))
     assert first.information_length == second.information_length == 0.0015
     np.testing.assert_array_equal(first.registration_std, second.registration_std)
@@ -52,14 +52,14 @@ def test_it_is_learned_once(path: Path, calibrated: list[str]) -> None:
     assert calibrated == ["bump"]
 
 
-def test_another_scene_is_learned_anew(path: Path, calibrated: list[str]) -> None:
+def test_another_scene_is_calibrated_again(path: Path, calibrated: list[str]) -> None:
     scan, scene = loaded(path)
     learned_calibration(path, scan, scene)
     learned_calibration(path, scan, dataclasses.replace(scene, feature=None))
     assert len(calibrated) == 2
 
 
-def test_in_a_file_that_cannot_be_written_it_is_learned_anew(path: Path, calibrated: list[str]) -> None:
+def test_an_unwritable_file_is_calibrated_each_time(path: Path, calibrated: list[str]) -> None:
     missing = path.with_name("none.db")
     for _ in range(2):
         learned_calibration(missing, *loaded(path))
@@ -69,7 +69,7 @@ def test_in_a_file_that_cannot_be_written_it_is_learned_anew(path: Path, calibra
 @pytest.mark.parametrize(
     "payload", [b"{}", b"[1]", b"x", b'{"information_length": 1, "registration_std": [1, 2, 3, 4]}']
 )
-def test_a_payload_of_another_form_is_learned_anew(path: Path, calibrated: list[str], payload: bytes) -> None:
+def test_an_invalid_payload_is_calibrated_again(path: Path, calibrated: list[str], payload: bytes) -> None:
     scan, scene = loaded(path)
     store_learned(path, LearnedEntry(KEY, digest_of(scan, scene), payload))
     assert learned_calibration(path, scan, scene).information_length == 0.0015

@@ -176,19 +176,19 @@ def test_repair_leaves_an_undamaged_file_unchanged(path):
 
 
 @pytest.mark.parametrize("old", [False, True])
-@pytest.mark.parametrize("share", [0.4, 0.7, 0.95])
-def test_repair_keeps_batches_of_a_truncated_file(tmp_path, old, share):
+@pytest.mark.parametrize("fraction", [0.4, 0.7, 0.95])
+def test_repair_keeps_batches_of_a_truncated_file(tmp_path, old, fraction):
     path = tmp_path / "long.db"
     record(path, sweeps=30)
     if old:
         make_old(path)
     recorded = pairs_of(loaded(path))
     with path.open("r+b") as file:
-        file.truncate(int(share * path.stat().st_size))
+        file.truncate(int(fraction * path.stat().st_size))
     with pytest.raises(ScanError, match="scan repair"):
         loaded(path)
     report = repair(path, SCENE)
-    assert report.pairs > (share - 0.2) * 30 * COMMITS * PAIRS
+    assert report.pairs > (fraction - 0.2) * 30 * COMMITS * PAIRS
     with ScanStore.open(path, writable=True) as store:
         store.drop_sweep(2)
         assert pairs_of(store.load()) <= recorded
