@@ -1,4 +1,4 @@
-"""What all tests share: repeatable random tests, a ROS domain of their own, processes that always end."""
+"""Fixtures of all tests: repeatable random tests, a separate ROS domain, processes that are always ended."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from hypothesis import settings
 from support.bump_folder import bump_files as bump_files
 from support.bump_folder import bump_folder as bump_folder
 from support.processes import Process, node_command
-from support.reruns import pytest_terminal_summary as pytest_terminal_summary  # why CI tried a test again
+from support.reruns import (
+    pytest_terminal_summary as pytest_terminal_summary,  # prints why a test was repeated
+)
 
 from tactile_localizer.demo.domain import own_domain
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")
 
-# Before any test imports rclpy: nothing of this process is seen by other processes' tests, or by a robot.
+# Before any test imports rclpy: no other test process and no robot shares the domain.
 _CLAIM = ExitStack()
 _DOMAIN = _CLAIM.enter_context(own_domain())
 os.environ.update(_DOMAIN.environment)
 os.environ.setdefault("MPLBACKEND", "Agg")
-# A script's `make test &` lets what it starts ignore Ctrl-C; what the tests start must not inherit that.
+# Processes started by `make test &` in a script ignore Ctrl-C; those of the tests must not inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-# Matrices are small here: threads of BLAS would only wait for each other. Before any test imports numpy.
+# Before any test imports numpy: the matrices are small, and threads of BLAS would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -61,7 +63,7 @@ def data_dir() -> Path:
 
 @pytest.fixture
 def simulated_can() -> dict[str, Any]:
-    """Interface, channel and port of a simulated CAN bus that no other test process hears."""
+    """Interface, channel and port of a simulated CAN bus that no other test process uses."""
     return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": _DOMAIN.can_port}
 
 
@@ -80,7 +82,7 @@ def place(simulated_can: dict[str, Any], tmp_path: Path) -> Any:
 
 @pytest.fixture
 def process() -> Iterator[Callable[..., Process]]:
-    """Start a command: ``process([...])`` is a :class:`support.processes.Process`, ended with the test."""
+    """Start a command: ``process([...])`` is a :class:`support.processes.Process`, killed after the test."""
     started: list[Process] = []
 
     def start(*args: Any, **kwargs: Any) -> Process:
@@ -105,7 +107,7 @@ def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
 
 @pytest.fixture
 def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
-    """Run a node here that cannot start: ``refusal("driver_node", parameters)`` is what it prints."""
+    """Run a node here that cannot start: ``refusal("driver_node", parameters)`` returns its output."""
     if reason := _why_no_ros():
         pytest.skip(reason)
     from tactile_localizer.ros.base.executable import run
@@ -122,7 +124,7 @@ def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
 
 @pytest.fixture
 def probe() -> Iterator[Any]:
-    """A :class:`support.probe.Probe`: a node of the test's own."""
+    """A :class:`support.probe.Probe`."""
     if reason := _why_no_ros():
         pytest.skip(reason)
     from support.probe import Probe

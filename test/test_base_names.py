@@ -4,6 +4,6 @@ from collections import Counter
 from pathlib import Path
 
 
-def test_no_two_test_files_have_the_same_base_name() -> None:
+def test_base_names_are_unique() -> None:
     counts = Counter(path.name for path in Path(__file__).parent.rglob("test_*.py"))
     assert [name for name, count in counts.items() if count > 1] == []

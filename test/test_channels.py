@@ -1,4 +1,4 @@
-"""The elements of a strain vector by phalanx."""
+"""Layout of a strain vector."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_one_value_per_phalanx_is_expanded_to_its_channels():
     assert [MIXED.place(column) for column in (0, 2, 3, 10, 11)] == [(0, 1), (0, 3), (1, 1), (1, 8), (2, 1)]
 
 
-def test_no_counts_mean_the_default_channels():
+def test_the_default_is_eight_channels():
     assert ChannelLayout.of((), 2) == ChannelLayout((8, 8))
 
 
@@ -47,7 +47,7 @@ def test_a_scene_gives_channels_per_phalanx():
 
 
 @pytest.mark.parametrize("channels", [0, -1, 2.5, True, "many", 10**6])
-def test_channels_that_no_sensor_has_are_refused(channels):
+def test_invalid_channel_counts_are_rejected(channels):
     with pytest.raises(SceneError, match="phalanx index"):
         scene_from_dict({**SCENE, "phalanges": {"index": {"channels": channels}}})
 
@@ -59,7 +59,7 @@ def test_a_scene_finds_its_channels_in_a_longer_strain_vector():
     np.testing.assert_array_equal(scene.rows(names), [2, 0])
 
 
-def test_a_strain_vector_of_other_channels_is_refused():
+def test_a_strain_vector_of_other_channels_is_rejected():
     scene = scene_from_dict(SCENE)
     with pytest.raises(SceneError, match="'index' of scene 'mixed': expected 3 channels, got 8"):
         scene.channels(("index", "middle", "thumb"))

@@ -1,4 +1,4 @@
-"""What the pages say can be followed: links lead somewhere, commands are understood, names are right."""
+"""Links, commands and names in the pages are valid."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relat
 
 
 def anchors(page: Path) -> set[str]:
-    """What the headings of a page are called in links, as the forges that show Markdown do it."""
+    """Anchors of the headings of a page, as the forges that display Markdown name them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def commands(page: Path, program: str) -> Iterator[list[str]]:
-    """The command lines of a program in a page's code, indented or in a row of their own between fences."""
+    """The command lines of a program in the code blocks of a page."""
     for line in page.read_text().splitlines():
         found = re.match(rf"(?: {{4}}\s*|```|.*\| )?({program} [^`]*)", line)
         if found and line.startswith(("    ", program)):
@@ -34,7 +34,7 @@ def commands(page: Path, program: str) -> Iterator[list[str]]:
 
 
 @by_page
-def test_every_link_leads_somewhere(page: Path) -> None:
+def test_links_have_a_target(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
         if "://" in target:
             continue
@@ -45,7 +45,7 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 
 @by_page
-def test_every_command_is_understood(page: Path) -> None:
+def test_commands_parse(page: Path) -> None:
     for command in commands(page, "tactile-localizer"):
         try:
             command_parser(command[1:]).parse_args(command[1:])
@@ -54,7 +54,7 @@ def test_every_command_is_understood(page: Path) -> None:
 
 
 @by_page
-def test_every_command_of_ros_names_what_the_package_has(page: Path) -> None:
+def test_ros_commands_name_existing_nodes_and_files(page: Path) -> None:
     nodes = "".join(path.read_text() for path in (ROOT / "tactile_localizer/ros").rglob("*.py"))
     parameters = (ROOT / "docs/parameters.md").read_text()
     for _, verb, *words in commands(page, "ros2"):
@@ -76,7 +76,7 @@ def test_every_command_of_ros_names_what_the_package_has(page: Path) -> None:
 
 
 @by_page
-def test_every_target_of_make_exists(page: Path) -> None:
+def test_make_targets_exist(page: Path) -> None:
     targets = set(re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE))
     for command in commands(page, "make"):
         named = [word for word in command[1:] if "=" not in word]
@@ -84,7 +84,7 @@ def test_every_target_of_make_exists(page: Path) -> None:
 
 
 @by_page
-def test_every_file_of_this_repository_that_is_named_exists(page: Path) -> None:
+def test_named_files_exist(page: Path) -> None:
     folders = "benchmarks|config|docs|examples|launch|msg|requirements|scripts|srv|test"
     for name in re.findall(rf"`((?:{folders})/[\w./-]*)`", page.read_text()):
         assert (ROOT / name).exists(), f"{name}: expected in the source tree, found none"
@@ -99,11 +99,11 @@ def test_prose_wraps_at_100_columns(page: Path) -> None:
 
 
 @by_page
-def test_nothing_was_left_to_be_filled_in(page: Path) -> None:
+def test_pages_have_no_placeholders(page: Path) -> None:
     assert re.findall(r"^[A-Z]{3,}$|\bTODO\b|\bTBD\b|\bADV$", page.read_text(), re.MULTILINE) == []
 
 
-def test_the_readme_leads_to_every_page() -> None:
+def test_the_readme_links_to_every_page() -> None:
     readme = (ROOT / "README.md").read_text()
     missing = [page.name for page in ROOT.glob("docs/*.md") if f"(docs/{page.name})" not in readme]
     assert missing == []
@@ -117,12 +117,12 @@ def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
     assert (tmp_path / "site/docs/concepts/index.html").exists()
 
 
-def test_the_navigation_leads_to_every_page() -> None:
+def test_the_navigation_has_every_page() -> None:
     navigation = (ROOT / "mkdocs.yml").read_text()
     assert [name for page in PAGES if (name := str(page.relative_to(ROOT))) not in navigation] == []
 
 
-def test_every_field_of_every_message_is_described() -> None:
+def test_message_fields_are_described() -> None:
     text = (ROOT / "docs/messages.md").read_text()
     for file in [*ROOT.glob("msg/*.msg"), *ROOT.glob("srv/*.srv")]:
         section = text.partition(f"\n### {file.stem}")[2].partition("\n### ")[0]
@@ -133,7 +133,7 @@ def test_every_field_of_every_message_is_described() -> None:
             assert missing == [], f"{file.name}: expected in docs/messages.md"
 
 
-def test_every_topic_and_service_of_the_nodes_is_described() -> None:
+def test_topics_and_services_are_described() -> None:
     text = (ROOT / "docs/messages.md").read_text()
     sources = "".join(path.read_text() for path in (ROOT / "tactile_localizer/ros").rglob("*.py"))
     used = set(re.findall(r'"(~/\w+|/diagnostics|strain|palm_pose)"', sources))
@@ -142,7 +142,7 @@ def test_every_topic_and_service_of_the_nodes_is_described() -> None:
 
 
 @pytest.mark.ros
-def test_the_page_of_parameters_is_what_the_nodes_declare() -> None:
+def test_the_parameter_page_matches_the_nodes() -> None:
     command = [sys.executable, "docs/make/parameters.py"]
     printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
     assert printed.stdout == (ROOT / "docs/parameters.md").read_text(), "run `make docs`"

@@ -1,4 +1,4 @@
-"""Errors are one line, whatever names they hold."""
+"""Messages of errors are one printable line."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The examples do what their pages say, on copies of them, outside the source tree."""
+"""The examples work as their pages describe, in copies outside the source tree."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def copied(tmp_path: Path) -> Callable[[str], Path]:
 
 
 def commands(page: Path, but: tuple[str, ...]) -> str:
-    """The command lines of a page, but for those that have one of these words in them."""
+    """The command lines of a page, except those that contain one of the words in ``but``."""
     lines = [line.strip() for line in page.read_text().splitlines() if line.startswith("    ")]
     return "\n".join(line for line in lines if not any(word in line for word in but))
 
 
 def follow(page: Path, more: str = "", but: tuple[str, ...] = ()) -> str:
-    """Run a page's commands beside it, the last one with ``more`` arguments, and return what they print."""
+    """Run the commands of a page, the last one with ``more`` arguments; returns their output."""
     done = subprocess.run(
         ["bash", "-euc", commands(page, but) + more],
         cwd=page.parent,
@@ -51,7 +51,7 @@ def summary(path: Path) -> dict[str, Any]:
 
 
 def frames() -> list[can.Message]:
-    """A sample of the load cells of ``own_dbc``, encoded by cantools and not by the package."""
+    """A sample of the load cells of ``own_dbc``, encoded by cantools instead of the package."""
     database = cantools.database.load_file(EXAMPLES / "own_dbc/hand.dbc")
     return [
         can.Message(
@@ -64,7 +64,7 @@ def frames() -> list[can.Message]:
     ]
 
 
-def test_load_cells_of_ones_own_are_recognised_in_a_log(copied: Callable[[str], Path]) -> None:
+def test_own_load_cells_are_recognized_in_a_log(copied: Callable[[str], Path]) -> None:
     folder = copied("own_dbc")
     with can.Logger(folder / "frames.log") as log:
         for number in range(50):
@@ -79,7 +79,7 @@ def test_load_cells_of_ones_own_are_recognised_in_a_log(copied: Callable[[str], 
 
 
 @pytest.mark.ros
-def test_the_driver_publishes_the_volts_of_load_cells_of_ones_own(
+def test_the_driver_publishes_own_load_cells(
     copied: Callable[[str], Path], node_process: Any, probe: Any, simulated_can: dict[str, Any]
 ) -> None:
     from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -88,25 +88,25 @@ def test_the_driver_publishes_the_volts_of_load_cells_of_ones_own(
 
     folder = copied("own_dbc")
     best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-    heard = probe.listen(StrainVectors, "strain", best_effort)
+    received = probe.listen(StrainVectors, "strain", best_effort)
     bus = {name: simulated_can[name] for name in ("interface", "channel")}
     bus |= {"bus_options": [f"port={simulated_can['port']}"], "cycle_timeout_s": 0.2}
     own = {**bus, "dbc": folder / "hand.dbc", "tare_file": folder / "tare.yaml"}
     node_process("driver_node", own, parameter_files=[folder / "driver.yaml"])
     with can.Bus(**simulated_can, fd=True, hop_limit=0) as hand:
 
-        def send_and_hear() -> list[Any]:
+        def send_and_receive() -> list[Any]:
             for frame in frames():
                 hand.send(frame)
             probe.executor.spin_once(timeout_sec=0.05)
-            return [message for message in heard if not any(message.status)]
+            return [message for message in received if not any(message.status)]
 
-        found = wait_until(send_and_hear, "a strain vector of cycles that are certain", 30.0)[-1]
+        found = wait_until(send_and_receive, "a strain vector of aligned cycles", 30.0)[-1]
     assert found.phalanges == ["index", "middle"]
     np.testing.assert_allclose(found.strain, np.concatenate(list(VOLTS.values())), atol=1e-6)
 
 
-def test_a_scene_of_ones_own_is_scanned_and_localised_on(copied: Callable[[str], Path]) -> None:
+def test_an_own_scene_is_scanned_and_localized(copied: Callable[[str], Path]) -> None:
     page = copied("own_scene") / "README.md"
     assert "yaw error 0." in follow(page, more=" --json out.json", but=("scan plot", "tune"))
     found = summary(page.parent / "out.json")
@@ -114,7 +114,7 @@ def test_a_scene_of_ones_own_is_scanned_and_localised_on(copied: Callable[[str],
     assert found["error_converged_m"]["median"] < 0.002
 
 
-def test_a_measurement_model_of_ones_own_localises(copied: Callable[[str], Path]) -> None:
+def test_an_own_measurement_model_localizes(copied: Callable[[str], Path]) -> None:
     page = copied("own_model") / "README.md"
     printed = follow(page, more=" --json out.json")
     assert "nearest_student:NearestStudent" in printed

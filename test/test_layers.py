@@ -1,4 +1,4 @@
-"""The layers of the package: who may import whom."""
+"""Direction of imports between the layers of the package, and between their folders."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ MAY_IMPORT_LAYERS = {
     "demo": {"core", "io", "sim", "offline", "ros", "demo", "msg", "srv"},
     "cli": {"core", "io", "sim", "offline", "demo", "cli"},
 }
-"""Layers of the package that each may import; ``errors``, ``scene`` and ``resources`` are below them all."""
+"""Layers that each layer may import; ``errors``, ``scene`` and ``resources`` are below all of them."""
 
-MAY_IMPORT_ROOMS: dict[str, dict[str, set[str]]] = {
+MAY_IMPORT_FOLDERS: dict[str, dict[str, set[str]]] = {
     "core": {
         "geometry": set(),
         "scan": {"geometry"},
@@ -73,9 +73,9 @@ MAY_IMPORT_ROOMS: dict[str, dict[str, set[str]]] = {
         },
     },
 }
-"""By layer and room, the other rooms that it may import; ``""`` stands for the modules beside the rooms."""
+"""Folders that each folder of a layer may import; ``""`` stands for the modules of the layer itself."""
 
-ROOMS = [(layer, room) for layer, rooms in MAY_IMPORT_ROOMS.items() for room in rooms]
+FOLDERS = [(layer, folder) for layer, folders in MAY_IMPORT_FOLDERS.items() for folder in folders]
 
 
 def modules(layer: str) -> list[Path]:
@@ -120,32 +120,32 @@ def test_a_layer_imports_only_the_layers_below_it(layer: str) -> None:
     assert wrong == set()
 
 
-def room_of(layer: str, name: str) -> str | None:
-    """The room of a layer that a full name belongs to; ``None`` where it is not in the layer."""
+def folder_of(layer: str, name: str) -> str | None:
+    """The folder of a layer that a full name belongs to; ``None`` if it is not in the layer."""
     parts = name.split(".")
     if parts[:2] != ["tactile_localizer", layer]:
         return None
-    return parts[2] if len(parts) > 2 and parts[2] in MAY_IMPORT_ROOMS[layer] else ""
+    return parts[2] if len(parts) > 2 and parts[2] in MAY_IMPORT_FOLDERS[layer] else ""
 
 
-@pytest.mark.parametrize("layer", MAY_IMPORT_ROOMS)
-def test_every_folder_of_a_layer_is_a_room(layer: str) -> None:
+@pytest.mark.parametrize("layer", MAY_IMPORT_FOLDERS)
+def test_every_folder_of_a_layer_is_listed(layer: str) -> None:
     folders = {path.parent.name for path in PACKAGE.glob(f"{layer}/*/__init__.py")}
-    assert folders == set(MAY_IMPORT_ROOMS[layer]) - {""}
+    assert folders == set(MAY_IMPORT_FOLDERS[layer]) - {""}
 
 
-@pytest.mark.parametrize(("layer", "room"), ROOMS)
-def test_a_room_imports_only_the_rooms_below_it(layer: str, room: str) -> None:
-    allowed = MAY_IMPORT_ROOMS[layer][room] | {room}
-    folder = PACKAGE / layer / room
-    paths = sorted(folder.rglob("*.py") if room else folder.glob("*.py"))
+@pytest.mark.parametrize(("layer", "folder"), FOLDERS)
+def test_a_folder_imports_only_the_folders_below_it(layer: str, folder: str) -> None:
+    allowed = MAY_IMPORT_FOLDERS[layer][folder] | {folder}
+    path = PACKAGE / layer / folder
+    paths = sorted(path.rglob("*.py") if folder else path.glob("*.py"))
     wrong = {
         f"{path.relative_to(PACKAGE)} imports {name}"
         for path in paths
         for name in imported(path)
-        if (found := room_of(layer, name)) is not None and found not in allowed
+        if (found := folder_of(layer, name)) is not None and found not in allowed
     }
-    assert paths, f"{layer}/{room}: expected modules, found none"
+    assert paths, f"{layer}/{folder}: expected modules, found none"
     assert wrong == set()
 
 
@@ -161,7 +161,7 @@ def test_the_core_imports_only_numpy_scipy_and_the_standard_library() -> None:
 
 
 @pytest.mark.parametrize("layer", ["core", "io", "sim", "offline"])
-def test_only_the_ros_layer_knows_ros(layer: str) -> None:
+def test_only_the_ros_layers_import_ros(layer: str) -> None:
     wrong = {
         f"{path.name} imports {name}" for path in modules(layer) for name in imported(path) if is_ros(name)
     }
@@ -193,11 +193,11 @@ def test_the_core_reads_no_clock_and_has_no_global_random_state() -> None:
     assert wrong == set()
 
 
-def test_no_source_package_is_named_as_generated_interfaces_are() -> None:
+def test_no_package_is_named_like_generated_interfaces() -> None:
     assert [name for name in ("msg", "srv", "action") if (PACKAGE / name).exists()] == []
 
 
-def test_no_file_grows_past_five_hundred_lines() -> None:
+def test_files_have_at_most_five_hundred_lines() -> None:
     long = {
         str(path.relative_to(PACKAGE))
         for path in PACKAGE.rglob("*.py")
@@ -206,7 +206,7 @@ def test_no_file_grows_past_five_hundred_lines() -> None:
     assert long == set()
 
 
-def test_no_function_needs_a_scroll() -> None:
+def test_functions_fit_on_a_screen() -> None:
     long = set()
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -1,4 +1,4 @@
-"""The package as a library: what the README shows runs, and the command line is completed."""
+"""The package as a library, the example of the README, and shell completion."""
 
 import os
 import re
@@ -35,7 +35,7 @@ def recorded(tmp_path_factory):
 
 
 def example(text):
-    """The lines of the library's example in a text, without their indent."""
+    """The lines of the library example in a text, dedented."""
     (block,) = re.findall(r"(?m)^    from tactile_localizer import .*\n(?:(?:    .*)?\n)+", text)
     return re.sub(r"(?m)^    ", "", block)
 
@@ -51,7 +51,7 @@ def test_the_readmes_ten_lines_localize(recorded):
     assert "rclpy" not in done.stderr
 
 
-def test_the_packages_own_page_shows_the_same():
+def test_the_package_docstring_shows_the_same_example():
     of_readme = example((ROOT / "README.md").read_text()).replace("recording/test.csv", "test.csv")
     assert example(tactile_localizer.__doc__ + "\n").strip() == of_readme.strip()
 
@@ -61,17 +61,19 @@ def test_the_same_seed_gives_the_same_estimates(recorded):
     configuration = tactile_localizer.Configuration(filter="particle", particles=200)
     means = []
     for _ in range(2):
-        localizer = tactile_localizer.make_localizer(scan, scene, configuration, seed=3)
+        localizer = tactile_localizer.make_localizer(
+            scan, scene, configuration, seed=3, scan_file=recorded / "scan.db"
+        )
         for k in range(30):
             estimate = localizer.update(k * 10**7, scan.states[k], scan.strain[k])
         means.append(estimate.mean)
     np.testing.assert_array_equal(*means)
 
 
-def test_what_was_learned_is_taken_from_the_scan_file(recorded, monkeypatch):
+def test_a_stored_calibration_is_reused(recorded, monkeypatch):
     scan, scene = tactile_localizer.load_scan(recorded / "scan.db")
     first = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "scan.db")
-    monkeypatch.setattr(learned, "learn", None)  # not learned again
+    monkeypatch.setattr(learned, "learn", None)  # must not be called
     second = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "scan.db")
     assert first.model.information_length == second.model.information_length
 

@@ -1,4 +1,4 @@
-"""The two ways in, rosdep with colcon and pip, say the same."""
+"""Packaging for rosdep with colcon, and for pip, is consistent."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_version_is_the_same_everywhere() -> None:
     assert f"\n{__version__} (" in (ROOT / "CHANGELOG.rst").read_text()
 
 
-def test_rosdep_and_pip_ask_for_the_same_libraries() -> None:
+def test_rosdep_and_pip_require_the_same_libraries() -> None:
     by_pip = {ROSDEP_KEYS[re.split(r"[<>=]", line)[0]] for line in requirements("runtime.txt")}
     by_rosdep = {depend.text for depend in PACKAGE_XML.iter("exec_depend")}
     assert by_pip == {key for key in by_rosdep if key is not None and key.startswith("python3-")}
@@ -60,7 +60,7 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
     assert {name for name in declared if name and name.endswith(("_msgs", "_srvs"))} <= ros | by_name
 
 
-def test_every_requirement_has_a_floor_and_a_ceiling() -> None:
+def test_every_requirement_has_a_lower_and_an_upper_bound() -> None:
     for file in ("runtime.txt", "build.txt", "dev.txt", "bench.txt", "evaluation.txt"):
         for line in requirements(file):
             assert re.search(r"==|>=.+,<", line), f"{file}: {line}"
@@ -80,7 +80,7 @@ def test_every_executable_script_is_installed() -> None:
 
 
 @pytest.mark.slow
-def test_a_wheel_made_of_the_sdist_replays_without_ros_and_without_the_source_tree(tmp_path: Path) -> None:
+def test_a_wheel_from_the_sdist_replays_without_ros(tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.mkdir()
     for name in ("tactile_localizer", "config", "msg", "requirements"):

@@ -1,4 +1,4 @@
-"""Numbers from files and parameters, converted and range-checked in one place."""
+"""Conversion and range check of numbers from files and parameters."""
 
 import math
 
@@ -31,13 +31,13 @@ def test_numbers_and_their_text_are_converted(value, expected):
         True, False, None, [1], {}, b"1", float("nan"), float("inf"), "-inf", 10**400, complex(1), object(),
     ],
 )  # fmt: skip
-def test_what_is_no_finite_number_is_refused_in_one_short_line(value):
+def test_invalid_numbers_are_rejected_in_one_short_line(value):
     with pytest.raises(ParameterError, match=r"^offset: expected a finite number, got ") as refusal:
         number(value, "offset")
     assert len(str(refusal.value)) < 120
 
 
-def test_infinity_is_a_number_where_it_is_allowed():
+def test_infinity_may_be_allowed():
     assert number("-.inf", "bound", finite=False) == -math.inf
     assert number(math.inf, "bound", finite=False) == math.inf
     with pytest.raises(ParameterError):
@@ -52,19 +52,19 @@ def test_infinity_is_a_number_where_it_is_allowed():
         ({"upper": 6.0}, "cell: expected at most 6, got 7"),
     ],
 )
-def test_a_number_out_of_its_range_is_refused_with_the_range(limits, message):
+def test_a_number_out_of_range_is_rejected_with_the_range(limits, message):
     with pytest.raises(ParameterError, match=message):
         number(7, "cell", **limits)
 
 
-def test_whole_numbers_may_be_written_as_any_number():
+def test_integers_may_be_written_as_floats():
     assert [whole_number(value, "particles") for value in (75, 75.0, "75", "3e2")] == [75, 75, 75, 300]
     assert whole_number(2**60 + 1, "particles") == 2**60 + 1
     with pytest.raises(ParameterError, match=r"particles: expected a whole number, got 7\.5"):
         whole_number(7.5, "particles")
 
 
-def test_text_that_is_no_number_is_told_apart():
+def test_other_text_is_not_a_number():
     assert [is_number(value) for value in ("2*pi", 0, "grid", True, None)] == [
         True,
         True,

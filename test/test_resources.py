@@ -1,4 +1,4 @@
-"""Files that come with the package are found wherever the package is."""
+"""Shipped files are found wherever the package is installed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture
 def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A place where the package lies with no data beside it, and no ROS."""
+    """An installed package without data files, and without ROS."""
     package = tmp_path / "site-packages" / "tactile_localizer"
     package.mkdir(parents=True)
     monkeypatch.setattr(resources, "PACKAGE", package)
@@ -28,17 +28,17 @@ def write(path: Path) -> Path:
     return path
 
 
-def test_they_are_found_in_the_source_tree() -> None:
+def test_files_are_found_in_the_source_tree() -> None:
     assert resource_path("config/loadcells.dbc").samefile(ROOT / "config/loadcells.dbc")
     assert resource_path("msg/Posterior.msg").samefile(ROOT / "msg/Posterior.msg")
 
 
-def test_they_are_found_in_an_installed_wheel(nowhere: Path) -> None:
+def test_files_are_found_in_an_installed_wheel(nowhere: Path) -> None:
     inside = write(nowhere / "share/config/loadcells.dbc")
     assert resource_path("config/loadcells.dbc") == inside
 
 
-def test_they_are_found_in_a_ros_workspace(
+def test_files_are_found_in_a_ros_workspace(
     nowhere: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shared = write(tmp_path / "install/share/tactile_localizer/config/loadcells.dbc")
@@ -46,6 +46,6 @@ def test_they_are_found_in_a_ros_workspace(
     assert resource_path("config/loadcells.dbc") == shared
 
 
-def test_a_file_that_is_nowhere_is_named_with_the_places_looked_in(nowhere: Path) -> None:
+def test_a_missing_file_is_named_with_the_searched_folders(nowhere: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"config/none\.yaml: expected in one of .*site-packages"):
         resource_path("config/none.yaml")

@@ -96,7 +96,7 @@ def test_arrays_of_16_taxels_become_two_phalanges(node_process, probe):
     probe.known_to("adapter")
 
     def answer(data):
-        """The strain vector of this array, which differs from the others in its second taxel."""
+        """The strain vector of an array that differs from the others in its second taxel."""
         taxels.publish(Float32MultiArray(data=data))
         return probe.until(
             lambda: next((message for message in strain if message.strain[1] == data[1]), None),

@@ -224,7 +224,7 @@ def test_scans_with_the_same_scene_name_are_rejected(refusal, scan_file):
     assert "candidate_scan_files: expected scenes of different names, got bump, bump" in line
 
 
-def test_kernel_widths_that_do_not_fit_the_scan_are_logged(start, tmp_path):
+def test_unfit_kernel_widths_are_logged(start, tmp_path):
     save_scene(dataclasses.replace(scene_of(), measurement={"strain_std": 50.0}), tmp_path / "wide.yaml")
     node = start(model="sum_of_gaussians", scene_file=tmp_path / "wide.yaml")
     line = node.process.wait_for_line("expected kernel widths that fit the scan's held-out strains")

@@ -33,7 +33,7 @@ def record(path: Path) -> Path:
         status = np.zeros(2, dtype=np.uint8)
         if 60 <= k < 70:  # the middle finger is silent
             values[8:], status[1] = np.nan, 1
-        if k == 100:  # said to be well, but is not
+        if k == 100:  # status OK, but not finite
             values[3] = np.nan
         happened.append(("strain", now, strain(now, ("index", "middle"), strain=values, status=status)))
     for now in range(5, 5100, 30):

@@ -1,4 +1,4 @@
-"""False convergence, as the soak reports it."""
+"""Detection of false convergence in the soak."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ SECOND = 1_000_000_000
 
 
 class Replayed:
-    """In place of a watcher: hands over what the test says was received."""
+    """Substitute for a watcher, which passes on the messages of the test."""
 
     def __init__(self):
         self.works = {}
@@ -98,7 +98,7 @@ def test_a_false_convergence_is_reported_with_its_reason(received, watch):
     ]
 
 
-def test_between_sweeps_nothing_is_judged(received, watch):
+def test_posteriors_between_sweeps_are_ignored(received, watch):
     sweep(received, [(0.03, 0.0)])
     watch.begin_sweep(3 * SECOND)
     sweep(received, [(0.03, 0.0)])
@@ -107,7 +107,7 @@ def test_between_sweeps_nothing_is_judged(received, watch):
     assert watch.judged == 0
 
 
-def test_a_belief_that_was_misled_is_excused_until_the_sweeps_end(received, watch):
+def test_a_misled_belief_is_excused_until_the_sweep_ends(received, watch):
     watch.begin_sweep(SECOND)
     watch.misled = "wrong seed"
     watch.misled = ""

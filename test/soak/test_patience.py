@@ -31,7 +31,7 @@ def shared_core():
         os.sched_setaffinity(0, before)
 
 
-def test_waiting_for_a_processor_is_counted_and_sleep_is_not(shared_core):
+def test_waiting_for_a_processor_is_counted(shared_core):
     begun_s = starved_s(os.getpid())
     wait_until(lambda: compute(0.05) or starved_s(os.getpid()) > begun_s + 0.2, "a fifth of a second")
     other = subprocess.Popen(["sleep", "60"])

@@ -9,7 +9,7 @@ pytestmark = pytest.mark.ros
 
 
 class Mapping:
-    """In place of a watcher: a mapping that was stopped, and begins a sweep after it was asked to end it."""
+    """Substitute for a watcher: the mapping node starts a sweep after the request to end it."""
 
     def __init__(self):
         self.is_recording, self.begun, self.after_it = False, 0, []

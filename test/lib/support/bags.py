@@ -1,4 +1,4 @@
-"""Writing bags for tests: a hand that slides along x, felt every 5 ms, its pose told every 20 ms."""
+"""Bags for tests: a hand slides along x, with strain every 5 ms and poses every 20 ms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _T = STORE.types
 
 
 def x_at(stamp_ms: np.ndarray | float) -> Any:
-    """Where the hand is on x, m."""
+    """Position of the hand on x, m."""
     return 0.01 + 0.00001 * np.asarray(stamp_ms)
 
 
@@ -87,7 +87,7 @@ def posterior(stamp_ms: int, travel: float) -> Any:
 
 
 def slide(first_ms: int, last_ms: int) -> list[tuple[str, int, Any]]:
-    """Topic, time of receipt in ms and message of all that happens after ``first_ms`` up to ``last_ms``."""
+    """Topic, time of receipt (ms) and message of everything after ``first_ms`` up to ``last_ms``."""
     happened: list[tuple[str, int, Any]] = []
     for stamp_ms in range(first_ms + 1, last_ms + 1):
         if stamp_ms % 5 == 0:

@@ -1,4 +1,4 @@
-"""A headless Chromium that says what became of a page."""
+"""Rendering of a page in a headless Chromium."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _FRAME = """<body><script>onmessage = e => {{ document.body.dataset.found = e.da
 
 
 def look_at(page: Path, folder: Path, width: int = 1200) -> dict[str, Any]:
-    """Open a page ``width`` pixels wide and tell what is there.
+    """Open a page ``width`` pixels wide and describe what is shown.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The measurement models once more, written as the paper does, pair by pair: slow, plain, for comparison.
+"""Reference implementation of the measurement models, pair by pair as in the paper: slow and plain.
 
 And a check that a log-likelihood is a normalised density over the strain, by importance sampling.
 """
@@ -16,7 +16,7 @@ FLOOR = 0.01
 
 
 def background(strain: np.ndarray, strain_std: float) -> list[stats.multivariate_t]:
-    """One frozen Student-t distribution a phalanx."""
+    """One frozen Student-t distribution per phalanx."""
     scale = 2.0 * np.hypot(strain.std(axis=0), strain_std)
     mean = strain.mean(axis=0)
     return [

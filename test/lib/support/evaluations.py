@@ -1,4 +1,4 @@
-"""For tests of evaluations: a condition that is done in a second, and results that are made up."""
+"""A quick condition and synthetic results, for tests of evaluations."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def results(
 
 
 def _vary(sweep: dict[str, object], n: int, count: int) -> dict[str, object]:
-    """A little different from sweep to sweep, the same for all methods, so that intervals have a width."""
+    """Vary a result slightly between sweeps, equally for all methods, so that intervals have a width."""
     factor = 1.0 + 0.1 * (n / (count - 1) - 0.5)
     lengths = {
         name: value * factor

@@ -1,4 +1,4 @@
-"""Frames of load cells whose samples can be told apart by their voltages."""
+"""Frames of load cells whose samples are distinguishable by their voltages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def strain_of(phalanx: int, number: int) -> np.ndarray:
 
 
 def number_of(phalanx: int, strain: np.ndarray) -> int:
-    """Which of 1000 samples ``strain`` (8,) is of; fails if its voltages are not all of one sample."""
+    """Number (of 1000) of the sample of ``strain`` (8,); fails if its voltages are of several samples."""
     number = round((strain[0] / 0.00025 - phalanx * 4) / 8) + 500
     np.testing.assert_allclose(strain, strain_of(phalanx, number), atol=1e-9)
     return number
@@ -41,7 +41,7 @@ def number_of(phalanx: int, strain: np.ndarray) -> int:
 def sample(
     protocol: LoadCellProtocol, phalanx: int, number: int, stamp_ns: int | None = None
 ) -> list[can.Message]:
-    """Frames of one sample; stamped when its cycle is due unless ``stamp_ns`` says otherwise."""
+    """Frames of one sample; by default stamped with the nominal time of its cycle."""
     stamp_ns = START_NS + number * PERIOD_NS if stamp_ns is None else stamp_ns
     return protocol.encode(phalanx, strain_of(phalanx, number), number, stamp_s=stamp_ns * 1e-9)
 

@@ -52,7 +52,7 @@ class KalmanFilter:
         self.covariance = self.covariance + np.diag(variance)
 
     def update(self, strain: np.ndarray) -> float:
-        """Take in a measurement; the logarithm of its marginal likelihood."""
+        """Update with a measurement; returns the logarithm of its marginal likelihood."""
         H, size = self.model.gain, len(strain)
         innovation = strain - H @ self.mean
         S = H @ self.covariance @ H.T + self.model.std**2 * np.eye(size)

@@ -1,4 +1,4 @@
-"""Scan files as version 1 of their schema had them, without checksums."""
+"""Scan files of schema version 1, without checksums."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A ROS node of the test's own that looks at the nodes under test from outside."""
+"""A ROS node that observes the nodes under test from outside."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ T = TypeVar("T")
 
 _ASK_AGAIN_S = 2.0
 _STARTUP_S = 60.0
-"""How long a process may take to start on a busy machine."""
+"""Time limit for the start of a process on a busy machine, s."""
 
 
 class Probe:
-    """A node in a context of its own that spins only while the test waits.
+    """A node in a separate context that spins only while the test waits.
 
     Messages of :meth:`listen` gather in lists; :meth:`until` spins until a condition is true.
     """
@@ -43,19 +43,19 @@ class Probe:
         return value
 
     def listen(self, kind: Any, topic: str, qos: QoSProfile | int = 10) -> list[Any]:
-        """The messages of a topic, in a list that grows while the probe spins; waits for no publisher."""
+        """The messages of a topic, in a list that grows while the probe spins."""
         messages: list[Any] = []
         self.node.create_subscription(kind, topic, messages.append, qos)
         return messages
 
     def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10, timeout_s: float = 30.0) -> Any:
-        """A publisher that a subscriber has been matched with."""
+        """A publisher, once it is matched with a subscriber."""
         publisher = self.node.create_publisher(kind, topic, qos)
         self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}", timeout_s)
         return publisher
 
     def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 30.0) -> Any:
-        """The answer of a service of a node, once the service is there and the node knows its client."""
+        """The response of a service, once it is available and the node knows its client."""
         client = self.node.create_client(kind, service)
         try:
             self.until(client.service_is_ready, f"service {service}", max(timeout_s, _STARTUP_S))

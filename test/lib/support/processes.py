@@ -1,4 +1,4 @@
-"""Commands and nodes as processes: started, read, waited for, always ended."""
+"""Commands and nodes as processes that are always ended."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Process:
 
     @property
     def output(self) -> str:
-        """What it has printed so far."""
+        """The output so far."""
         return "\n".join(self.lines)
 
     @property
@@ -69,7 +69,7 @@ class Process:
         return bool(self._popen.poll() is None)
 
     def wait_for_line(self, pattern: str, timeout_s: float = 30.0, after: int = 0) -> str:
-        """The first line, printed or yet to be, that the regular expression ``pattern`` is found in.
+        """Wait for the first line that matches the regular expression ``pattern``.
 
         The first ``after`` lines do not count.
         """
@@ -97,13 +97,13 @@ class Process:
         return status
 
     def stop(self, sig: signal.Signals = signal.SIGINT, timeout_s: float = 10.0) -> int:
-        """Ask it to end, and return its exit status; fails if it does not end in time."""
+        """Send a signal and return the exit status; fails if the process does not end in time."""
         if self.running:
             self._popen.send_signal(sig)
         return self.wait(timeout_s)
 
     def kill(self) -> None:
-        """End it and everything that it started, at once; harmless when it has ended."""
+        """Kill the process and its children; without effect if they have ended."""
         for pid in (self.pid, *children(self.pid)):
             for kill in (os.killpg, os.kill):  # a process that has just been forked leads no group yet
                 with contextlib.suppress(ProcessLookupError):

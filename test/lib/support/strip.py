@@ -1,4 +1,4 @@
-"""A strip with one strong feature, scanned by sweeps that each have an offset of their own."""
+"""A strip with one strong feature, scanned by sweeps that each have a different offset."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Simulated sweeps for tests of what localises: scan files to localise on, and a hand that slides once."""
+"""Simulated sweeps for tests of localization: scan files, and a hand that slides once."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from tactile_localizer.sim import SimulatedScan, SimulatedSweep, simulate_scan, 
 
 START_NS = 1_700_000_000_000_000_000
 MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
-"""Kernel widths, so that no test of a kernel model waits for them to be chosen from the scan."""
+"""Kernel widths, so that tests of kernel models do not wait for their choice."""
 CALIBRATION: dict[str, Any] = {
     "information_length": 0.0033,
     "registration_std": [0.0004, 0.0004],
     "variance": {"visit": 0.21, "signal": 0.036, "interpolation": 0.18, "summed_correlation": 0.005},
 }
-"""Stored in the scan files of the shipped scenes, so that no test waits for it to be learned."""
+"""Calibration stored in the scan files of the shipped scenes, so that tests do not wait for it."""
 
 
 def calibration() -> Calibration:
@@ -87,12 +87,12 @@ def _write_scan(path: Path, scan: SimulatedScan, scene: Scene, calibrated: bool)
 
 
 def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> SimulatedSweep:
-    """A sweep that no scan has, beginning at x = 4 mm between two of the scan's lines."""
+    """A sweep that is in no scan, from x = 4 mm on between two scanned lines."""
     return simulate_sweep(feature, seed=1, number=number, start=(0.004, 0.0241), rate=rate)
 
 
 def kidnapped_sweep(after: int = 129) -> SimulatedSweep:
-    """A sweep on which the hand is lifted ``after`` so many strains and begins anew, unknown to the arm."""
+    """A sweep during which the hand is lifted, after ``after`` strain vectors, and put down elsewhere."""
     first, again = unseen_sweep(), unseen_sweep(number=1)
     odometry = again.odometry - again.odometry[0] + first.odometry[after]
     return dataclasses.replace(
@@ -110,9 +110,9 @@ class SlidingHand:
     Parameters
     ----------
     probe : a :class:`support.probe.Probe`
-    sweep : what is felt
-    phalanges : that are felt with
-    topics : of the strain and of the poses
+    sweep : sweep to publish
+    phalanges : names of the phalanges
+    topics : topics of strain and poses
     poses : whether the node under test subscribes to the poses
     """
 
@@ -177,13 +177,13 @@ class SlidingHand:
         self._strains.publish(message)
 
     def positions(self) -> np.ndarray:
-        """The palm (n-1, 2) at the strain's stamps, as interpolation between the poses has it."""
+        """Palm positions (n-1, 2) at the stamps of the strain, interpolated between the poses."""
         here, there = self.sweep.odometry[:-1], self.sweep.odometry[1:]
         share = (self.strain_ns[:-1] - self.pose_ns[:-1]) / np.diff(self.pose_ns)
         return here + share[:, None] * (there - here)
 
     def sample_of(self, message: Any) -> int:
-        """Which strain vector a message's stamp is of."""
+        """Index of the strain vector with the stamp of a message."""
         return int(np.flatnonzero(self.strain_ns == stamp_of(message) - self.offset_ns)[0])
 
 

@@ -1,4 +1,4 @@
-"""Tracks of a localizer whose numbers are known, for tests of metrics."""
+"""Synthetic tracks of a localizer, for tests of metrics."""
 
 from __future__ import annotations
 

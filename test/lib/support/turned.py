@@ -1,4 +1,4 @@
-"""A simulated hand that sweeps over the bump at several angles, and the scene with yaw that it belongs to."""
+"""A simulated hand that sweeps over the bump at several angles, and its scene with yaw."""
 
 from __future__ import annotations
 
@@ -45,6 +45,6 @@ def turned_scan(yaws: Sequence[float], seeds: Sequence[int] | None = None) -> Sc
 
 
 def bump_strength(scan: Scan, phalanx: int) -> np.ndarray:
-    """How far the strains of a phalanx are from those of featureless material, (N,) V."""
+    """Distance of the strain of a phalanx from that of featureless material, (N,) V."""
     own = scan.layout.slices[phalanx]
     return np.asarray(np.linalg.norm(scan.strain[:, own] - np.median(scan.strain[:, own], axis=0), axis=1))

@@ -1,4 +1,4 @@
-"""Waiting for a condition with a deadline; missed for want of CPU time, it raises :class:`StarvedError`."""
+"""Waiting for a condition with a deadline; without CPU time a missed one raises :class:`StarvedError`."""
 
 from __future__ import annotations
 

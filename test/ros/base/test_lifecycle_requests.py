@@ -109,7 +109,7 @@ def test_inactive_nodes_publish_nothing(node_process, probe, change, tmp_path):
     assert not statuses
 
 
-def test_a_request_at_the_event_of_the_last_transition_is_served(monkeypatch):
+def test_a_transition_may_be_requested_on_the_event_of_the_last_one(monkeypatch):
     """The event is published a moment before the transition has returned."""
     import rclpy
     from lifecycle_msgs.msg import Transition, TransitionEvent
