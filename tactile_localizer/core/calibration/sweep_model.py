@@ -33,7 +33,7 @@ class SweepModel(NamedTuple):
     def mixture(
         self, scene: Scene, lines: float, information_length: float, without: tuple[int, ...] = ()
     ) -> SweepMixture:
-        """The measurement model for cells of ``lines`` line spacings, without some of the tracks."""
+        """The measurement model for cells of ``lines`` spacings, without some of the tracks."""
         tracks = [track for index, track in enumerate(self.noise.tracks) if index not in without]
         cell = cell_size(scene, self.noise.spacing, lines)
         nodes = {"nodes_per_cell": 1} if without else {}

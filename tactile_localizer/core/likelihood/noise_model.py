@@ -1,7 +1,6 @@
-"""Noise of one visit: how a sweep differs from what the other sweeps of the scan felt at the same place.
+"""Noise of one visit to a place, estimated from the differences between the sweeps of a scan.
 
-This is the one noise model of the package: the map, the alternatives to it, the consistency of a phalanx and
-the offset of a sweep all use it.
+The map, the alternatives to it and the offset of a sweep all use this noise model.
 """
 
 from __future__ import annotations
@@ -28,35 +27,35 @@ from tactile_localizer.core.scan.tracks import (
 from tactile_localizer.scene import Scene
 
 _DIAGONAL_LOADING = 0.05
-"""Share of each channel's variance that is added to it, so that no direction is free of noise."""
+"""Fraction of each channel's variance that is added to the diagonal of the covariance."""
 _FEATURELESS_STRETCH = 0.2
-"""Share of a sweep's length in which its featureless strain is looked for, the stretch that varies least."""
+"""Length of the stretch that varies least, from which the featureless strain of a sweep is taken, as a
+fraction of the sweep."""
 _REPRODUCIBLE = 0.15
 """Product of the deviations of two neighbouring sweeps, in variances of the noise, above which a place has a
 signal; the noise of two sweeps is independent. By judgement."""
 _MOSTLY_FEATURELESS = 0.35
-"""Share of places without a reproducible signal from which a material counts as featureless between
-features: 0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
+"""Fraction of places without a reproducible signal above which a material is featureless between features:
+0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
 _NEW_SESSION_VARIANCE_RATIO = 4.0
-"""Variance of a new sweep's offset to that of the scan's own: another session differs twice as much. On two
-simulated scans ten noise widths instead let 45 of 100 sweeps that began on the feature converge falsely,
-because the feature was taken for an offset; with this none did."""
+"""Ratio of the variance of a new sweep's offset to that within the scan: another session differs twice as
+much. With ten noise standard deviations instead, 45 of 100 sweeps that started on a simulated feature
+converged falsely, because the feature was mistaken for an offset; with this none did."""
 _JUDGED = 100
-"""Most sweeps that are compared with the others, spread over the scan: what is learned from them are a few
-dozen numbers."""
+"""Largest number of sweeps that are compared with the others, which suffices for a few dozen parameters."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
 
 class Residuals(NamedTuple):
-    """What a track felt, that less what the other tracks let one expect, (n, K, C), and that expectation."""
+    """A held-out track, its residuals (n, K, C) from the expectation by the other tracks, and that."""
 
     visit: Track
     residual: np.ndarray
     expected: Expectation
 
     def thinned(self, most: int = 400) -> Residuals:
-        """At most ``most`` of them, evenly spread."""
+        """At most about ``most`` of the points, evenly spread."""
         rows = np.arange(0, len(self.residual), max(1, len(self.residual) // most))
         visit = Track(*(part[rows] for part in self.visit))
         return Residuals(visit, self.residual[rows], Expectation(*(part[rows] for part in self.expected)))
@@ -64,17 +63,16 @@ class Residuals(NamedTuple):
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Coordinates in which the difference between two visits has unit covariance, phalanx by phalanx.
+    """Linear transform to whitened strains, in which the noise of each phalanx has unit covariance.
 
     Parameters
     ----------
-    layout : channels of each phalanx
+    layout : channels of the strain by phalanx
     centre : (C,) V, subtracted from every strain
     whitening : (C, C) block-diagonal; ``whitening @ (strain - centre)`` are whitened strains
     log_volume : (F,) logarithms of the determinants of its blocks, for densities over strains in volts
-    offset_variance : (C,) whitened variance of the constant by which one sweep's strains differ from
-        another's
-    turning : (C,) whitened change of featureless strain per rad of yaw: friction turns with the hand
+    offset_variance : (C,) whitened variance of the constant offset of a new sweep
+    turning : (C,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
     """
 
     layout: ChannelLayout
@@ -90,7 +88,7 @@ class NoiseModel:
 
 
 class NoiseEstimate(NamedTuple):
-    """A noise model with the whitened tracks that it was estimated from.
+    """A noise model, and the tracks from which it was estimated.
 
     Parameters
     ----------
@@ -118,7 +116,7 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
 
     Parameters
     ----------
-    whitening : (C, C) to take instead of the scan's own, so that several scans can be compared
+    whitening : (C, C) to use instead of the scan's own, so that several scans can be compared
 
     Raises
     ------
@@ -144,8 +142,7 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
         differences = _between_sweeps(tracks, scene, spacing, centred=True)
     if whitening is None:
         whitening = _whitening(differences, resolution, scene.layout)
-    # Without featureless places an offset cannot be told from a place, and one that is learned lets any
-    # material fit.
+    # Without featureless places an offset cannot be distinguished from a change of place.
     variance = np.zeros(scene.layout.size)
     if featureless:
         variance = _NEW_SESSION_VARIANCE_RATIO * _offset_variance(level @ whitening.T, scene.layout)
@@ -160,9 +157,9 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
 
 
 def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
-    """The whitening (C, C) under the mean of several noise covariances.
+    """The whitening (C, C) for the mean of several noise covariances.
 
-    A smaller noise promises a higher density whether or not it is right, so materials are compared under one.
+    Materials are compared under a common one, because a smaller noise alone increases a density.
     """
     inverses = [np.linalg.inv(model.whitening) for model in models]
     covariance = np.mean([inverse @ inverse.T for inverse in inverses], axis=0)
@@ -170,9 +167,9 @@ def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
 
 
 def with_common_offsets(estimates: Sequence[NoiseEstimate]) -> list[NoiseEstimate]:
-    """The estimates, of one whitening, with one prior of a new sweep's offset: that of all their sweeps.
+    """Estimates under a common whitening, with a common prior of a new sweep's offset.
 
-    Where some material has no featureless places, offsets are not known and nothing is changed.
+    They are unchanged if the offsets of some material are unknown.
     """
     if not all(estimate.featureless for estimate in estimates):
         return list(estimates)
@@ -200,7 +197,7 @@ def held_out(
 
 def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centred: bool) -> list[np.ndarray]:
     """Differences of each track from the others, (n, C), scaled to the variance of one visit."""
-    if len(tracks) == 1:  # nothing to compare with: the unevenness along the sweep
+    if len(tracks) == 1:  # the roughness along the sweep is the only measure of noise
         strain = tracks[0].strain
         if len(strain) < 3:
             return [np.zeros_like(strain)]
@@ -221,7 +218,7 @@ def _whitening(
     joined = np.concatenate(differences)
     whitening = np.zeros((joined.shape[1],) * 2)
     for own in layout.slices:
-        # In units of each channel, so that volts and counts are factorised alike.
+        # Scaled per channel, so that the result does not depend on the unit.
         unit = np.maximum(np.sqrt(np.mean(joined[:, own] ** 2, axis=0)), resolution[own])
         matrix = scatter(joined[:, own] / unit)
         matrix += np.diag(_DIAGONAL_LOADING * matrix.diagonal() + (resolution[own] / unit) ** 2 / 12.0)
@@ -230,7 +227,7 @@ def _whitening(
 
 
 def _resolution(strain: np.ndarray) -> np.ndarray:
-    """Quantization step of each channel, (C,): the smallest difference between two of its values."""
+    """Quantization step of each channel, (C,), the smallest difference between its values."""
     sample = np.sort(strain[:: max(1, len(strain) // 20_000)], axis=0)
     steps = np.diff(sample, axis=0)
     smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
@@ -267,13 +264,13 @@ def _turning(level: np.ndarray, tracks: Sequence[Track], scene: Scene) -> np.nda
 
 
 def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Variance (C,) of the sweeps' offsets (S, C); few sweeps, so its phalanx's mean steadies a channel's."""
+    """Variance (C,) of the sweeps' offsets (S, C), averaged with its mean over the phalanx (few sweeps)."""
     variance = offsets.var(axis=0, ddof=1)
     return np.asarray(0.5 * (variance + layout.expand(_means(layout, variance))))
 
 
 def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene, spacing: float) -> bool:
-    """Whether most places feel alike: their deviations do not recur in the neighbouring sweeps."""
+    """Whether most places are featureless: their deviations are not reproduced by neighbouring sweeps."""
     whitened = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
     shares = []
     for visit, residual, _ in held_out(whitened, whitened, scene, spacing, 1):
@@ -283,10 +280,10 @@ def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene
 
 
 def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Track:
-    """Deviations shrunk towards zero by what of their energy is noise (James and Stein, 1961).
+    """A track with its deviations shrunk by the noise in their energy (James and Stein, 1961).
 
-    Featureless places so become exactly alike, and say nothing about the position (paper, III-D). Where the
-    scene gives the feature's region, what lies outside it is zero.
+    Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
+    the feature's region, if the scene gives one, deviations are set to zero.
     """
     strain = track.strain
     if featureless:
@@ -299,7 +296,7 @@ def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Tr
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    """Moving averages of values (n, C) along a track; beyond its ends it feels as at them."""
+    """Moving averages of values (n, C) along a track, padded by the values at its ends."""
     width = max(1, round(_SMOOTHING / PITCH))
     padded = np.pad(values, ((width // 2, (width - 1) // 2), (0, 0)), mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).mean(axis=-1))

@@ -1,4 +1,4 @@
-"""What every place is expected to feel like, as tables on a lattice that are computed once per scan."""
+"""Tables of the expected strain and its variance on a lattice, computed once per scan."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ on one of two simulated features and 0.1 mm better on the other; six are as thre
 _NODES_PER_CELL = 2
 """Nodes of the lattice per cell and axis; on three axes one, for memory."""
 MOST_CELLS_IN_SPACE = 25_000
-"""Cells on three axes, by which a measurement update stays below 10 ms while the position is open: 50 mm x
-50 mm x 20 degrees at 0.7 mm and 2 degrees."""
+"""Largest number of cells on three axes, with which a measurement update from a uniform prior takes less than
+10 ms: 50 mm x 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
 _NODES_AT_ONCE = 2**15
-"""Nodes whose tables are made in double precision at a time."""
+"""Nodes computed in double precision at a time."""
 _LONGEST_CORRELATION = 0.03
-"""m; correlations of the residual are looked for up to here."""
+"""Largest lag of the residual's autocorrelation, m."""
 
 
 @dataclass(frozen=True)
 class VarianceModel:
-    """Variance of a visit about its expectation, in units of the whitened noise.
+    """Variance of a new visit about its expectation, in units of the whitened noise.
 
     Parameters
     ----------
     visit : factor of the noise of the visit and of the mean
-    signal : factor of the squared signal: visits differ more where more is felt; zero where the material has
-        no featureless strain to measure the signal from
+    signal : factor of the squared signal, because visits differ more where the signal is stronger; zero if
+        there is no featureless strain relative to which the signal is defined
     interpolation : factor of :attr:`.Expectation.interpolation_error`
     summed_correlation : m of travel that make one independent look at the residual
     signal_correlation : m of travel over which the material itself feels alike: the sum of its
@@ -88,7 +88,7 @@ class StrainMap(NamedTuple):
     featureless: np.ndarray
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
-        """Index of the node nearest to each of ``states`` (P, d), (P,) int; those beyond are moved inside."""
+        """Index (P,) of the node nearest to each of ``states`` (P, d), which may be outside the lattice."""
         index = np.zeros(len(states))
         for axis, count in enumerate(self.shape):
             along = np.rint((states[:, axis] - self.origin[axis]) / self.step[axis])
@@ -100,9 +100,9 @@ class StrainMap(NamedTuple):
 
 
 def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
-    """Size of a filter's cell on each axis, (d,): ``lines`` spacings of the tracks, on one axis a pitch.
+    """Size (d,) of a filter's cells: ``lines`` line spacings, on one axis a pitch.
 
-    On three axes they are as large as keeps their number below :data:`MOST_CELLS_IN_SPACE`.
+    On three axes cells are enlarged to limit their number to :data:`MOST_CELLS_IN_SPACE`.
     """
     length = PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
     sizes = length / levers(scene)
@@ -113,8 +113,8 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
 
 
 def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
-    """The variance model under which each sweep of the scan is most likely, given the others."""
-    # Takes half a second to import, which a scan that was fitted before saves.
+    """Maximum-likelihood variance model of each sweep of the scan given the others."""
+    # An import of half a second, not needed for a calibrated scan.
     from scipy.optimize import minimize
     from scipy.special import logsumexp
 
@@ -147,7 +147,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
         r.residual[:, 0] / np.sqrt(layout.expand(fitted.variance(r.expected, layout)[:, 0]))
         for r in residuals
     ]
-    # The noise of a visit and of the others' mean is independent: their product has only the signal.
+    # The noise of a visit is independent of that of the others' mean: their product estimates the signal.
     signals = [(r.visit.strain, r.expected.mean[:, 0]) for r in residuals]
     return replace(
         fitted,
@@ -197,7 +197,7 @@ def build_map(
 
 
 def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwise: float) -> float:
-    """Integral of the correlation of values (n, C) along tracks with others there, m, if they correlate."""
+    """Integrated cross-correlation, m, of pairs of series (n, C) along tracks; a default if not positive."""
     lags = round(_LONGEST_CORRELATION / PITCH)
     products, counts = np.zeros(lags), np.zeros(lags)
     for first, second in pairs:
@@ -216,7 +216,7 @@ def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwis
 
 
 def _bounded(values: np.ndarray) -> np.ndarray:
-    """Deviations (n, C) from the median of each channel, within four of their median sizes."""
+    """Deviations (n, C) from the median of each channel, clipped at four robust standard deviations."""
     deviation = values - np.median(values, axis=0)
     width = 4.0 * 1.4826 * np.median(np.abs(deviation), axis=0)
     return np.clip(deviation, -width, width)

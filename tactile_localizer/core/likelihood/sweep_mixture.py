@@ -1,4 +1,4 @@
-"""Sweep mixture: a place feels as an interpolation between two sweeps on either side of it."""
+"""Sweep mixture: the expected strain is interpolated between pairs of sweeps on either side of a place."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_
 from tactile_localizer.core.likelihood.weights import log_sum, normalize
 
 _LOG_NEGLIGIBLE = np.log(1e-3)
-"""Weight of a state, relative to the largest, below which it does not count in an expectation."""
+"""Weight of a state, relative to the largest, below which it is neglected in an expectation."""
 _LOG_INFLATION = np.float32(np.log(INFLATION))
 _FARTHEST = 1e9
-"""Noise widths beyond which a strain is as unlike every place as it can be; its square is still a float32."""
+"""Largest whitened strain, at which others are clipped; its square is still a float32."""
 _ELSEWHERE = 400
 """Components that stand for the whole map in the likelihood of a strain that was felt anywhere: the error of
 its logarithm is a fifth of a nat on a simulated bump, of which a measurement takes a twentieth."""
@@ -31,12 +31,12 @@ class SweepMixture:
 
     Parameters
     ----------
-    noise : coordinates in which a visit's noise is white
-    strain_map : tables of expectation and variance
-    cell : (d,) size of a grid filter's cells, for which the tables were made, m (yaw: rad)
-    information_length : m of travel that make one independent measurement of the position
-    correlation_length : m of travel that make one independent look at the residual
-    new_session : how strains differ in another session; ``None`` where featureless places show an offset
+    noise : noise model, which whitens strains
+    strain_map : tables of expected strain and variance
+    cell : (d,) size of the grid filter's cells for which the tables were made, m (yaw: rad)
+    information_length : m of travel per independent measurement of the position
+    correlation_length : integrated autocorrelation of the residual, m
+    new_session : model of another session; ``None`` if offsets are observed on featureless places
     """
 
     def __init__(
@@ -76,9 +76,9 @@ class SweepMixture:
         return other
 
     def _set_lengths(self, information_length: float) -> None:
-        # All places share the map's errors, so whether it applies cannot be told before they change.
+        # Errors of the map are common to all places, so presence is measured once per correlation length.
         self.presence_length = max(information_length, self._correlation_length)
-        # Where the material is felt everywhere, a belief that follows each strain fits other material too.
+        # On textured material a belief that follows each strain would fit other material too.
         is_felt_everywhere = self._featureless_variance is None
         self.information_length = self.presence_length if is_felt_everywhere else information_length
 
@@ -153,7 +153,7 @@ class SweepMixture:
         variance = self._featureless_variance + offset_variance
         squared = layout.sum((strain - self.map.featureless) ** 2)
         densities = log_density(squared, variance, layout.widths)[:, used].sum(axis=1)
-        # The map knows the hand's yaw, so its rival may too: the mean would lose two nats for each strain.
+        # The best yaw, not the mean, because the map is at the right yaw too: 2 nats per measurement.
         return float(densities.max())
 
 
