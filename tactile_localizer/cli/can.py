@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import can
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.errors import CanError, ParameterError
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can.check import CanCheck, identifier
@@ -25,6 +24,7 @@ from tactile_localizer.io.can.layout import SignalNames, load_dbc, phalanges_of
 from tactile_localizer.io.can.log import BATCH, read_log
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.offline.table import Table
 from tactile_localizer.resources import given_or_shipped
 
 DEFAULTS: dict[str, Any] = {
@@ -43,6 +43,8 @@ DEFAULTS: dict[str, Any] = {
 _TIMEOUT_S = 0.0005, 1.0
 """Range of ``cycle_timeout_s``, as in the driver node."""
 
+_MESSAGE_COLUMNS = ("message", "identifier", "frames", "rate, Hz", "bytes")
+_PHALANX_COLUMNS = ("phalanx", "samples", "rate, Hz", "frames lost", "saturated", "faults", "volts")
 _WAIT_S = 0.1
 _PIPE_WIDTH = 120
 _RECEIVE_BUFFER = 1 << 22
@@ -186,29 +188,27 @@ def _dump(console: Console, protocol: LoadCellProtocol, batches: Iterator[list[c
 
 def _report(console: Console, check: CanCheck) -> int:
     console.print(f"{check.frames} frames in {check.duration_s:.2f} s")
-    if check.messages():
-        table = Table("message", "identifier", "frames", "rate, Hz", "bytes", box=SIMPLE)
-        for message in check.messages():
-            found = ", ".join(map(str, message.found_bytes)) or "-"
-            table.add_row(
-                message.name, message.identifier, str(message.frames), f"{message.rate_hz:.1f}", found
-            )
-        console.print(table)
-        table = Table(
-            "phalanx", "samples", "rate, Hz", "frames lost", "saturated", "faults", "volts", box=SIMPLE
+    messages = [
+        (
+            message.name,
+            message.identifier,
+            str(message.frames),
+            f"{message.rate_hz:.1f}",
+            ", ".join(map(str, message.found_bytes)) or "-",
         )
-        for phalanx in check.phalanges():
-            counts = phalanx.counts
-            table.add_row(
-                phalanx.name,
-                str(counts.samples),
-                f"{phalanx.rate_hz:.1f}",
-                str(counts.drops),
-                str(counts.saturated),
-                str(counts.faults),
-                f"{phalanx.lowest.min():+.4f} to {phalanx.highest.max():+.4f}" if counts.samples else "-",
-            )
-        console.print(table)
+        for message in check.messages()
+    ]
+    phalanges = [
+        (
+            phalanx.name,
+            *map(str, (phalanx.counts.samples, f"{phalanx.rate_hz:.1f}", phalanx.counts.drops)),
+            *map(str, (phalanx.counts.saturated, phalanx.counts.faults)),
+            f"{phalanx.lowest.min():+.4f} to {phalanx.highest.max():+.4f}" if phalanx.counts.samples else "-",
+        )
+        for phalanx in check.phalanges()
+    ]
+    if messages:
+        print_tables([Table("", _MESSAGE_COLUMNS, messages), Table("", _PHALANX_COLUMNS, phalanges)])
     for name, frames, rate_hz in check.unknown()[:10]:
         console.print(f"not in the DBC: {name}, {frames} frames, {rate_hz:.1f} Hz")
     if check.absent():

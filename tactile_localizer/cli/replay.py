@@ -114,8 +114,11 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
     else:
         console.print("errors are unknown: the recording has no ground truth")
     arrived = summary["travel_to_convergence_m"]
-    since = "from contact" if summary["contacts"] else "of travel"
-    after = f", after {arrived['median'] * 1e3:.1f} mm {since} (median)" if arrived["count"] else ""
+    after = ""
+    if arrived["count"]:
+        distance = f"{arrived['median'] * 1e3:.1f} mm"
+        after = f", {distance} after contact" if summary["contacts"] else f", after {distance} of travel"
+        after += " (median)"
     converged = f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps"
     if positions_fit:
         console.print(f"{converged} converged{after}")

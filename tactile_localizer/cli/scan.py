@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -11,11 +10,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.errors import ScanError, printable
 from tactile_localizer.io.scans.export import export_scan
 from tactile_localizer.io.scans.repair import repair
@@ -24,10 +22,13 @@ from tactile_localizer.io.scans.store import ScanStore, new_scan
 from tactile_localizer.io.scene_file import load_scene, save_scene, scene_to_dict
 from tactile_localizer.offline.axes import INCH_MM, MM
 from tactile_localizer.offline.scan_quality import findings
+from tactile_localizer.offline.table import Table
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Phalanx, Scene
 
-_PIPE_WIDTH = 120
+_LIST_COLUMNS = (
+    "sweep", "pairs", "s", "pairs/s", "length mm", "inch", "from mm", "to mm", "gaps", "skipped", "",
+)  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -122,22 +123,7 @@ def _list(args: argparse.Namespace) -> int:
         sweeps = store.sweeps()
         recorded = {sweep.number: sweep for sweep in store.recording().sweeps}
         axes = store.scene.axis_names
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    headings = (
-        "sweep",
-        "pairs",
-        "s",
-        "pairs/s",
-        "length mm",
-        "inch",
-        "from mm",
-        "to mm",
-        "gaps",
-        "skipped",
-        "",
-    )
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
+    rows = []
     plane = [column for column, axis in enumerate(axes) if axis != "yaw"]
     for info in sweeps:
         duration = (info.last_ns - info.first_ns) * 1e-9
@@ -151,9 +137,8 @@ def _list(args: argparse.Namespace) -> int:
             length = float(np.linalg.norm(ends[1] - ends[0]))
             cells += [f"{length:.1f}", f"{length / INCH_MM:.2f}", *(_place(end) for end in ends)]
         remark = "dropped" if info.dropped else "" if info.ended else "interrupted"
-        table.add_row(*cells, str(info.gaps), str(info.skipped), remark)
-    width = None if sys.stdout.isatty() else _PIPE_WIDTH
-    Console(width=width, markup=False, emoji=False).print(table)
+        rows.append((*cells, str(info.gaps), str(info.skipped), remark))
+    print_tables([Table("", _LIST_COLUMNS, rows)])
     return 0
 
 

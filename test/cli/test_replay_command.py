@@ -36,7 +36,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     printed = capsys.readouterr().out
     assert "sweep_mixture, grid filter; odometry simulated" in printed
     assert "learned: material featureless between features, information length" in printed
-    assert "from contact" in printed
+    assert "after contact (median)" in printed
     assert "at contact" in printed
     assert "after 20 mm" in printed
     assert "does not fit" not in printed

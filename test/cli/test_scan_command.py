@@ -136,23 +136,10 @@ def test_list_shows_length_and_rate_of_each_sweep(scan, capsys):
     main(["scan", "drop-sweep", "scan.db", "5"])
     capsys.readouterr()
     assert main(["scan", "list", "scan.db"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split()[:4] == ["sweep", "pairs", "s", "pairs/s"]
-    assert lines[2].split() == [
-        "2",
-        "101",
-        "5.0",
-        "20",
-        "50.0",
-        "1.97",
-        "0.0",
-        "2.5",
-        "50.0",
-        "2.5",
-        "1",
-        "0",
-    ]
-    assert lines[5].split()[-1] == "dropped"
+    rows = {cells[0]: cells for cells in map(str.split, capsys.readouterr().out.splitlines()) if cells}
+    assert rows["sweep"][:4] == ["sweep", "pairs", "s", "pairs/s"]
+    assert rows["2"] == ["2", "101", "5.0", "20", "50.0", "1.97", "0.0", "2.5", "50.0", "2.5", "1", "0"]
+    assert rows["5"][-1] == "dropped"
 
 
 def test_dropped_sweeps_can_be_restored(scan, capsys):
