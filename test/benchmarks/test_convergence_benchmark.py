@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import convergence
 import numpy as np
 import pytest
 from evaluation import comparison
@@ -20,9 +19,6 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.offline.replay import replay
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-convergence = importlib.import_module("convergence")
 
 CONDITION = SimulatedCondition("bump", 3, sweeps=2, blanks=1)
 CONFIGURATION = Configuration(cell=1.0, update_distance=0.002)

@@ -1,8 +1,7 @@
-"""The benchmark of recorded fabrics: which recordings it pairs, how it perturbs them, what it measures."""
+"""The benchmark of recorded fabrics: pairs of recordings, perturbations, measures."""
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import subprocess
@@ -11,22 +10,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import fabric_recordings as recordings
+import fabrics
 import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def recordings(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    return importlib.import_module("fabric_recordings")
-
-
-@pytest.fixture
-def fabrics(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    return importlib.import_module("fabrics")
 
 
 def write_fabric(folder: Path, name: str, speed: int, material: int, repeats: int = 3) -> None:
@@ -45,7 +34,7 @@ def write_fabric(folder: Path, name: str, speed: int, material: int, repeats: in
         (folder / f"{name}_V{speed}mmps_{repeat}.csv").write_text("\n".join(lines) + "\n")
 
 
-def test_recordings_are_paired_by_what_differs(recordings: Any, tmp_path: Path) -> None:
+def test_recordings_are_paired_by_what_differs(tmp_path: Path) -> None:
     conditions = ("Linen_F250_V10", "Linen_F250_V20", "Linen_F250_V-10", "Linen_F210_V10", "Silk_F250_V20")
     for name in (*conditions, "notes"):
         for repeat in range(3):
@@ -65,7 +54,7 @@ def test_recordings_are_paired_by_what_differs(recordings: Any, tmp_path: Path) 
     assert {one.map.name for one in pairs} == set(conditions)
 
 
-def test_the_position_is_the_speed_times_the_time(recordings: Any, tmp_path: Path) -> None:
+def test_the_position_is_the_speed_times_the_time(tmp_path: Path) -> None:
     write_fabric(tmp_path, "Linen_F250", -50, material=1)
     (condition,) = recordings.find_conditions(tmp_path)
     fabric = recordings.load_map(condition, scale=2.0)
@@ -77,7 +66,7 @@ def test_the_position_is_the_speed_times_the_time(recordings: Any, tmp_path: Pat
     np.testing.assert_allclose(fabric.noise_width, np.sqrt(2), rtol=0.3)
 
 
-def test_a_recording_is_perturbed(recordings: Any) -> None:
+def test_a_recording_is_perturbed() -> None:
     sweep = recordings.Sweep(
         np.arange(5) * 100_000_000, np.linspace(0.0, 0.04, 5), np.outer(np.arange(5.0), np.ones(16))
     )
@@ -95,7 +84,7 @@ def test_a_recording_is_perturbed(recordings: Any) -> None:
     np.testing.assert_allclose(np.abs(offset), np.tile(1e4 * width, (5, 1)))
 
 
-def test_the_measures_are_what_the_docstring_says(fabrics: Any) -> None:
+def test_the_measures_are_what_the_docstring_says() -> None:
     travel = np.array([0.0, 0.05, 0.1, 0.165])
     right = fabrics.Track(
         travel,
@@ -130,7 +119,7 @@ def test_the_measures_are_what_the_docstring_says(fabrics: Any) -> None:
     assert never == pytest.approx(100.0)
 
 
-def test_a_total_is_over_all_rows_of_a_kind_and_names_the_worst(fabrics: Any) -> None:
+def test_a_total_is_over_all_rows_of_a_kind_and_names_the_worst() -> None:
     rows = [
         {"kind": "own", "found": 1.0, "coverage": 0.95, "travel_to_convergence_mm": 3.0},
         {"kind": "own", "found": 0.9, "coverage": 0.80, "travel_to_convergence_mm": None},
@@ -162,12 +151,12 @@ class Oracle:
 
 
 @pytest.fixture
-def sweep(recordings: Any) -> Any:
+def sweep() -> Any:
     position = np.arange(0.0, 0.6, 0.001)
     return recordings.Sweep(np.arange(600) * 100_000_000, position, np.repeat(position[:, None], 16, axis=1))
 
 
-def test_starts_are_spaced_evenly_and_each_is_localized_anew(fabrics: Any, sweep: Any) -> None:
+def test_starts_are_spaced_evenly_and_each_is_localized_anew(sweep: Any) -> None:
     starts, travel = fabrics.starts_of(sweep, 0.565, 5)
     np.testing.assert_allclose(starts, [0.0, 0.1, 0.2, 0.3, 0.4])
     assert travel == 0.165
@@ -180,7 +169,7 @@ def test_starts_are_spaced_evenly_and_each_is_localized_anew(fabrics: Any, sweep
     assert fabrics.starts_of(sweep, 0.1, 2)[1] == 0.05
 
 
-def test_on_a_wrong_fabric_whatever_converges_is_false(fabrics: Any, sweep: Any) -> None:
+def test_on_a_wrong_fabric_whatever_converges_is_false(sweep: Any) -> None:
     tracks = fabrics.from_all_starts(Oracle(), sweep, 0.565, 5, wrong=True)
     found = fabrics.measures(tracks, wrong=True)
     assert (found["converged_false_starts"], found["converged_false_end"]) == (1.0, 1.0)
@@ -188,7 +177,7 @@ def test_on_a_wrong_fabric_whatever_converges_is_false(fabrics: Any, sweep: Any)
     assert found["found"] is None
 
 
-def test_a_kidnapped_hand_is_to_converge_again(fabrics: Any, sweep: Any) -> None:
+def test_a_kidnapped_hand_is_to_converge_again(sweep: Any) -> None:
     found = fabrics.kidnapped(Oracle(), sweep, 0.565, 5)
     assert found == pytest.approx(
         {"right_before": 1.0, "again_40_mm": 1.0, "travel_again_mm": 10.0, "false_40_mm": 0.0}

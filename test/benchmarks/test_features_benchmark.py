@@ -1,15 +1,14 @@
-"""The benchmark of simulated features: which scenes it gives, how it counts."""
+"""The benchmark of simulated features: scenes and totals."""
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
+import features
 import pytest
 
 from tactile_localizer.io.scene_file import load_scene
@@ -18,13 +17,7 @@ from tactile_localizer.resources import resource_path
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def features(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    return importlib.import_module("features")
-
-
-def test_scenes_give_no_parameters_and_the_region_only_where_asked(features: Any) -> None:
+def test_scenes_give_no_parameters_and_the_region_only_where_asked() -> None:
     shipped = load_scene(resource_path("config/scenes/bump.yaml"))
     with_region, without = features.bare(shipped, region=True), features.bare(shipped, region=False)
     assert (with_region.measurement, without.measurement) == ({}, {})
@@ -32,7 +25,7 @@ def test_scenes_give_no_parameters_and_the_region_only_where_asked(features: Any
     assert (without.axes, without.phalanges) == (shipped.axes, shipped.phalanges)
 
 
-def test_counts_are_summed_and_other_measures_averaged(features: Any) -> None:
+def test_counts_are_summed_and_other_measures_averaged() -> None:
     common = dict.fromkeys(features._COLUMNS, 0)
     rows = [
         {**common, "seed": 1, "feature": "bump", "sweeps": 2, "error_mm": 1.0, "false_blank": 1},

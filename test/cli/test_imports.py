@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.sweeps import write_scan
 
 from tactile_localizer.cli import main
 
@@ -15,14 +16,11 @@ from tactile_localizer.cli import main
 def imported(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     """Modules imported by a replay on a scan with a stored calibration."""
     folder: Path = tmp_path_factory.mktemp("replay")
-    recorded = folder / "recorded"
-    scan = str(folder / "scan.db")
-    assert main(["simulate", "bump", "-o", str(recorded)]) == 0
-    assert main(["import", "csv", str(recorded / "train.csv"), "--scene", "bump.yaml", "-o", scan]) == 0
-    lines = (recorded / "test.csv").read_text().splitlines()
+    write_scan(folder / "scan.db")
+    assert main(["simulate", "bump", "-o", str(folder), "--train", "1", "--test", "1"]) == 0
+    lines = (folder / "test.csv").read_text().splitlines()
     (folder / "two.csv").write_text("\n".join(lines[:3]))
-    arguments = ["replay", str(folder / "two.csv"), "--scan", scan]
-    assert main(arguments) == 0
+    arguments = ["replay", str(folder / "two.csv"), "--scan", str(folder / "scan.db")]
     command = f"import sys; from tactile_localizer.cli import main; main({arguments}); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", command], check=True, capture_output=True, text=True)
     return set(done.stdout.splitlines()[-1].split())

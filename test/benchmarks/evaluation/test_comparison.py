@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,9 +19,16 @@ from support.evaluations import CALIBRATION, QUICK, TUNED, condition, results
 from tactile_localizer.core.parameters import ModelParameters
 
 
+def measured(trial: Trial) -> dict[str, Any]:
+    """Made-up result of a trial."""
+    error_m = 0.001 * trial.condition.seed
+    timing = {"update_median_us": 200.0, "update_p99_us": 300.0}
+    return {"sweeps": [{"error_contact_m": error_m}], "blanks": [], "timing": timing}
+
+
 def test_every_method_is_tried_on_every_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(comparison, "learn_condition", lambda condition: CALIBRATION)
-    found = evaluate([condition(1, sweeps=1), condition(2, sweeps=1)], QUICK, tmp_path, Workers(1))
+    found = evaluate([condition(1), condition(2)], QUICK, tmp_path, Workers(1), measure=measured)
     assert found.condition_names == ["bump"]
     for method in ("default", "other"):
         assert len(found.sweeps(method)) == 2

@@ -1,4 +1,4 @@
-"""The load cells on a simulated bus, with every fault that a bus brings: counts are right to the frame."""
+"""The driver on a simulated bus with faults: every frame is counted."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.can.bus import BusSettings, open_bus
 from tactile_localizer.io.can.cycle import Cycle
 from tactile_localizer.io.can.driver import DriverSettings, LoadCellDriver
-from tactile_localizer.io.can.protocol import FrameKind
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.can.reader import OPEN
 from tactile_localizer.io.status import MISSING, OK
 
 HAND = protocol()
 
 MOST_UNREAD = 64
-"""Frames that may wait for the driver before the test waits for it: any kernel's buffer holds more."""
+"""Most frames that the driver has not read yet; any kernel's buffer holds more."""
 
 
 class Bench:
-    """A driver that listens to a simulated bus, and the other end of that bus."""
+    """A driver on a simulated bus, and the other end of that bus."""
 
-    def __init__(self, simulated_can: dict[str, Any], dbc: str = "loadcells.dbc") -> None:
+    def __init__(
+        self, simulated_can: dict[str, Any], monkeypatch: pytest.MonkeyPatch, dbc: str = "loadcells.dbc"
+    ) -> None:
         self.hand = protocol(dbc=dbc)
         self.cycles: list[Cycle] = []
         self.opened: list[can.BusABC] = []
@@ -42,8 +44,7 @@ class Bench:
         # On a busy machine the test may be put aside between two frames of a cycle: they are late, not lost.
         settings = DriverSettings(bus, cycle_timeout_s=0.5, backoff_s=0.01)
         self.driver = LoadCellDriver(self.hand, settings, self.cycles.append, self.log.append)
-        self.driver._reader._open_bus = self._open  # to have the bus at hand, to fail it
-        self._settings = bus
+        monkeypatch.setattr("tactile_localizer.io.can.driver.open_bus", self.open)
         self.sender = can.Bus(**simulated_can, hop_limit=0)
         self.sent = 0
         self.driver.start()
@@ -58,8 +59,9 @@ class Bench:
         self.cycles.clear()
         self.sent = 0
 
-    def _open(self) -> can.BusABC:
-        self.opened.append(open_bus(self._settings, self.hand))
+    def open(self, settings: BusSettings, hand: LoadCellProtocol) -> can.BusABC:
+        """Open the bus for the driver, and keep it so that the test can make it fail."""
+        self.opened.append(open_bus(settings, hand))
         return self.opened[-1]
 
     def send(self, frames: list[can.Message], pause_s: float = 0.0) -> None:
@@ -72,7 +74,7 @@ class Bench:
             time.sleep(pause_s)  # a pace, not a wait
 
     def settle(self) -> None:
-        """Wait until every frame sent has been dealt with."""
+        """Wait until all frames are counted and all cycles closed."""
         wait_until(lambda: sum(self.frames) == self.sent, f"{self.sent} frames", 10.0)
         wait_until(lambda: self.driver._assembler.remaining_ns(0) is None, "the last cycle to close", 5.0)
 
@@ -86,11 +88,11 @@ class Bench:
 
 
 @pytest.fixture
-def bench(simulated_can: dict[str, Any]) -> Iterator[Callable[..., Bench]]:
+def bench(simulated_can: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Bench]]:
     made: list[Bench] = []
 
     def make(**kwargs: Any) -> Bench:
-        made.append(Bench(simulated_can, **kwargs))
+        made.append(Bench(simulated_can, monkeypatch, **kwargs))
         return made[-1]
 
     yield make
@@ -99,7 +101,7 @@ def bench(simulated_can: dict[str, Any]) -> Iterator[Callable[..., Bench]]:
 
 
 class SteppingClock:
-    """The system's clock as the driver and its bus see it, which the test can step."""
+    """Clock of the driver and its bus, which the test can step."""
 
     def __init__(self) -> None:
         self.step_s = 0.0
@@ -108,7 +110,7 @@ class SteppingClock:
         return time.time_ns() + round(self.step_s * 1e9)
 
     def stamped(self, bus: can.BusABC) -> can.BusABC:
-        """``bus``, whose frames the kernel stamps by this clock."""
+        """Make ``bus`` stamp its frames by this clock."""
         receive = bus.recv
 
         def recv(timeout: float | None = None) -> can.Message | None:
@@ -212,7 +214,9 @@ def test_a_clock_step_costs_at_most_one_cycle(
     clock = SteppingClock()
     monkeypatch.setattr("tactile_localizer.io.can.driver.time", clock)
     one = bench()
-    one.driver._reader._open_bus = lambda: clock.stamped(one._open())
+    monkeypatch.setattr(
+        "tactile_localizer.io.can.driver.open_bus", lambda *arguments: clock.stamped(one.open(*arguments))
+    )
     one.driver.reconnect()
     wait_until(lambda: one.driver.status.reconnects == 1, "the bus with the clock", 5.0)
     for n in range(-32, 0):
