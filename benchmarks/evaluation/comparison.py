@@ -27,7 +27,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.io.scans.learned import calibration_from_dict, calibration_to_dict
 from tactile_localizer.offline.metrics import timing, with_contact
-from tactile_localizer.offline.replay import Track, mixture_of, replay
+from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.scene import Scene
 
 
@@ -242,6 +242,6 @@ def replayed(trial: Trial) -> tuple[Scene, list[Track], list[Track]]:
     material = trial.condition.load()
     scene, localizer = trial.scene(material), trial.localizer(material)
     # Processor time, because other tasks run at the same time.
-    recording = with_contact(material.recording, scene, mixture_of(localizer).map)
+    recording = with_contact(material.recording, scene, localizer.model.map)
     tracks = replay(localizer, recording, clock=time.thread_time)
     return scene, tracks, replay(localizer, material.blank) if material.blank is not None else []

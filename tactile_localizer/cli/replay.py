@@ -28,7 +28,7 @@ from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import INCH, with_contact
 from tactile_localizer.offline.misfit import misfit
 from tactile_localizer.offline.odometry import RECORDED
-from tactile_localizer.offline.replay import Track, mixture_of, replay
+from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.offline.reports.learned import learned_values
 from tactile_localizer.offline.reports.replay import replay_document
 from tactile_localizer.offline.table import Table
@@ -52,9 +52,8 @@ def run(args: argparse.Namespace) -> int:
     recorded, recording, odometry = odometry_from_arguments(args, scene)
     with progress_bars() as progress:
         localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
-        mixture = mixture_of(localizer)
-        tracks = replay(localizer, with_contact(recording, scene, mixture.map), progress)
-    learned = learned_values(scene, mixture, calibration)
+        tracks = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
+    learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(
         scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
     )

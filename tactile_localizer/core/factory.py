@@ -21,7 +21,6 @@ from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.identification import FeatureIdentifier
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.likelihood.evaluation import StrainModel
 from tactile_localizer.core.likelihood.kernel_position import KernelPosition
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
@@ -169,7 +168,7 @@ def _built(
     if configuration.filter == "particle":
         # Resampled particles are moved apart, so there is no trajectory to learn offset and gain along.
         mixture.new_session = None
-    model: StrainModel = mixture
+    model = mixture
     if configuration.model != SWEEP_MIXTURE:
         without = _without_offsets(scan, scene, learned.noise.offsets)
         parameters = ModelParameters.from_mapping(scene.measurement)
@@ -197,7 +196,7 @@ def _assembled(
     scene: Scene,
     configuration: Configuration,
     bayes_filter: BayesFilter,
-    model: StrainModel,
+    model: SweepMixture,
     registration: np.ndarray,
 ) -> Localizer:
     convergence = Convergence(convergence_criteria(scene, configuration))
@@ -205,7 +204,11 @@ def _assembled(
 
 
 def _build_filter(
-    scene: Scene, configuration: Configuration, model: StrainModel, cell: np.ndarray, rng: np.random.Generator
+    scene: Scene,
+    configuration: Configuration,
+    model: SweepMixture,
+    cell: np.ndarray,
+    rng: np.random.Generator,
 ) -> BayesFilter:
     if configuration.filter == "grid":
         if scene.dimension != 2 or model.new_session is not None:

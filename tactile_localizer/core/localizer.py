@@ -18,8 +18,8 @@ from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.base import checked, usable
-from tactile_localizer.core.likelihood.evaluation import StrainModel
 from tactile_localizer.core.likelihood.new_session import unknown
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import log_sum
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
@@ -113,7 +113,7 @@ class Localizer:
         self,
         scene: Scene,
         bayes_filter: BayesFilter,
-        model: StrainModel,
+        model: SweepMixture,
         convergence: Convergence,
         update_distance: float,
         registration_std: np.ndarray,

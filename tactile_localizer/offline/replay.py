@@ -15,8 +15,6 @@ import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.decision.convergence import State
-from tactile_localizer.core.likelihood.kernel_position import KernelPosition
-from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Coasting, Estimate, Localizer
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording, usable
@@ -134,14 +132,6 @@ def replay(
     if progress is not None:
         progress("replaying", 1.0)
     return tracks
-
-
-def mixture_of(localizer: Localizer) -> SweepMixture:
-    """The sweep mixture of a localizer; a kernel model holds one for convergence."""
-    model = localizer.model
-    mixture = model.mixture if isinstance(model, KernelPosition) else model
-    assert isinstance(mixture, SweepMixture)
-    return mixture
 
 
 def _localize(

@@ -1,13 +1,10 @@
-"""Likelihoods of a strain under all hypotheses, and the interface of the models that compute them."""
+"""Likelihoods of a strain vector under all hypotheses."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from tactile_localizer.core.likelihood.new_session import NewSession
 
 INFLATION = 9.0
 """Factor by which the variance of unknown material exceeds that of the map. By judgement; tried on two
@@ -51,40 +48,3 @@ class Expected(NamedTuple):
     residual: np.ndarray
     spread: np.ndarray
     noise: np.ndarray
-
-
-class StrainModel(Protocol):
-    """Likelihoods of whitened strains at states of the map and under the alternatives to it.
-
-    Attributes
-    ----------
-    information_length : m of travel per independent measurement of the position
-    presence_length : m of travel per independent measurement of whether the hand is on the map
-    offset_variance : (C,) whitened variance of a sweep's constant offset
-    new_session : model of another session, where its offset has to be learned along trajectories
-    """
-
-    information_length: float
-    presence_length: float
-    offset_variance: np.ndarray
-    new_session: NewSession | None
-
-    def whitened(self, strain: np.ndarray) -> np.ndarray:
-        """A strain vector (C,), V, in whitened coordinates."""
-
-    def in_volts(self, difference: np.ndarray) -> np.ndarray:
-        """A difference (C,) of whitened strains in V."""
-
-    def evaluate(
-        self, states: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
-    ) -> Evaluation:
-        """Log-likelihoods of a whitened ``strain`` (C,) at ``states`` (P, d).
-
-        Parameters
-        ----------
-        used : (F,) bool, phalanges that count
-        offset_variance : (F,) whitened variance of the remaining uncertainty of the sweep's offset
-        """
-
-    def expected(self, nodes: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
-        """Comparison of a whitened strain (C,) with that expected under ``log_weights`` of ``nodes`` (P,)."""

@@ -37,6 +37,11 @@ class SweepMixture:
     information_length : m of travel per independent measurement of the position
     correlation_length : integrated autocorrelation of the residual, m
     new_session : model of another session; ``None`` if offsets are observed on featureless places
+
+    Attributes
+    ----------
+    presence_length : m of travel per independent measurement of whether the hand is on the map
+    offset_variance : (C,) whitened variance of a sweep's constant offset
     """
 
     def __init__(
@@ -83,17 +88,23 @@ class SweepMixture:
         self.information_length = self.presence_length if is_felt_everywhere else information_length
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
-        """See :meth:`.StrainModel.whitened`."""
+        """A strain vector (C,), V, in whitened coordinates."""
         return self.noise.whitened(strain).clip(-_FARTHEST, _FARTHEST)
 
     def in_volts(self, difference: np.ndarray) -> np.ndarray:
-        """See :meth:`.StrainModel.in_volts`."""
+        """A difference (C,) of whitened strains in V."""
         return np.asarray(np.linalg.solve(self.noise.whitening, difference))
 
     def evaluate(
         self, states: np.ndarray, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
     ) -> Evaluation:
-        """See :meth:`.StrainModel.evaluate`."""
+        """Log-likelihoods of a whitened strain (C,) at ``states`` (P, d) and under the alternatives.
+
+        Parameters
+        ----------
+        used : (F,) bool, phalanges that count
+        offset_variance : (F,) whitened variance of the remaining uncertainty of the sweep's offset
+        """
         nodes = self.map.nearest(states)
         components = (self._components * nodes + self._each).ravel()
         rows = self._tables.take(np.concatenate([self._elsewhere, components]))
@@ -110,7 +121,7 @@ class SweepMixture:
         return Evaluation(position, position, other, elsewhere, featureless, nodes)
 
     def expected(self, nodes: np.ndarray, log_weights: np.ndarray, strain: np.ndarray) -> Expected:
-        """See :meth:`.StrainModel.expected`; by the nearest pair of sweeps of each state."""
+        """Comparison of a whitened strain (C,) with that expected under ``log_weights`` of ``nodes`` (P,)."""
         log_weights = log_weights - log_weights.max()
         kept = (log_weights > _LOG_NEGLIGIBLE).nonzero()[0]
         rows, weights = self._components * nodes[kept], np.exp(log_weights[kept])
