@@ -25,15 +25,15 @@ PICTURE = Path(__file__).parents[1] / "images/localization.gif"
 SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
 MM = 1e3
 FRAME_M = 0.0006
-"""Travel of the palm between two frames."""
+"""Travel of the palm between two frames, m."""
 FRAMES_PER_S = 15
 HELD_FRAMES = 25
-"""Frames that the end of the sweep is shown."""
+"""Number of frames for which the end of the sweep is shown."""
 CHANNEL = 5
-"""Index of the strain channel that is shown: one that a bump moves well."""
+"""Index of the strain channel that is shown, one that responds to the bump."""
 COLOURS = {"index": "tab:blue", "middle": "tab:orange"}
 RADIUS_95 = 2.448
-"""Standard deviations of the radius that holds 95 % of a normal distribution in the plane."""
+"""Mahalanobis radius that contains 95 % of a two-dimensional Gaussian."""
 BUMP_MM = (32.0, 25.4)
 OPEN, SURE = "#b3123f", "tab:green"
 

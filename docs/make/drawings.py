@@ -21,7 +21,7 @@ SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
 MM = 1e3
 INDEX, MIDDLE, PALM, FEATURE = "tab:blue", "tab:orange", "0.25", "#f3d9a4"
 STRAIN = 5
-"""The strain element that is shown: one that a bump moves well."""
+"""The strain channel that is shown, one that responds to the bump."""
 
 
 def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], colour: str, style: str) -> None:
@@ -30,7 +30,7 @@ def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], colo
 
 
 def material(axes: Axes, region: bool = True) -> None:
-    """The square that the palm moves in, and where the fingers can touch the feature."""
+    """The bounds of the palm, and the area in which the fingers touch the feature."""
     assert SCENE.feature is not None
     (left, bottom), (right, top) = SCENE.lower * MM, SCENE.upper * MM
     axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, lw=1.0, ec="0.4"))
@@ -87,7 +87,7 @@ def frames() -> None:
 
 
 def scan() -> None:
-    """A training scan: where it was felt, and one strain element along three sweeps."""
+    """A training scan: its sweeps, and one strain channel along three of them."""
     recorded = simulate_scan("bump", seed=1)
     figure, (above, along) = plt.subplots(
         1, 2, figsize=(7.6, 3.1), layout="constrained", width_ratios=(1, 1.45)
@@ -110,7 +110,7 @@ def scan() -> None:
 
 
 def belief() -> None:
-    """The belief along one new sweep, and the probabilities that decide about convergence."""
+    """The belief along one new sweep, and the probabilities that determine convergence."""
     recorded = simulate_scan("bump", seed=1)
     training = Scan(recorded.odometry, recorded.strain, recorded.sweep, SCENE.axis_names, SCENE.phalanx_names)
     localizer = build_localizer(training, SCENE, Configuration(), np.random.default_rng(1))
@@ -128,7 +128,7 @@ def belief() -> None:
     for axes, row in zip(above.subplots(1, 4, sharey=True), shown, strict=True):
         states, weights = pictures[row]
         (columns, column), (rows, of_row) = (np.unique(values, return_inverse=True) for values in states.T)
-        image = np.zeros((len(rows), len(columns)))  # the filter leaves out cells that are as good as empty
+        image = np.zeros((len(rows), len(columns)))  # the filter omits cells of negligible probability
         image[of_row, column] = np.sqrt(weights)
         low, high = states.min(axis=0) * MM, states.max(axis=0) * MM
         axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), cmap="Blues")

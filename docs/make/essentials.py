@@ -1,4 +1,4 @@
-"""Draws docs/images/essentials.png: what wrong values of a scene's parameters cost on the simulated bump."""
+"""Draws docs/images/essentials.png: the effect of wrong scene parameters on the simulated bump."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ PICTURE = Path(__file__).parents[1] / "images/essentials.png"
 SWEEPS = 6
 MM = 1e3
 WRONG_MM = 10.0
-"""Error above which convergence is false."""
+"""Error above which convergence is false, m."""
 
 
 def with_margin(scene: Scene, margin_mm: float) -> Scene:
-    """The scene with its bounds moved outwards; inwards where negative."""
+    """The scene with its bounds moved outwards; inwards if negative."""
     move = margin_mm / MM
     axes = tuple(replace(axis, lower=axis.lower - move, upper=axis.upper + move) for axis in scene.axes)
     return replace(scene, axes=axes)
@@ -53,11 +53,11 @@ LABELS = {
     "lines": "distance of the scanned lines, mm",
 }
 SLIP = 1.15
-"""Travel that the arm reports, to that of the palm, in the trials of motion_std."""
+"""Travel reported by the arm relative to that of the palm, in the trials of motion_std."""
 
 
 def trial(task: tuple[str, float]) -> tuple[float, float, float]:
-    """Median error after contact, mm; share converged there; share converged and over 10 mm wrong."""
+    """Median error after contact, mm; fractions converged there, and converged with over 10 mm of error."""
     name, value = task
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     change: dict[str, Callable[[Scene, float], Scene]] = {

@@ -1,7 +1,7 @@
-"""Draws what the layouts for RViz and Foxglove show of a running filter into docs/images, for `make docs`.
+"""Draws the displays of the RViz and Foxglove layouts into docs/images, for `make docs`.
 
-Neither program is needed: simulator, driver and filter run, the topics that a layout names are heard, and
-each of its displays and panels is drawn from the messages. The pictures are drawings, not screenshots.
+Simulator, driver and filter run, and each display and panel is drawn from the messages on its topics.
+Neither program is needed: the pictures are drawings, not screenshots.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Empty, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
@@ -37,33 +37,33 @@ from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import Posterior
 from tactile_localizer.resources import resource_path
+from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.conversions.timestamps import to_ns
 from tactile_localizer.sim import simulate_scan
 
 IMAGES = Path(__file__).parents[1] / "images"
 DARK = "#222222"
-KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-HEARD: dict[str, tuple[Any, QoSProfile | int]] = {
-    "/filter/map": (PointCloud2, KEPT),
-    "/filter/feature_region": (Marker, KEPT),
+TOPICS: dict[str, tuple[Any, QoSProfile | int]] = {
+    "/filter/map": (PointCloud2, LATCHED),
+    "/filter/feature_region": (Marker, LATCHED),
     "/filter/particles": (PointCloud2, 10),
     "/filter/pose": (PoseWithCovarianceStamped, 100),
     "/filter/markers": (MarkerArray, 10),
-    "/filter/posterior": (Posterior, QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)),
+    "/filter/posterior": (Posterior, 1000),
     "/simulator/ground_truth": (PoseStamped, 100),
     "/diagnostics": (DiagnosticArray, 10),
 }
 TRAVEL_M = 0.024
-"""How far the hand slides, and on until the next diagnostics."""
+"""Travel of the hand, m; it continues until the next diagnostics."""
 
 _COLUMNS = 48
-"""Letters of a line in a panel of text."""
+"""Characters per line in a text panel."""
 
 Messages = dict[str, list[Any]]
 
 
 def wait(condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> None:
-    """Until a condition is true."""
+    """Wait until a condition is true."""
     deadline = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline, f"waited {timeout_s:g} s for {what}"
@@ -81,7 +81,7 @@ def write_scan(path: Path) -> None:
 
 
 def listen() -> Messages:
-    """What is heard of a filter while the hand sweeps on to the bump."""
+    """The messages of a filter while the hand sweeps onto the bump."""
     messages: Messages = defaultdict(list)
     with tempfile.TemporaryDirectory() as name, own_domain() as domain:
         folder = Path(name)
@@ -98,41 +98,41 @@ def listen() -> Messages:
             tare = {"tare_file": str(folder / "tare.yaml")}
             nodes.start("driver", "driver_node", shipped("driver") | bus | tare)
             nodes.start("filter", "filter_node", shipped("filter") | {"scan_file": str(folder / "scan.db")})
-            for topic, (kind, quality) in HEARD.items():
+            for topic, (kind, quality) in TOPICS.items():
                 watcher.listen(kind, topic, quality, messages[topic].append)
             wait(lambda: messages["/filter/posterior"] and messages["/filter/map"], "the filter")
             posteriors = messages["/filter/posterior"]
             watcher.call(Trigger, "simulator/prepare")
             watcher.call(Empty, "filter/reinitialize_global_localization")
             count = len(posteriors)
-            wait(lambda: len(posteriors) > count + 10, "the belief that knows nothing")
+            wait(lambda: len(posteriors) > count + 10, "the uniform belief")
             for topic in ("/filter/posterior", "/simulator/ground_truth"):
                 messages[topic].clear()
             watcher.call(Trigger, "simulator/sweep")
             wait(lambda: posteriors and posteriors[-1].travel > TRAVEL_M, "the hand to slide")
             messages["/diagnostics"].clear()
             wait(lambda: {"filter", "driver"} <= senders(messages["/diagnostics"]), "the diagnostics")
-            return {topic: list(heard) for topic, heard in messages.items()}
+            return {topic: list(received) for topic, received in messages.items()}
 
 
 def senders(arrays: list[Any]) -> set[str]:
-    """Nodes that have told of themselves."""
+    """Nodes that have published diagnostics."""
     return {status.name.split(":")[0].removesuffix("_node") for array in arrays for status in array.status}
 
 
 def columns(cloud: PointCloud2) -> dict[str, np.ndarray]:
-    """A cloud's fields, each (n,)."""
+    """The fields of a point cloud, each (n,)."""
     table = np.frombuffer(cloud.data, "<f4").reshape(cloud.width, cloud.point_step // 4)
     return {field.name: table[:, field.offset // 4] for field in cloud.fields}
 
 
 def colour(message: Any) -> tuple[float, float, float, float]:
-    """Of a marker, as matplotlib takes it."""
+    """The color of a marker for matplotlib."""
     return message.r, message.g, message.b, message.a
 
 
 def draw_marker(axes: Axes, marker: Marker) -> None:
-    """Lines, spheres and text, in the marker's own colours."""
+    """Draw the lines, spheres or text of a marker."""
     points = np.array([(point.x, point.y) for point in marker.points]).reshape(-1, 2)
     if marker.type == Marker.TEXT_VIEW_FACING:
         place = marker.pose.position
@@ -203,21 +203,21 @@ def draw_rviz(messages: Messages) -> Figure:
 
 
 def places(node: Any, left: float, bottom: float, width: float, height: float) -> Iterator[tuple[str, Any]]:
-    """Where each panel of a Foxglove layout lies, as figures take it."""
+    """Rectangle of each panel of a Foxglove layout, in figure coordinates."""
     if isinstance(node, str):
         yield node, (left, bottom, width, height)
         return
-    share = node.get("splitPercentage", 50) / 100
+    first = node.get("splitPercentage", 50) / 100
     if node["direction"] == "row":
-        yield from places(node["first"], left, bottom, share * width, height)
-        yield from places(node["second"], left + share * width, bottom, (1 - share) * width, height)
+        yield from places(node["first"], left, bottom, first * width, height)
+        yield from places(node["second"], left + first * width, bottom, (1 - first) * width, height)
     else:
-        yield from places(node["first"], left, bottom + (1 - share) * height, width, share * height)
-        yield from places(node["second"], left, bottom, width, (1 - share) * height)
+        yield from places(node["first"], left, bottom + (1 - first) * height, width, first * height)
+        yield from places(node["second"], left, bottom, width, (1 - first) * height)
 
 
 def follow(message: Any, fields: list[str]) -> Any:
-    """What a message path leads to."""
+    """The value at a message path."""
     for field in fields:
         name, _, index = field.partition("[")
         message = getattr(message, name)

@@ -1,4 +1,4 @@
-"""Prints docs/parameters.md, from what the nodes themselves declare. `make docs` keeps it."""
+"""Prints docs/parameters.md from the parameters that the nodes declare; `make docs` updates the page."""
 
 from __future__ import annotations
 
@@ -15,32 +15,34 @@ from tactile_localizer.ros.simulator_node import SimulatorNode
 HEAD = """\
 # Parameters
 
-`make docs` writes this page from the nodes' own descriptors; `ros2 param describe NODE NAME` shows
-the same of a running node. Parameters marked *live* may be set at any time. The others are read
-when a node configures and refused, with the reason, while it is configured. A value of the wrong
-type or out of its range is refused too, and a name that the node does not have is ignored with a
-warning. A list of strings without entries is `"['']"` on the command line, which cannot give `[]` a
-type.
+Every parameter of the nodes, with default, range and unit. `ros2 param describe NODE NAME` prints the
+same for a running node.
 
-[essentials.md](essentials.md) has the five values that matter. Of the parameters below, those
-marked **essential** have to fit your robot; all others are advanced, and their defaults serve.
+Parameters marked *live* can be changed at any time. The others are read when the node is
+configured, and rejected while it is configured. A value of the wrong type or out of range is
+rejected with the reason; an unknown name is ignored with a warning. On the command line an empty
+list of strings is `"['']"`, because `[]` has no type.
 
-The recommended values are in `config/*.yaml`; a launch argument of the same name overrides them.
-The bounds of the material, its motion noise and the kernel widths are not parameters of a node but
-part of the [scene](concepts.md#scene)."""
+Those marked **essential** must match the robot; [essentials.md](essentials.md) explains the values
+that matter most. The others are advanced, and their defaults usually suffice. Recommended values
+are in `config/*.yaml`; a launch argument of the same name overrides them. The bounds of the
+material, its motion noise and the kernel widths are part of the [scene](concepts.md#scene), not
+parameters of a node.
+
+*This page is generated from the nodes by `make docs`.*"""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",
     "material_frame", "reference_frame", "material_pose", "convergence_radius",
 }  # fmt: skip
-"""Parameters that no default can know: wiring, files, frames, and how precise a position has to be."""
+"""Parameters to set for an installation: wiring, files, frames, and the required precision."""
 
 NODES = {
-    DriverNode: "Load cells on a CAN bus to `strain` ([can.md](can.md)).",
-    MappingNode: "`strain` and `palm_pose` to a scan file ([scan.md](scan.md)).",
-    FilterNode: "`strain` and `palm_pose` to a belief ([models.md](models.md)).",
-    AdapterNode: "Messages of other sensors' drivers to `strain` ([sensors.md](sensors.md)).",
-    SimulatorNode: "The simulated hand ([simulation.md](simulation.md)).",
+    DriverNode: "Publishes the strain of load cells on a CAN bus ([can.md](can.md)).",
+    MappingNode: "Records strain and palm poses to a scan file ([scan.md](scan.md)).",
+    FilterNode: "Estimates the palm position from strain and palm poses ([models.md](models.md)).",
+    AdapterNode: "Converts messages of other tactile sensors to strain ([sensors.md](sensors.md)).",
+    SimulatorNode: "Simulates the hand ([simulation.md](simulation.md)).",
 }
 
 
@@ -57,7 +59,7 @@ def page() -> str:
             node.destroy_node()
         rclpy.shutdown()
     shared = [parameter for parameter in declared[0] if all(parameter in others for others in declared[1:])]
-    parts = [HEAD, section("Every node", "Beside ROS's own `use_sim_time` and `qos_overrides`.", shared)]
+    parts = [HEAD, section("Every node", "In addition to `use_sim_time` and `qos_overrides` of ROS.", shared)]
     for heading, purpose, parameters in zip(titles, NODES.values(), declared, strict=True):
         own = [parameter for parameter in parameters if parameter not in shared]
         parts.append(section(heading, purpose, own))
@@ -67,7 +69,7 @@ def page() -> str:
 def title(node: ManagedNode) -> str:
     """Executable and name of a node."""
     kind = type(node).__name__.removesuffix("Node").lower()
-    return f"{kind}_node, called `{node.get_name()}`"
+    return f"{kind}_node (`/{node.get_name()}`)"
 
 
 def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
@@ -83,12 +85,12 @@ def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
 
 
 def sentence(text: str) -> str:
-    """A description with the full stop that it has not."""
+    """A description with a full stop."""
     return text if text.endswith((".", "?")) else f"{text}."
 
 
 def shown(default: object) -> str:
-    """A default as YAML has it."""
+    """A default in YAML."""
     if default in ("", []):
         return "none"
     if isinstance(default, bool):
@@ -99,7 +101,7 @@ def shown(default: object) -> str:
 
 
 def allowed(parameter: Parameter) -> str:
-    """Choices, range, or kind."""
+    """Choices, range, or type."""
     if parameter.choices:
         return ", ".join(f"`{choice}`" for choice in parameter.choices)
     lower, upper = parameter.lower, parameter.upper
@@ -111,7 +113,7 @@ def allowed(parameter: Parameter) -> str:
 
 
 def number(value: float) -> str:
-    """A whole number with all its digits, another one as short as it can be."""
+    """An integer with all digits, another number as short as possible."""
     return str(int(value)) if value == int(value) else f"{value:g}"
 
 

@@ -18,11 +18,11 @@ from tactile_localizer.cli import main
 
 PICTURE = Path(__file__).parents[1] / "images/viewer.png"
 SHOWN_S = 2.6
-"""Time on the timeline that is shown: just after contact."""
+"""Time shown on the timeline, just after contact."""
 LOADING_S = 10.0
 PORT = 9911
 BAR_PX = 37
-"""Height of the viewer's own bar at the top, pixels."""
+"""Height of the title bar of the viewer, pixels."""
 
 
 def make_view(folder: Path) -> Path:
@@ -45,7 +45,7 @@ def draw() -> None:
         with ViewerClient.spawn(headless=True, port=PORT, hide_welcome_screen=True) as viewer:
             viewer.open(str(view))
             viewer.set_time("time", duration=SHOWN_S, play_state="paused")
-            time.sleep(LOADING_S)  # the viewer does not tell when it has loaded and drawn all
+            time.sleep(LOADING_S)  # the viewer does not report when it has drawn everything
             viewer.save_screenshot(str(picture))
         matplotlib.image.imsave(PICTURE, matplotlib.image.imread(picture)[BAR_PX:])
 

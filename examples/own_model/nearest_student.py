@@ -13,7 +13,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 FREEDOM = 4.0
-"""Degrees of freedom: the fewer, the less an outlier tells."""
+"""Degrees of freedom; fewer give less weight to outliers."""
 
 
 class NearestStudent(MeasurementModel):

@@ -12,8 +12,6 @@ from tactile_localizer.core.configuration import (
     Configuration,
 )
 from tactile_localizer.core.filters.resampling import RESAMPLERS
-from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
-from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S
 from tactile_localizer.core.likelihood.kernels import EVALUATIONS, PRECISIONS
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.parameters import palm_pose
@@ -120,17 +118,7 @@ PARAMETERS = (
     ),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", lower=0),
-    Parameter(
-        "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
-    ),
-    Parameter(
-        "patience_s",
-        DEFAULT_PATIENCE_S,
-        "Time, measured in stamps, that a strain vector waits for a late pose",
-        "s",
-        0.0,
-        60.0,
-    ),
+    *palm_pose.SYNCHRONIZATION,
     Parameter("stale_timeout_s", 0.5, "Age from which an estimate is stale", "s", 0.01, 60.0, live=True),
     Parameter(
         "particles_rate_hz",
@@ -142,7 +130,7 @@ PARAMETERS = (
         live=True,
     ),
     Parameter("shown_particles", 500, "Maximum number of points in ~/particles", "", 1, 1_000_000, live=True),
-    *palm_pose.PARAMETERS,
+    *palm_pose.FRAMES,
     Parameter(
         "publish_tf",
         False,

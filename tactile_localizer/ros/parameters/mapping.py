@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
-from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S
 from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M
 from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M
 from tactile_localizer.ros.base.parameters import Parameter
@@ -12,17 +10,7 @@ from tactile_localizer.ros.parameters import palm_pose
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file to record to; an existing file is continued"),
     Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name"),
-    Parameter(
-        "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
-    ),
-    Parameter(
-        "patience_s",
-        DEFAULT_PATIENCE_S,
-        "Time, measured in stamps, that a strain vector waits for a late pose",
-        "s",
-        0.0,
-        60.0,
-    ),
+    *palm_pose.SYNCHRONIZATION,
     Parameter(
         "sweep_detection",
         "off",
@@ -40,5 +28,5 @@ PARAMETERS = (
         1e-5,
         1.0,
     ),
-    *palm_pose.PARAMETERS,
+    *palm_pose.FRAMES,
 )

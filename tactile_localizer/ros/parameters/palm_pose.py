@@ -1,10 +1,27 @@
-"""Parameters of palm poses and their frames, for the filter and the mapping node."""
+"""Parameters of palm poses, for the filter and the mapping node."""
 
 from __future__ import annotations
 
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S
 from tactile_localizer.ros.base.parameters import Parameter
 
-PARAMETERS = (
+SYNCHRONIZATION = (
+    Parameter(
+        "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
+    ),
+    Parameter(
+        "patience_s",
+        DEFAULT_PATIENCE_S,
+        "Time, measured in stamps, that a strain vector waits for a late pose",
+        "s",
+        0.0,
+        60.0,
+    ),
+)
+"""Synchronization of poses with strain vectors."""
+
+FRAMES = (
     Parameter(
         "pose_source",
         "topic",
@@ -25,3 +42,4 @@ PARAMETERS = (
         "m, rad",
     ),
 )
+"""Source and frames of the poses."""
