@@ -15,8 +15,8 @@ from tactile_localizer.ros.simulator_node import SimulatorNode
 HEAD = """\
 # Parameters
 
-Every parameter of the nodes, with default, range and unit. `ros2 param describe NODE NAME` prints the
-same for a running node.
+Every parameter of the nodes, with default, range and unit. `ros2 param describe NODE NAME` prints
+the same for a running node.
 
 Parameters marked *live* can be changed at any time. The others are read when the node is
 configured, and rejected while it is configured. A value of the wrong type or out of range is
