@@ -24,7 +24,7 @@ FEW = [
 @pytest.fixture
 def command(bump_folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(tradeoff, "candidates", lambda: FEW)
-    return ["test.csv", "--scan", "scan.db", "-o", "out"]
+    return ["test.csv", "--scan", "scan.db", "--starts", "2", "--travel", "0.02", "-o", "out"]
 
 
 def test_all_candidates_are_printed_and_written(command: list[str], capsys) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.bags import pose, strain, write_bag
-from support.bump_folder import TUNED
+from support.bump_folder import TUNED, write_bump_files
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.configuration_file import load_configuration
@@ -17,6 +17,11 @@ from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene, save_scene
 
 COMMAND = "replay test.csv --scan scan.db --scene scene.yaml --filter grid --seed 1"
+
+
+@pytest.fixture(scope="module")
+def bump_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_bump_files(tmp_path_factory.mktemp("bump"))
 
 
 def run(arguments: str) -> int:

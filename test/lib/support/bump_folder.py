@@ -11,21 +11,28 @@ TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 """Parameters of the kernel models, so that none are chosen from the scan."""
 
 
-@pytest.fixture(scope="module")
-def bump_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``scan.db``."""
+def write_bump_files(folder: Path, *options: str) -> Path:
+    """Write ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``scan.db``; returns the folder.
+
+    ``options`` are those of ``tactile-localizer simulate``.
+    """
     # numpy must not be imported before conftest has limited the threads of BLAS.
     from tactile_localizer.cli import main
     from tactile_localizer.io.scene_file import load_scene, save_scene
     from tactile_localizer.resources import resource_path
 
-    folder = tmp_path_factory.mktemp("bump")
     scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
     save_scene(scene, folder / "scene.yaml")
-    assert main(["simulate", "bump", "-o", str(folder), "--test", "2"]) == 0
+    assert main(["simulate", "bump", "-o", str(folder), "--test", "2", *options]) == 0
     files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
     assert main(["import", "csv", *files]) == 0
     return folder
+
+
+@pytest.fixture(scope="module")
+def bump_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of :func:`write_bump_files` with few training sweeps."""
+    return write_bump_files(tmp_path_factory.mktemp("bump"), "--train", "5")
 
 
 @pytest.fixture
