@@ -8,7 +8,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.scene import Scene
 
 _LARGEST = 1e100
 
@@ -87,6 +90,25 @@ def positive(name: str, value: object, size: int) -> np.ndarray:
     if array.shape not in ((), (size,)) or not (np.isfinite(array).all() and (array > 0).all()):
         raise ParameterError(f"{name}: expected one or {size} positive numbers, got {value!r}")
     return np.broadcast_to(array, (size,)).copy()
+
+
+def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (N, d) and strains (N, C) of a scan on the axes and phalanges of a scene.
+
+    Raises
+    ------
+    SceneError
+        The scene names an axis or a phalanx that the scan does not have.
+    """
+    positions = _columns(scan.states, scene.columns(scan.axes))
+    if scene.wraps.any():
+        positions = np.where(scene.wraps, wrap_angle(positions), positions)
+    return positions, _columns(scan.strain, scene.channels(scan.phalanges, scan.channels))
+
+
+def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The given columns; the array itself if they are all of them, so that a large scan is not copied."""
+    return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]
 
 
 def flatten_axes(axes: list[np.ndarray]) -> np.ndarray:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
-from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive, training_pairs
+from tactile_localizer.core.likelihood.kernels.density import KernelDensity
 from tactile_localizer.core.likelihood.kernels.normal import Normal
-from tactile_localizer.core.likelihood.sum_of_gaussians import FLOOR, KernelDensity, training_pairs
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import Phalanx, Scene
@@ -94,9 +93,8 @@ class _PhalanxModel:
         self._kernels, self._off = kernels, off
 
     def log_likelihood(self, states: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        background = self._kernels.background.log_density(strain, self._PRESENT)
-        off = np.logaddexp(self._off.log_density(strain), math.log(FLOOR) + background) - math.log1p(FLOOR)
-        total = np.full(len(states), off)
+        off = np.array([self._off.log_density(strain)])
+        total = np.repeat(self._kernels.background.mixed(off, strain, self._PRESENT), len(states))
         positions = phalanx_positions(self._scene, self._phalanx, states)
         on = self._region.contains(positions)
         if on.any():

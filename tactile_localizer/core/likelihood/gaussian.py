@@ -10,11 +10,10 @@ from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 from scipy.special import chdtri
 
-from tactile_localizer.core.likelihood.base import MeasurementModel, checked
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
 from tactile_localizer.core.likelihood.kernels.background import Background
 from tactile_localizer.core.likelihood.kernels.normal import ridge
 from tactile_localizer.core.likelihood.kernels.sums import unroll
-from tactile_localizer.core.likelihood.sum_of_gaussians import FLOOR, training_pairs
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
@@ -91,8 +90,7 @@ class Gaussian(MeasurementModel):
             squared, log_determinant = self._distance(rows, strain, columns, self.shrinkage.intensity)
             total -= 0.5 * (squared / self.shrinkage.scale + log_determinant)
             total -= 0.5 * len(columns) * math.log(2.0 * math.pi * self.shrinkage.scale)
-        log_floor = math.log(FLOOR) + self._background.log_density(strain, present)
-        return np.logaddexp(total, log_floor) - math.log1p(FLOOR)
+        return self._background.mixed(total, strain, present)
 
     def _factors(self, present: np.ndarray) -> list[np.ndarray]:
         """Channels of each factor of the density: those of each present phalanx, or of all together."""

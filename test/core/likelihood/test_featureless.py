@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.special import logsumexp
 from support import densities
-from support.scans import density, total_variation
 
 from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.core.scan.scan import Scan
@@ -165,20 +164,6 @@ def test_featureless_drops_an_absent_phalanx(seed):
     np.testing.assert_allclose(whole.log_likelihood(states, measured), sum(apart), atol=1e-9)
     measured[:8] = rng.choice([np.nan, np.inf, 1e300])
     np.testing.assert_allclose(whole.log_likelihood(states, measured, MIDDLE), apart[1], atol=1e-12)
-
-
-@pytest.mark.parametrize("evaluation", ["truncated", "field"])
-def test_the_evaluations_agree(evaluation):
-    scan = made()
-    exact, other = model(scan), model(scan, evaluation)
-    axes = [np.linspace(0, 0.05, 61), np.linspace(0, 0.05, 33)]
-    states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    for row in range(0, 600, 60):
-        measured = scan.strain[row]
-        expected = density(exact.log_likelihood(states, measured))
-        assert total_variation(density(other.log_likelihood(states, measured)), expected) < 2e-3
-        many = np.repeat(states, 10, axis=0)
-        assert total_variation(density(other.log_likelihood(many, measured))[::10] * 10, expected) < 2e-3
 
 
 def test_the_region_of_a_turned_phalanx_wraps():

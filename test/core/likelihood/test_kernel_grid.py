@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.likelihood.kernels.grid import Density, KernelGrid
+from tactile_localizer.core.likelihood.kernels.grid import KernelGrid, TabulatedField
 
 
 def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
@@ -75,7 +75,9 @@ def test_the_tabulated_density_is_the_sum_of_the_position_kernels(dimension):
     rng = np.random.default_rng(0)
     positions = rng.random((200, dimension)) * 4
     grid = KernelGrid(positions)
-    density = Density(grid, grid.spread(np.ones(200)), positions.min(axis=0) - 10, positions.max(axis=0) + 10)
+    density = TabulatedField(
+        grid, grid.spread(np.ones(200)), positions.min(axis=0) - 10, positions.max(axis=0) + 10
+    )
     states = rng.random((100, dimension)) * 6 - 1
     exact = kernel(states, positions).sum(axis=1)
     assert np.abs(density(states) - exact).max() < 1e-3 * exact.max()

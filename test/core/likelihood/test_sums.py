@@ -160,17 +160,6 @@ def test_the_block_of_pairs_follows_the_belief():
         np.testing.assert_allclose(np.log(found[0]) + found[2], np.log(anew[0]) + anew[2], atol=0.01)
 
 
-def test_float32_agrees_with_float64():
-    rng = np.random.default_rng(0)
-    states = rng.random((75, 2)) * 0.05
-    measured = strain_at(states[:1])[0]
-    double = kernel_sum("field").at_states(states, measured, BOTH)
-    single = kernel_sum("field", precision="float32").at_states(states, measured, BOTH)
-    near = double[0] > double[0].max() * 1e-3
-    np.testing.assert_allclose(single[0][near], double[0][near], rtol=1e-3)
-    assert single[2] == pytest.approx(double[2], abs=1e-2)
-
-
 def test_an_unknown_evaluation_is_refused():
     with pytest.raises(ParameterError, match="evaluation 'fast': expected one of field, truncated, exact"):
         kernel_sum("fast")

@@ -9,6 +9,8 @@ from scipy.special import gammaln
 
 from tactile_localizer.channels import ChannelLayout
 
+FLOOR = 0.01
+"""Weight of the background in a mixture with a model, relative to the model."""
 _DEGREES_OF_FREEDOM = 3.0
 _SPREAD = 2.0
 _ROWS = 2**12
@@ -48,6 +50,11 @@ class Background:
         if not present.all():
             strain = np.where(self.layout.expand(present), strain, 0.0)
         return float(self.log_densities(strain)[present].sum())
+
+    def mixed(self, log_density: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
+        """Log-densities (P,) of a model, mixed with the background by :data:`FLOOR`."""
+        background = math.log(FLOOR) + self.log_density(strain, present)
+        return np.logaddexp(log_density, background) - math.log1p(FLOOR)
 
 
 def _standard_deviation(strain: np.ndarray, mean: np.ndarray) -> np.ndarray:

@@ -146,7 +146,7 @@ class KernelGrid:
         return difference
 
 
-class Density:
+class TabulatedField:
     """Kernel sums of a constant field, tabulated once and interpolated by cubic splines.
 
     Parameters

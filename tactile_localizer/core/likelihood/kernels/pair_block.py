@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.kernels.grid import REACH, Density, KernelGrid, box
+from tactile_localizer.core.likelihood.kernels.grid import REACH, KernelGrid, TabulatedField, box
 
 HEADROOM = 64.0
 """Logarithm of the largest weight, so that float32 represents weights smaller by a factor of exp(-150)."""
@@ -74,11 +74,11 @@ class PairBlock:
         return self.grid.spread(np.ones(len(self)))
 
     @cached_property
-    def density(self) -> Density:
+    def density(self) -> TabulatedField:
         """Sum of the position kernels alone, for states in the box."""
         low, high = box(self.positions)
         lower, upper = np.maximum(self.lower, low - REACH), np.minimum(self.upper, high + REACH)
-        return Density(self.grid, self.count, lower, upper)
+        return TabulatedField(self.grid, self.count, lower, upper)
 
     def serves(self, lower: np.ndarray, upper: np.ndarray) -> bool:
         """Whether the box from ``lower`` (d,) to ``upper`` (d,) lies inside this block's."""

@@ -1,10 +1,10 @@
-"""Many states are interpolated from a grid where that is less work, and nobody can tell."""
+"""Many states are evaluated by interpolation on a grid, without a visible error."""
 
 import numpy as np
 import pytest
 from support.scans import SIDE
 
-from tactile_localizer.core.likelihood.kernels.interpolation import interpolated
+from tactile_localizer.core.likelihood.kernels.density import interpolated
 
 WIDTH = np.array([0.002, 0.003])
 
@@ -25,13 +25,13 @@ def never(_):
     raise AssertionError("not expected to be asked")
 
 
-def test_few_states_are_evaluated_one_by_one():
+def test_few_states_are_evaluated_directly():
     states = np.random.default_rng(0).random((75, 2)) * SIDE
     np.testing.assert_array_equal(interpolated(states, WIDTH, log_mixture, never), log_mixture(states))
 
 
 @pytest.mark.parametrize("spread", [0.1, 1.0])
-def test_many_states_are_interpolated_to_a_hundredth_near_the_peak(spread):
+def test_interpolation_is_accurate_near_the_peak(spread):
     rng = np.random.default_rng(0)
     states = np.array([0.035, 0.03]) + spread * (rng.random((5000, 2)) - 0.5) * SIDE * 0.6
     found, expected = interpolated(states, WIDTH, never, on_axes), log_mixture(states)
@@ -40,13 +40,13 @@ def test_many_states_are_interpolated_to_a_hundredth_near_the_peak(spread):
     assert np.abs(found - expected).max() < 0.5
 
 
-def test_states_at_one_place_are_no_special_case():
+def test_many_equal_states():
     states = np.tile([[0.01, 0.02]], (1000, 1))
     np.testing.assert_allclose(
         interpolated(states, WIDTH, log_mixture, on_axes), log_mixture(states), atol=1e-3
     )
 
 
-def test_many_states_over_a_vast_space_are_evaluated_one_by_one():
+def test_states_in_a_large_volume_are_evaluated_directly():
     states = np.random.default_rng(0).random((2000, 2)) * 100.0
     np.testing.assert_array_equal(interpolated(states, WIDTH, log_mixture, never), log_mixture(states))
