@@ -48,7 +48,7 @@ class AdapterNode(ManagedNode):
 
     def _on_message(self, topic: str, message: Any) -> None:
         try:
-            vector = self._adapter.feed(topic, message, self.get_clock().now().nanoseconds)
+            vector = self._adapter.feed(topic, message, self.now_ns)
         except MeasurementError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=_WARNING_PERIOD_S)
             return

@@ -122,7 +122,7 @@ class DriverNode(ManagedNode):
     def _publish(self, cycle: Cycle) -> None:
         message = self._message
         # Receive times cannot be converted to simulated time, so use the time of the node's clock.
-        stamp_ns = self.get_clock().now().nanoseconds if self._use_sim_time else cycle.stamp_ns
+        stamp_ns = self.now_ns if self._use_sim_time else cycle.stamp_ns
         message.header.stamp = from_ns(stamp_ns)
         message.strain = array("d", cycle.strain.tobytes())
         message.status = cycle.status

@@ -134,9 +134,9 @@ class FilterNode(ManagedNode):
     def _restart(self) -> None:
         self._online.interrupt()
         self._online.reset()
-        self._sender_clock = SenderClock()
+        self._sender_clock = SenderClock(lambda: self.now_ns)
         self._inputs = InputState({"strain": 0, "palm_pose": 0, "initial_pose": 0})
-        now_ns = self.get_clock().now().nanoseconds
+        now_ns = self.now_ns
         self._received_ns = {"strain": now_ns, "palm_pose": now_ns}
         self._estimated_ns = now_ns
         self._arrived: set[str] = set()
@@ -169,13 +169,7 @@ class FilterNode(ManagedNode):
 
     def _receive(self, topic: str, stamp_ns: int) -> None:
         self._arrived.add(topic)
-        now_ns = self.get_clock().now().nanoseconds
-        self._sender_clock.update(stamp_ns, now_ns, self._online.pairing.resets)
-
-    @property
-    def _now_ns(self) -> int:
-        """Stamp of strain measured now, ns; older strain can still arrive after a request."""
-        return self._sender_clock.now_ns(self.get_clock().now().nanoseconds)
+        self._sender_clock.update(stamp_ns, self._online.pairing.resets)
 
     def _publish(self, estimates: list[Estimate]) -> None:
         if estimates:
@@ -198,12 +192,12 @@ class FilterNode(ManagedNode):
         except MeasurementError as error:
             self._reject("initial_pose", error)
             return
-        self._online.seed(mean, std, self._now_ns)
+        self._online.seed(mean, std, self._sender_clock.now_ns)
         self._inputs.stale = ""
         self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
 
     def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
-        self._online.reset(self._now_ns)
+        self._online.reset(self._sender_clock.now_ns)
         self._inputs.stale = ""
         self.get_logger().info("belief reset to uniform")
         return response
@@ -259,7 +253,7 @@ class FilterNode(ManagedNode):
 
     def _watch(self) -> None:
         """Detect whether the estimate is stale, and log when that changes."""
-        now_ns = self.get_clock().now().nanoseconds
+        now_ns = self.now_ns
         timeout_s = self.parameters["stale_timeout_s"]
         for topic, received_ns in self._received_ns.items():
             if topic in self._arrived or now_ns < received_ns:

@@ -84,7 +84,7 @@ class MappingNode(ManagedNode):
         self._pairing = Pairing(
             self._scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
         )
-        self._sender_clock = SenderClock()
+        self._sender_clock = SenderClock(lambda: self.now_ns)
         self._rate = 0.0
         self._last_sweep: int | None = None
         self._rejections: dict[str, str] = {}
@@ -160,7 +160,7 @@ class MappingNode(ManagedNode):
         self._record(pairs)
 
     def _receive(self, stamp_ns: int, pairing: Pairing[StrainSample]) -> None:
-        self._sender_clock.update(stamp_ns, self.get_clock().now().nanoseconds, pairing.resets)
+        self._sender_clock.update(stamp_ns, pairing.resets)
 
     def _reject(self, topic: str, error: TactileLocalizerError) -> None:
         """Reject a message; no sweep can start until a valid message arrives on its topic."""
@@ -185,7 +185,7 @@ class MappingNode(ManagedNode):
         def start(recorder: SweepRecorder) -> str:
             for reason in self._rejections.values():
                 raise ScanError(f"start sweep: {reason}")
-            number = recorder.start(self._now_ns)
+            number = recorder.start(self._sender_clock.now_ns)
             self._write_error = ""
             return f"sweep {number} started"
 
@@ -230,11 +230,6 @@ class MappingNode(ManagedNode):
     def _newest_ns(self) -> int:
         """Stamp of the newest sample, ns; 0 before the first."""
         return (self._pairing and self._pairing.newest_ns) or 0
-
-    @property
-    def _now_ns(self) -> int:
-        """Stamp of strain measured now, ns; older strain can still arrive after a request."""
-        return self._sender_clock.now_ns(self.get_clock().now().nanoseconds)
 
     def _publish_status(self, stamp_ns: int) -> None:
         """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""

@@ -122,6 +122,11 @@ class ManagedNode(LifecycleNodeMixin, Node):
         """A timer that keeps running while simulated time stands still."""
         return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    @property
+    def now_ns(self) -> int:
+        """Time of the clock of the node, ns; 0 while simulated time has not started."""
+        return int(self.get_clock().now().nanoseconds)
+
     def defer(self, release: Callable[[], Any]) -> None:
         """Call ``release`` when the transition in progress is undone; without effect outside transitions."""
         if self._scope is not None and self._scope_thread == threading.get_ident():

@@ -10,7 +10,6 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.identification import Identification
 from tactile_localizer.core.localizer import Estimate
@@ -23,17 +22,10 @@ _COVARIANCE_INDEX = {"x": 0, "y": 1, "yaw": 5}
 UNKNOWN_VARIANCE = 1e6
 """Variance of unmodelled axes of a pose, m² or rad²; fusion nodes interpret zero as certainty."""
 
-_STATES = {
-    State.UNKNOWN: Posterior.UNKNOWN,
-    State.SEARCHING: Posterior.SEARCHING,
-    State.CONVERGED: Posterior.CONVERGED,
-    State.LOST: Posterior.LOST,
-}
-
 
 def state_of(estimate: Estimate, stale: str = "") -> int:
     """The state of a ``Posterior``; ``stale`` is the reason why the estimate is stale, or empty."""
-    return int(Posterior.STALE if stale else _STATES[estimate.state])
+    return int(Posterior.STALE if stale else getattr(Posterior, estimate.state.name))
 
 
 def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
