@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--feature", choices=SIMULATED_FEATURES, default="bump", help="feature in the material"
     )
-    parser.add_argument("-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR")
+    parser.add_argument(
+        "-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)"
+    )
     add_seed_argument(parser)
     parser.add_argument(
         "--speed", type=float, default=10.0, help="simulation speed relative to real time (default 10)"

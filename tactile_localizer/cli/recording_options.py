@@ -17,47 +17,58 @@ from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
+_TOPIC_HELP = {
+    "strain": "strain vectors",
+    "pose": "measured palm poses",
+    "truth": "true palm poses",
+    "status": "status of the mapping node, for its sweeps",
+    "posterior": "posterior of the filter node, for global localizations",
+}
+
 
 def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options for CSV files: column names, speed."""
-    parser.add_argument(
-        "--columns", metavar="YAML", help="column naming, where columns do not have the standard names"
+    group = parser.add_argument_group("CSV files")
+    group.add_argument(
+        "--columns", metavar="YAML", help="column naming, if columns do not have the standard names"
     )
-    parser.add_argument(
+    group.add_argument(
         "--column",
         action="append",
         default=[],
         metavar="NAME=COLUMN",
         help="name of a column: stamp_s=time_ms*0.001, index=gauge1..8 (repeatable)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--speed",
         action="append",
         default=[],
         metavar="[AXIS=]M_PER_S",
-        help="constant speed from which to compute positions, m/s",
+        help="constant speed, m/s, if positions were not recorded",
     )
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options for bags: topics, frames, gaps."""
+    group = parser.add_argument_group("bags")
     for name, topic in vars(BagTopics()).items():
-        parser.add_argument(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"(default: {topic})")
-    parser.add_argument(
+        text = f"{_TOPIC_HELP[name]} (default: {topic})"
+        group.add_argument(f"--{name}-topic", default=topic, metavar="TOPIC", help=text)
+    group.add_argument(
         "--adapter",
         metavar="YAML",
         help="adapter from other messages to strain (docs/sensors.md): a file, or the name of a shipped one",
     )
-    parser.add_argument(
+    group.add_argument(
         "--material-frame", default="material", metavar="FRAME", help="frame of poses that need no transform"
     )
-    parser.add_argument(
+    group.add_argument(
         "--reference-frame",
         default="base_link",
         metavar="FRAME",
         help="frame of poses to transform by --material-pose",
     )
-    parser.add_argument(
+    group.add_argument(
         "--material-pose",
         type=float,
         nargs=6,
@@ -65,12 +76,12 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
         help="pose of the material in the reference frame, m and rad",
     )
-    parser.add_argument(
+    group.add_argument(
         "--max-gap",
         type=float,
         default=DEFAULT_MAX_GAP_S,
         metavar="S",
-        help="largest gap between poses that is interpolated",
+        help="largest gap between poses that is interpolated, s",
     )
 
 

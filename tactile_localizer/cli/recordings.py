@@ -35,7 +35,7 @@ from tactile_localizer.scene import Scene
 
 def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``--scan`` and ``--scene``."""
-    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan file to localize on")
+    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan file of the map")
     parser.add_argument(
         "--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)"
     )
@@ -57,14 +57,14 @@ def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config",
         metavar="PRESET",
-        help=f"{', '.join(PRESETS)}, or a YAML file; the other options override it",
+        help=f"preset ({', '.join(PRESETS)}) or YAML file; the other options override it",
     )
     parser.add_argument(
         "--model",
         metavar="MODEL",
         help=f"{', '.join(MODELS)}, or a user-defined model as module:Class",
     )
-    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (grid: exact)")
+    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
     parser.add_argument("--particles", type=int, metavar="N", help="number of particles")
 
 
@@ -90,7 +90,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -
         "--odometry",
         choices=(SIMULATED, EXACT),
         default=SIMULATED,
-        help="odometry from true positions: displacements with simulated motion noise, or exact ones",
+        help="odometry made of true positions: with simulated motion noise (default), or exact",
     )
     add_csv_arguments(parser)
     add_bag_arguments(parser)

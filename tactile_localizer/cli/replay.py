@@ -36,10 +36,10 @@ from tactile_localizer.offline.table import Table
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
-    add_recording_arguments(parser)
     add_scan_arguments(parser)
     add_configuration_arguments(parser)
     add_seed_argument(parser)
+    add_recording_arguments(parser)
     add_start_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
 

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
     def action(name: str, text: str, work: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
-        added = actions.add_parser(name, help=text, description=text)
+        added = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         added.set_defaults(work=work)
         return added
 
@@ -71,7 +71,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "plot", "draw the tactile map, the sweeps, neighbouring values and the feature's region", _plot
     )
     plot.add_argument("scan", metavar="SCAN")
-    plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR")
+    plot.add_argument(
+        "-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR", help="folder (default out/plot)"
+    )
     plot.add_argument("--dpi", type=int, default=120, help="resolution of the figures (default 120)")
 
 

@@ -27,10 +27,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=FEATURES,
         help="feature in the material (none: featureless material; seam has no shipped scene)",
     )
-    parser.add_argument("-o", "--output", type=Path, default=Path("out/simulate"), metavar="DIR")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("out/simulate"),
+        metavar="DIR",
+        help="folder (default out/simulate)",
+    )
     add_seed_argument(parser)
-    parser.add_argument("--train", type=int, default=TRAINING_SWEEPS, metavar="N", help="training sweeps")
-    parser.add_argument("--test", type=int, default=TEST_SWEEPS, metavar="N", help="test sweeps")
+    parser.add_argument(
+        "--train",
+        type=int,
+        default=TRAINING_SWEEPS,
+        metavar="N",
+        help=f"training sweeps (default {TRAINING_SWEEPS})",
+    )
+    parser.add_argument(
+        "--test", type=int, default=TEST_SWEEPS, metavar="N", help=f"test sweeps (default {TEST_SWEEPS})"
+    )
     parser.add_argument(
         "--channels",
         type=int,

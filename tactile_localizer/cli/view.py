@@ -20,10 +20,10 @@ from tactile_localizer.offline.rerun_recording import ReplayView
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
-    add_recording_arguments(parser)
     add_scan_arguments(parser)
     add_configuration_arguments(parser)
     add_seed_argument(parser)
+    add_recording_arguments(parser)
     parser.add_argument(
         "--save", type=Path, metavar="FILE", help="write a file (*.rrd) instead of opening the viewer"
     )
