@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
     def action(name: str, text: str, work: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
-        added = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        added = actions.add_parser(name, help=text, description=f"{text[:1].upper()}{text[1:]}.")
         added.set_defaults(work=work)
         return added
 
