@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -142,23 +144,12 @@ def simulate_scan(
     count = {"train": TRAINING_SWEEPS, "test": TEST_SWEEPS}.get(kind, 1) if sweeps is None else sweeps
     if count < 1:
         raise ParameterError(f"simulated scan: expected at least one sweep, got {count}")
+    plan = partial(sweep_plan, kind) if reach_feature else featureless_plan
+    options: dict[str, Any] = {"yaw": yaw, "speed": speed, "rate": rate, "channels": channels}
     recorded = []
     for number in range(count):
-        start, end = sweep_plan(kind, number, seed) if reach_feature else featureless_plan(number, seed)
-        recorded.append(
-            simulate_sweep(
-                feature,
-                seed,
-                number,
-                kind,
-                start=start,
-                end=end,
-                yaw=yaw,
-                speed=speed,
-                rate=rate,
-                channels=channels,
-            )
-        )
+        start, end = plan(number, seed)
+        recorded.append(simulate_sweep(feature, seed, number, kind, start=start, end=end, **options))
     return _join(feature, recorded, channels)
 
 
