@@ -1,4 +1,4 @@
-"""Choices are checked by name, kind and range, and wrong ones are refused with what was expected."""
+"""Configuration and model parameters are checked by name, kind and range."""
 
 from typing import Any
 

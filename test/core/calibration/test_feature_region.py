@@ -1,4 +1,4 @@
-"""The feature's region is the box around places where sweeps reproducibly feel something."""
+"""The proposed feature region is the box around places with a reproducible signal."""
 
 import dataclasses
 import importlib

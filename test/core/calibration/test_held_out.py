@@ -1,4 +1,4 @@
-"""Tempering and registration, from sweeps that are localized on the map of the others."""
+"""Tempering and registration error, from sweeps that are localized on the map of the others."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Kernel widths by the density of held-out strains, cautious among equals."""
+"""Kernel widths, by the density of held-out strains."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_given_widths_are_kept() -> None:
 
 
 def test_of_equal_widths_the_widest_are_chosen() -> None:
-    """Two pairs: every width is as good as any other."""
+    """With two pairs all widths are equally good."""
     scan = lines().select(np.array([0, 240]))
     chosen = choose_kernel_widths(scan, SCENE, ModelParameters())
     assert np.isfinite(chosen.position_std).all()

@@ -1,4 +1,4 @@
-"""The number of neighbours is that which predicts held-out sweeps best."""
+"""The number of neighbours, by the density of held-out strains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion model moves states as the arm says, with noise that grows with the way."""
+"""The motion model: displacement of the arm, and noise that grows with the travel."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Palm poses become positions on the scene's axes, or are refused with the frame's name."""
+"""Palm poses are converted to positions on the scene's axes."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Palm poses are interpolated at the stamps of strain vectors, by stamps alone."""
+"""Palm poses are interpolated at the stamps of strain vectors."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Strain vectors meet the palm position at their stamp, whichever topic is late."""
+"""Strain vectors are paired with the palm position at their stamps, whichever topic is late."""
 
 import numpy as np
 import pytest

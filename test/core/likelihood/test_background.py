@@ -1,4 +1,4 @@
-"""The broad background explains any strain at all, a little."""
+"""The background density."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The quick evaluations give the posterior that the exact one gives, on simulated features.
+"""Evaluations of the kernel models agree with the exact one on simulated features.
 
 Bounds: total variation of the weights 2e-3, shift of the posterior mean 1e-4 of the state's range, and
 log-likelihoods within 5 nats of the peak to 0.02.

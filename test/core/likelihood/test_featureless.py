@@ -1,4 +1,4 @@
-"""On the feature a phalanx is explained by where it is, off it by one Gaussian: both are densities."""
+"""The measurement model with separate featureless regions."""
 
 import math
 
@@ -50,7 +50,7 @@ def model(scan=None, evaluation="exact", scene=SCENE):
 
 
 def off_feature(scan, finger):
-    """Mean and covariance of a finger's strains where it was off the feature, written out."""
+    """Mean and covariance of the strains of a finger off the feature."""
     place = scan.states + np.array(SCENE.phalanges[finger].offset)
     own = scan.strain[(place[:, 0] < 0.02) | (place[:, 0] > 0.04), 8 * finger : 8 * finger + 8]
     return own.mean(axis=0), np.cov(own.T, bias=True) * (1 + 1e-3 * np.eye(8)) + STRAIN_STD**2 * np.eye(8)
@@ -85,7 +85,7 @@ def test_it_is_the_product_over_phalanges_written_out(evaluation):
 
 @pytest.mark.parametrize("x", [0.03, 0.0205, 0.01, 0.049])
 def test_both_branches_integrate_to_one(x):
-    """Dropping a normalisation would shift mass across the region's border."""
+    """A missing normalization would shift probability across the border of the region."""
     scan = made()
     whole, state = model(scan), np.array([x - 0.006, 0.025])
     place, strain = scan.states + np.array([0.006, 0.0]), scan.strain[:, :8]
@@ -120,7 +120,7 @@ def test_both_branches_integrate_to_one(x):
 
 
 def test_featureless_strains_are_equally_likely_in_the_margin_of_the_region():
-    """A region is larger than the bump: its margin must not push the belief out."""
+    """The region includes a featureless margin, in which both branches have to agree."""
     scene = Scene("margin", SCENE.axes, SCENE.phalanges, Region((0.02, -math.inf), (0.06, math.inf)))
     scan, rng = made(pairs=4000), np.random.default_rng(2)
     whole = model(scan, scene=scene)
@@ -146,7 +146,7 @@ def test_the_branch_is_decided_by_the_position_of_the_phalanx():
 
 
 def test_training_pairs_are_at_the_positions_of_the_phalanx():
-    """What a fingertip feels at 30 mm puts the palm 30 mm less its own offset, whichever finger felt it."""
+    """The most likely position of the palm is that of the fingertip minus its offset."""
     whole = model()
     measured = np.tile(felt(np.array([[0.030, 0.0]])), 2)[0]
     x = np.linspace(0.0, 0.05, 501)
@@ -167,7 +167,7 @@ def test_featureless_drops_an_absent_phalanx(seed):
 
 
 def test_the_region_of_a_turned_phalanx_wraps():
-    """Yaw of phalanx = yaw of palm + offset, taken round the turn."""
+    """Yaw of the phalanx = yaw of the palm + offset, wrapped."""
     rng = np.random.default_rng(0)
     region = Region((-3.0,), (-2.5,))
     yaw = rng.random((800, 1)) * 2 * math.pi - math.pi

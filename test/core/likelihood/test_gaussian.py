@@ -1,4 +1,4 @@
-"""The single-Gaussian models: moments of the nearest pairs, shrunk until held-out sweeps are explained."""
+"""The single-Gaussian models, with moments of the nearest pairs and shrinkage."""
 
 import math
 
@@ -18,13 +18,13 @@ STATE = np.array([0.021, 0.033])
 
 @pytest.fixture(scope="module")
 def small():
-    """A scan and its model, which no test changes."""
+    """A scan and its model, shared by the tests."""
     made = scan(np.random.default_rng(1), scene(), 200)
     return made, Gaussian(made, scene(), 8)
 
 
 def nearest(of, made, state, k):
-    """Rows of the k pairs nearest to a state, in extents of the axes, written out."""
+    """Rows of the k pairs nearest to a state, in units of the extents of the axes."""
     distance = np.linalg.norm((made.states - state) / (of.upper - of.lower), axis=1)
     return np.argsort(distance)[:k]
 
@@ -50,7 +50,7 @@ def quadratic(model, state, mean):
 @pytest.mark.parametrize("phalanges", [1, 2])
 @pytest.mark.parametrize("k", [2, 8, 30])
 def test_the_density_is_a_gaussian_of_the_nearest_pairs(k, phalanges):
-    """At the neighbours' mean the density is that of its precision; what it adds is the same everywhere."""
+    """The peak of the density agrees with its precision, and the regularization is the same everywhere."""
     of = scene(2, phalanges)
     made = scan(np.random.default_rng(1), of, 600, noise=0.05)
     model = Gaussian(made, of, k)
@@ -83,7 +83,7 @@ def test_independent_phalanges_multiply(k):
 
 
 def test_correlated_phalanges_do_not_multiply():
-    """A tremor that both fingers feel makes the joint density larger than the product of both."""
+    """With noise common to both fingers the joint density exceeds the product of both."""
     of = scene()
     rng = np.random.default_rng(0)
     made = scan(rng, of, 2000, noise=0.01)

@@ -10,7 +10,7 @@ WIDTH = np.array([0.002, 0.003])
 
 
 def log_mixture(states):
-    """Two bumps of the given width over a floor, as a log-likelihood is."""
+    """Logarithm of two Gaussians of the given width and a floor."""
     places, heights = np.array([[0.01, 0.02], [0.035, 0.03]]), np.array([0.0, 2.0])
     squared = np.sum(((states[:, None, :] - places) / WIDTH) ** 2, axis=2)
     return np.logaddexp(np.logaddexp.reduce(heights - 0.5 * squared, axis=1), -30.0)

@@ -1,4 +1,4 @@
-"""Kernel sums by a grid follow the sums written out, wherever the pairs lie between its nodes."""
+"""Kernel sums by a grid agree with direct sums."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from tactile_localizer.core.likelihood.kernels.grid import KernelGrid, Tabulated
 
 
 def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Gaussian kernel of unit width, written out: (P, M)."""
+    """Gaussian kernel of unit width, (P, M)."""
     difference = states[:, None, :] - positions[None, :, :]
     return np.exp(-0.5 * np.sum(difference**2, axis=2))
 

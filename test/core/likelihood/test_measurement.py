@@ -1,4 +1,4 @@
-"""Measurements are checked before they are used."""
+"""Checks of measurements and parameters."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Offset and gain of a sweep along trajectories: a linear regression, here by dense matrices."""
+"""Offset and gain of another session, compared with a linear regression by dense matrices."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ ONE = np.ones(1, bool)
 
 
 def unmoved(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Ancestors of ``count`` states that stay where they are."""
+    """Ancestors of ``count`` states that do not move."""
     return np.arange(count), np.ones(count)
 
 
@@ -52,7 +52,7 @@ def evaluate(
     share: float = 1.0,
     same: Evaluation | None = None,
 ) -> np.ndarray:
-    """Ratios of states that are all alike and stay where they are."""
+    """Ratios of equally probable states that do not move."""
     index, shares = unmoved(len(nodes))
     log_prior = np.full(len(nodes), -np.log(len(nodes)))
     same = nowhere(nodes) if same is None else same
@@ -125,7 +125,7 @@ def test_a_new_trajectory_has_no_offset() -> None:
 
 
 def test_a_gain_of_zero_is_excluded() -> None:
-    """Strains that do not vary: a map that varies does not explain them, whatever the offset."""
+    """Constant strains are not explained by a map that varies, whatever the offset."""
     model, _ = session()
     ratio = 0.0
     for node in range(NODES):

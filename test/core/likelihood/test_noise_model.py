@@ -1,4 +1,4 @@
-"""The noise between visits, and what of a material recurs from visit to visit."""
+"""The noise of a visit, and the reproducible part of the strain."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ def noise(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
-    """Repeats of a slide over waves that are felt everywhere."""
+    """Repeats of a slide over a textured material."""
     rng = np.random.default_rng(seed)
     x = np.arange(0.0, LENGTH, 0.0005)
     waves = 6.0 * np.sin(x[:, None] * np.linspace(300.0, 900.0, 8) + np.arange(8.0))
@@ -38,7 +38,7 @@ def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
 
 
 def sheet(seed: int = 0, offsets: float = 0.0) -> Scan:
-    """Parallel sweeps over one bump of 8 mm on material that feels like nothing."""
+    """Parallel sweeps over a bump of 8 mm on featureless material."""
     rng = np.random.default_rng(seed)
     along, across = np.arange(0.0, 0.05, 0.0005), np.arange(0.00125, 0.05, 0.0025)
     states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)

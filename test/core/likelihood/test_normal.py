@@ -1,4 +1,4 @@
-"""A normal density fitted to samples is proper, even if they do not span the space."""
+"""A normal density fitted to samples."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A block of pairs sums position kernels weighted by strain kernels, without cancellation or underflow."""
+"""Strain kernels of a block of pairs, without cancellation or underflow."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def block_of(positions: np.ndarray, strain: np.ndarray) -> PairBlock:
 
 
 def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Gaussian kernel of unit width, written out: (P, M)."""
+    """Gaussian kernel of unit width, (P, M)."""
     difference = states[:, None, :] - positions[None, :, :]
     return np.exp(-0.5 * np.sum(difference**2, axis=2))
 
@@ -29,7 +29,7 @@ def kernel(states: np.ndarray, positions: np.ndarray) -> np.ndarray:
     dtype=st.sampled_from([np.float64, np.float32]),
 )
 def test_strain_kernels_neither_cancel_nor_underflow(seed, scale, away, dtype):
-    """Measurements at any distance from strains of any size: the differences of log-weights are kept."""
+    """Differences of log-weights are preserved for strains of any size and distance."""
     rng = np.random.default_rng(seed)
     strain = (scale * rng.standard_normal((2 * DEFAULT_CHANNELS, 30))).astype(dtype)
     measured = strain[:, 3].astype(float) + rng.standard_normal(2 * DEFAULT_CHANNELS) + away * scale

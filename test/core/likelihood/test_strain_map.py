@@ -1,4 +1,4 @@
-"""Tables of what every place feels like, and the variance about them."""
+"""Tables of the expected strain and its variance."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def lines() -> Scan:
 
 
 def repeats(correlation: float, seed: int = 0) -> Scan:
-    """Three slides over waves, with noise that is correlated over so many metres."""
+    """Three slides over waves, with noise of the given correlation length, m."""
     rng = np.random.default_rng(seed)
     x = np.arange(0.0, 0.3, PITCH)
     keep = np.exp(-PITCH / correlation)

@@ -1,4 +1,4 @@
-"""Student-t densities, and a scatter that outliers do not inflate."""
+"""Student-t densities and robust scatter."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ NU = DEGREES_OF_FREEDOM
 
 
 def log_constant(channels: int) -> float:
-    """What :func:`log_density` leaves out."""
+    """Constant omitted by :func:`log_density`."""
     return float(gammaln((NU + channels) / 2) - gammaln(NU / 2) - channels / 2 * np.log(NU * np.pi))
 
 

@@ -1,4 +1,4 @@
-"""The sum-of-Gaussians model is the paper's Eq. 4, joint or conditional, with a floor."""
+"""The sum-of-Gaussians model (the paper's Eq. 4), conditional and joint."""
 
 import math
 
@@ -71,7 +71,7 @@ def widths(dimension=2):
 
 
 def test_the_conditional_form_does_not_prefer_densely_scanned_places():
-    """Equal strains everywhere say nothing about the position, unless P(x) is taken as constant."""
+    """Equal strains everywhere carry no information on the position, unless P(x) is constant."""
     rng = np.random.default_rng(0)
     states = 0.05 * rng.random((2000, 2)) ** [2.0, 1.0]
     uneven = Scan(

@@ -1,4 +1,4 @@
-"""Kernel sums: truncated and field agree with exact, on any axes, for spread and converged beliefs."""
+"""Kernel sums: truncated and field evaluation agree with the exact one."""
 
 import math
 
@@ -32,7 +32,7 @@ def kernel_sum(evaluation, dimension=2, pairs=400, full_turn=False, widths=WIDTH
 
 
 def written_out(states, positions, strain, measured, widths, strain_std=0.05):
-    """Both sums as the paper writes them, pair by pair, log-scale included."""
+    """Both sums as in the paper, pair by pair, including the scale."""
     sums, density = np.zeros(len(states)), np.zeros(len(states))
     constant = -DEFAULT_CHANNELS * math.log(2 * math.pi) - 2 * DEFAULT_CHANNELS * math.log(strain_std)
     for place, felt in zip(positions, strain, strict=True):
@@ -112,7 +112,7 @@ def test_both_ends_of_a_full_turn_are_the_same_place(evaluation):
 
 
 def test_kernel_sums_wrap_pairs_beyond_a_turn():
-    """A phalanx that is turned against the palm has its pairs beyond pi."""
+    """The yaw of a phalanx that is turned against the palm exceeds pi."""
     rng = np.random.default_rng(0)
     positions = rng.random((300, 1)) * 2 * math.pi - math.pi
     strain = rng.standard_normal((300, DEFAULT_CHANNELS))
@@ -149,7 +149,7 @@ def test_sums_are_zero_far_from_every_pair():
 
 
 def test_the_block_of_pairs_follows_the_belief():
-    """The block of pairs is made for where the belief is, and again where it goes: as if made anew."""
+    """Sums with the reused block of pairs agree with those of a new one."""
     following = kernel_sum("field", pairs=4000)
     rng = np.random.default_rng(0)
     for x in np.linspace(0.0, 0.05, 30):

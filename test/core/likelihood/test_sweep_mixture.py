@@ -1,4 +1,4 @@
-"""The sweep mixture's densities, from tables that are written down here."""
+"""Densities of the sweep mixture, from given tables."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ ONE, NONE = np.ones(1, bool), np.zeros(1)
 def mixture(
     counts: tuple[int, ...], featureless: float | None = 1.3, seed: int = 0, nodes: int = NODES
 ) -> SweepMixture:
-    """Random tables on a line of 1 mm a node, in volts that are scaled by 4."""
+    """Random tables on a line with one node per mm, whitened by a factor of 4."""
     rng = np.random.default_rng(seed)
     layout, size = ChannelLayout(counts), sum(counts)
     mean = 3.0 * rng.standard_normal((nodes, COMPONENTS, size))
@@ -37,7 +37,7 @@ def mixture(
 
 
 def log_constant(channels: int) -> float:
-    """Of the t-density, which the mixture leaves out of all alternatives alike."""
+    """Constant of the t-density, omitted for all alternatives."""
     return float(gammaln((NU + channels) / 2) - gammaln(NU / 2) - channels / 2 * np.log(NU * np.pi))
 
 

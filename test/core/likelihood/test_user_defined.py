@@ -1,4 +1,4 @@
-"""A measurement model from outside the package is found by name, and what is none is refused."""
+"""User-defined measurement models."""
 
 from __future__ import annotations
 

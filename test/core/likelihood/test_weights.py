@@ -1,4 +1,4 @@
-"""Weights are kept as logarithms and sum to one, whatever the likelihoods were."""
+"""Log-weights, effective sample size and moments."""
 
 import math
 

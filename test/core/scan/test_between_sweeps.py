@@ -1,4 +1,4 @@
-"""Between the sweeps of a scan the strain is interpolated; where they leave no gaps nothing is added."""
+"""Pairs interpolated between the sweeps of a scan."""
 
 import numpy as np
 import pytest

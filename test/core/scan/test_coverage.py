@@ -1,4 +1,4 @@
-"""Coverage is the share of the bounds within one sweep distance of a pair."""
+"""Coverage is the fraction of the bounds within one sweep distance of a pair."""
 
 import numpy as np
 

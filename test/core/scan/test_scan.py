@@ -1,4 +1,4 @@
-"""A scan is arrays that fit together, or it is refused."""
+"""Arrays of a scan are checked for consistency."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Strains and positions that a scan cannot explain are recognized by their range."""
+"""Strains and positions out of the range of a scan are reported."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Sweeps are found in the motion: reversals and rests end them, steps aside do not."""
+"""Sweeps end at reversals and rests, not at steps sideways."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""The tactile map is interpolated from the neighbours, and empty where there are none."""
+"""The tactile map is interpolated from neighbouring pairs, and empty far from them."""
 
 import numpy as np
 import pytest

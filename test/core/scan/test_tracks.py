@@ -1,4 +1,4 @@
-"""Sweeps as evenly spaced tracks, and the strain between them."""
+"""Tracks of a scan, and interpolation between them."""
 
 import numpy as np
 import pytest
