@@ -135,10 +135,9 @@ def test_an_invalid_candump_line_is_located(
     for action in ("check", "dump"):
         assert main(["can", action, "--log", str(log)]) == 2
         printed = capsys.readouterr().err
-        assert (
-            printed
-            == f"error: {log} line 81: expected a frame in the format of candump -l, found {line.strip()!r}\n"
-        )
+        assert printed.startswith(f"error: {log} line 81: ")
+        assert printed.endswith(f"found {line.strip()!r}\n")
+        assert printed.count("\n") == 1
 
 
 def test_an_impossible_stamp_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

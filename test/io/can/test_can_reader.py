@@ -112,7 +112,7 @@ def test_a_closed_bus_is_reopened(
     assert len(one.log) == 3  # each failure once
     one.send(3)
     wait_until(lambda: len(one.notes) == 4, "a line for the frames after each failure", 5.0)
-    assert one.notes == ["CAN bus: receiving"] + ["CAN bus: receiving again"] * 3
+    assert [note.endswith("again") for note in one.notes] == [False, True, True, True]
 
 
 def test_a_bus_is_open_after_the_first_read(
@@ -138,7 +138,7 @@ def test_a_bus_is_open_after_the_first_read(
     one.wait_for(7)
     assert one.reader.status.reconnects == 1
     assert len(one.log) == 1
-    assert one.notes == ["CAN bus: receiving again"]
+    assert len(one.notes) == 1
 
 
 def test_backoff_doubles_up_to_the_limit(line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,7 +228,8 @@ def test_the_reader_can_wait_for_an_absent_interface(request: pytest.FixtureRequ
     one.reader.start()
     try:
         assert one.reader.status.state == WAITING
-        assert one.log == ["CAN bus is absent, waiting for it: interface is down"]
+        (line_logged,) = one.log
+        assert "interface is down" in line_logged
         one.up = True
         wait_until(lambda: one.reader.status.state == OPEN, "the bus", 5.0)
         one.send(5)
@@ -261,7 +262,7 @@ def test_a_failing_close_is_reported(line: Callable[..., Line]) -> None:
     bus.shutdown = shutdown  # type: ignore[method-assign]
     one.reader.reconnect()
     wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
-    assert one.log[0] == "CAN bus: could not be closed: no handle"
+    assert "no handle" in one.log[0]
     bus.shutdown = closed  # type: ignore[method-assign]
     one.send(3)
     one.wait_for(3)
