@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -39,22 +40,20 @@ sweep spacings on simulated bumps and snaps. By judgement."""
 def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> ModelParameters:
     """Complete the given parameters by the widths that are ``None``."""
     position, strain = base_widths(scan, scene)
+    positions, strains = [given.position_std], [given.strain_std]
+    if given.position_std is None:
+        positions = [position * factor for factor in POSITION_FACTORS]
+    if given.strain_std is None:
+        strains = [strain * factor for factor in STRAIN_FACTORS]
+    candidates = list(product(positions, strains))
+
+    def build(rest: Scan, widths: tuple[np.ndarray, np.ndarray]) -> MeasurementModel:
+        between = rest if given.interpolate is False else with_interpolated_sweeps(rest, scene)
+        return SumOfGaussians(between, scene, *widths, precision="float32")
+
     rows = np.arange(len(scan))
-    candidates, densities = [], []
-    for position_factor in POSITION_FACTORS if given.position_std is None else (1.0,):
-        for strain_factor in STRAIN_FACTORS if given.strain_std is None else (1.0,):
-            widths = (
-                position * position_factor if given.position_std is None else given.position_std,
-                strain * strain_factor if given.strain_std is None else given.strain_std,
-            )
-
-            def build(rest: Scan, widths: tuple[np.ndarray, np.ndarray] = widths) -> MeasurementModel:
-                between = rest if given.interpolate is False else with_interpolated_sweeps(rest, scene)
-                return SumOfGaussians(between, scene, *widths, precision="float32")
-
-            candidates.append(widths)
-            densities.append(held_out_log_densities(scan, scene, rows, build))
-    scores = np.array(densities)
+    models = [partial(build, widths=widths) for widths in candidates]
+    scores = np.array([held_out_log_densities(scan, scene, rows, model) for model in models])
     best = int(scores.mean(axis=1).argmax())
     loss = scores[best] - scores
     cautious = loss.mean(axis=1) <= loss.std(axis=1) / np.sqrt(scores.shape[1])

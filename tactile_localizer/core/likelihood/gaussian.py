@@ -19,6 +19,7 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
 _INTENSITIES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
+"""Candidates for the intensity of the shrinkage."""
 _HELD_OUT = 600
 """Held-out strains by which the shrinkage is chosen."""
 

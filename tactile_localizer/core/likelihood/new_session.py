@@ -40,7 +40,7 @@ varied."""
 _NEGLIGIBLE = 1e-5
 """Probability of another session below which it is not evaluated."""
 _SCATTERS = 0.5 * 2.0 ** np.arange(8)
-"""Variances of unknown material about its mean, relative to that of a visit: half of it to 8 sigma."""
+"""Variances of unknown material about its mean, relative to that of a visit."""
 
 
 class _Sums(NamedTuple):

@@ -164,7 +164,7 @@ class SweepMixture:
         variance = self._featureless_variance + offset_variance
         squared = layout.sum((strain - self.map.featureless) ** 2)
         densities = log_density(squared, variance, layout.widths)[:, used].sum(axis=1)
-        # The best yaw, not the mean, because the map is at the right yaw too: 2 nats per measurement.
+        # The best yaw, not the mean: the map is at the right yaw too, and would gain 2 nats per measurement.
         return float(densities.max())
 
 
