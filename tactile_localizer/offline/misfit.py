@@ -91,7 +91,7 @@ def misfit(
         hints += _position_hints(positions, scene)
     complete = strain[np.isfinite(strain).all(axis=1)]
     if len(complete):
-        scanned = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+        scanned = scan.strain_on(scene)
         hints += _strain_hints(complete, scanned, scene, scan_range, beyond)
     return Misfit(outside, beyond, _left_out(scene, recording, tracks), tuple(hints))
 

@@ -77,8 +77,8 @@ class ReplayView:
         except (OSError, RuntimeError) as error:
             reason = " ".join(str(error).split())
             raise ScanError(f"{path or 'viewer'}: expected to open it, {reason}") from None
-        self._positions = scan.states[:, scene.columns(scan.axes)]
-        self._strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+        self._positions = scan.positions_on(scene)
+        self._strain = scan.strain_on(scene)
         self._scale = axis_scale(scene)
         self._tree = cKDTree(self._positions * self._scale)
 

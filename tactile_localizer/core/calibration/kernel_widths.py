@@ -120,7 +120,7 @@ def held_out_log_densities(
     rows : indices of the pairs of interest, of which up to 60 from each of up to 4 sweeps are used
     build : makes the measurement model from a scan without one sweep
     """
-    columns, channels = scene.columns(scan.axes), scene.channels(scan.phalanges, scan.channels)
+    positions, strain = scan.positions_on(scene), scan.strain_on(scene)
     sweep = divided(scan.sweep)
     numbers = np.unique(sweep[rows])
     found = []
@@ -128,7 +128,7 @@ def held_out_log_densities(
         own = rows[sweep[rows] == number]
         model = build(scan.select(sweep != number))
         for row in own[_spread(len(own), _SAMPLES)]:
-            found.append(model.log_likelihood(scan.states[row, columns][None], scan.strain[row, channels])[0])
+            found.append(model.log_likelihood(positions[row : row + 1], strain[row])[0])
     return np.array(found)
 
 

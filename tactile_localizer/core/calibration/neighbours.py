@@ -54,7 +54,7 @@ def search_neighbours(scan: Scan, scene: Scene, progress: Progress | None = None
     ScanError
         The scan has no pairs on the feature.
     """
-    rows = np.flatnonzero(on_feature(scene, scan.states[:, scene.columns(scan.axes)]))
+    rows = np.flatnonzero(on_feature(scene, scan.positions_on(scene)))
     if not len(rows):
         raise ScanError(f"scan: expected pairs in the feature region of scene {scene.name}, found none")
     trials = []

@@ -100,15 +100,10 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    positions = _columns(scan.states, scene.columns(scan.axes))
+    positions = scan.positions_on(scene)
     if scene.wraps.any():
         positions = np.where(scene.wraps, wrap_angle(positions), positions)
-    return positions, _columns(scan.strain, scene.channels(scan.phalanges, scan.channels))
-
-
-def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """The given columns; the array itself if they are all of them, so that a large scan is not copied."""
-    return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]
+    return positions, scan.strain_on(scene)
 
 
 def flatten_axes(axes: list[np.ndarray]) -> np.ndarray:

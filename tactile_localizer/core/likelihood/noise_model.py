@@ -125,7 +125,7 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     """
     recorded = tracks = tracks_of(scan, scene)
     spacing = line_spacing(tracks, scene)
-    resolution = _resolution(scan.strain[:, scene.channels(scan.phalanges, scan.channels)])
+    resolution = _resolution(scan.strain_on(scene))
     first = _whitening(_between_sweeps(tracks, scene, spacing, centred=True), resolution, scene.layout)
     flat = [_featureless_strain(track.strain @ first.T) for track in tracks]
     level = np.array(flat) @ np.linalg.inv(first).T

@@ -35,7 +35,7 @@ class ScanRange:
     @classmethod
     def of(cls, scan: Scan, scene: Scene) -> ScanRange:
         """Range of a scan for the phalanges and axes of ``scene``."""
-        strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+        strain = scan.strain_on(scene)
         lower, upper = strain.min(axis=0), strain.max(axis=0)
         margin = _MARGIN * (upper - lower)
         extent = np.where(scene.wraps, np.inf, scene.extent)

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import ScanError
+from tactile_localizer.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -70,3 +71,28 @@ class Scan:
     def sweep_numbers(self) -> np.ndarray:
         """Numbers of the sweeps, ascending, (S,)."""
         return np.unique(self.sweep)
+
+    def positions_on(self, scene: Scene) -> np.ndarray:
+        """Positions (N, d) on the axes of a scene.
+
+        Raises
+        ------
+        SceneError
+            The scene names an axis that the scan does not have.
+        """
+        return _columns(self.states, scene.columns(self.axes))
+
+    def strain_on(self, scene: Scene) -> np.ndarray:
+        """Strains (N, C) of the phalanges of a scene.
+
+        Raises
+        ------
+        SceneError
+            The scan lacks a phalanx of the scene, or has another number of channels for it.
+        """
+        return _columns(self.strain, scene.channels(self.phalanges, self.channels))
+
+
+def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The given columns; the array itself if they are all of them, so that a large scan is not copied."""
+    return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]

@@ -53,7 +53,7 @@ def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     strain : (C,) V, median difference of their strains
     """
     own, nearest, distance = nearest_of_other_sweeps(scan, scene)
-    strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+    strain = scan.strain_on(scene)
     spread = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
     # A positive width also for a channel in which most sweeps agree exactly.
     spread = np.maximum(spread, 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30)
@@ -63,4 +63,4 @@ def base_widths(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def scaled_states(scan: Scan, scene: Scene) -> np.ndarray:
     """States (N, d) on the scene's axes, as fractions of its extents."""
-    return scan.states[:, scene.columns(scan.axes)] / scene.extent
+    return scan.positions_on(scene) / scene.extent

@@ -90,10 +90,10 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     step = float(np.max(upper - lower)) / (NODES[shown] - 1)
     counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
     grid = tuple(np.linspace(low, high, count) for low, high, count in zip(lower, upper, counts, strict=True))
-    palms = scan.states[:, scene.columns(scan.axes)]
+    palms = scan.positions_on(scene)
     scan = Scan(
         palms[:, :shown] * scale,
-        scan.strain[:, scene.channels(scan.phalanges, scan.channels)],
+        scan.strain_on(scene),
         scan.sweep,
         scene.axis_names[:shown],
         scene.phalanx_names,

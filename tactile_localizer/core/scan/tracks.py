@@ -63,8 +63,8 @@ class Expectation(NamedTuple):
 
 def tracks_of(scan: Scan, scene: Scene) -> list[Track]:
     """The sweeps of a scan, averaged over stretches of :data:`PITCH`; a sweep without motion is one point."""
-    positions = scan.states[:, scene.columns(scan.axes)] * levers(scene)
-    strain = scan.strain[:, scene.channels(scan.phalanges, scan.channels)]
+    positions = scan.positions_on(scene) * levers(scene)
+    strain = scan.strain_on(scene)
     tracks = []
     order = np.argsort(scan.sweep, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(scan.sweep[order])) + 1):

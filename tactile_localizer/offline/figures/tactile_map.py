@@ -197,7 +197,7 @@ def neighbour_values(drawn: DrawnScan, phalanx: str) -> Figure:
 def _nearest_by_sweep(drawn: DrawnScan, values: np.ndarray, sweep: int) -> dict[int, np.ndarray]:
     """Nearest value of each other sweep to each pair of ``sweep``; NaN where four sweeps are nearer."""
     scan, scene = drawn.scan, drawn.scene
-    states = scan.states[:, scene.columns(scan.axes)] * axis_scale(scene)
+    states = scan.positions_on(scene) * axis_scale(scene)
     path = states[scan.sweep == sweep]
     others = [number for number in scan.sweep_numbers if number != sweep]
     distances, nearest = np.empty((len(others), len(path))), np.empty((len(others), len(path)))
