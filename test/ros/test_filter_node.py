@@ -68,16 +68,15 @@ def offline(hand, samples, scan_file, configuration):
     ]
 
 
-@pytest.mark.parametrize("choices", [CELL, PAPER], ids=["grid", "the paper's particles"])
-def test_live_posteriors_equal_offline_estimates(start, scan_file, choices):
+def test_live_posteriors_equal_offline_estimates(start, scan_file):
     from tactile_localizer.ros.conversions.posteriors import state_of
 
-    node = start(**choices)
+    node = start(**PAPER)
     node.slide(150)
     received = node.fresh()
     samples = [node.hand.sample_of(message) for message in received]
     assert samples == list(range(150))
-    expected = offline(node.hand, samples, scan_file, Configuration(**(CELL | choices)))
+    expected = offline(node.hand, samples, scan_file, Configuration(**(CELL | PAPER)))
     np.testing.assert_allclose(node.means(), [e.mean for e in expected], atol=1e-9)
     np.testing.assert_allclose(
         [m.covariance for m in received], [e.covariance.ravel() for e in expected], atol=1e-12

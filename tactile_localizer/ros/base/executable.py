@@ -23,7 +23,7 @@ from tactile_localizer.ros.base.managed_node import ManagedNode
 
 _WAKE_PERIOD_S = 0.5
 
-REFUSED = 2
+REJECTED = 2
 """Exit status for an invalid command line or configuration: starting the node again would fail again."""
 
 
@@ -38,7 +38,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     Returns
     -------
     int
-        Exit status: 0, or :data:`REFUSED` if the node could not be constructed or autostarted.
+        Exit status: 0, or :data:`REJECTED` if the node could not be constructed or autostarted.
     """
     spinning = threading.Event()
 
@@ -52,7 +52,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         rclpy.init(args=args)
     except RuntimeError as error:  # invalid arguments
         print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
-        return REFUSED
+        return REJECTED
     node = None
     try:
         node = _construct(make)
@@ -63,7 +63,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
             node.create_steady_timer(_WAKE_PERIOD_S, lambda: None)
             spinning.set()
             if node.parameters["autostart"] and not _autostart(node, executor):
-                return REFUSED
+                return REJECTED
             # Exclude the existing objects from garbage collection, which would pause the node for 50 ms.
             gc.collect()
             gc.freeze()
@@ -72,7 +72,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         pass
     except TactileLocalizerError as error:
         rclpy.logging.get_logger("tactile_localizer").error(str(error))
-        return REFUSED
+        return REJECTED
     except RuntimeError:  # from rclpy, if a signal arrives while it prepares to wait
         if rclpy.ok():
             raise

@@ -19,7 +19,7 @@ from launch_ros.actions import LifecycleNode
 from launch import LaunchContext, LaunchDescription
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.resources import resource_path
-from tactile_localizer.ros.base.executable import REFUSED
+from tactile_localizer.ros.base.executable import REJECTED
 from tactile_localizer.ros.launching.arguments import (
     Argument,
     file,
@@ -220,7 +220,7 @@ def _ending(name: str, respawn: bool) -> Callable[[ProcessExited, LaunchContext]
     """Handler that ends the launch with the node: the exit status is 1 only if a handler raises an error."""
 
     def end(event: ProcessExited, context: LaunchContext) -> None:
-        if context.is_shutdown or (respawn and event.returncode != REFUSED):
+        if context.is_shutdown or (respawn and event.returncode != REJECTED):
             return
         raise TactileLocalizerError(
             f"{name}: expected a running node, it ended with status {event.returncode}"

@@ -84,7 +84,7 @@ class Replay:
         """The actions of the launch, in order."""
         return [
             self._on("configuring", "inactive", self._change(Transition.TRANSITION_ACTIVATE)),
-            self._on("configuring", "unconfigured", OpaqueFunction(function=_fail_refused)),
+            self._on("configuring", "unconfigured", OpaqueFunction(function=_fail_rejected)),
             self._on("activating", "active", self._player()),
             self._change(Transition.TRANSITION_CONFIGURE),
         ]
@@ -135,5 +135,5 @@ class Replay:
         return Shutdown(reason=f"the bag has ended: {self._posteriors} posteriors")
 
 
-def _fail_refused(context: LaunchContext) -> None:
+def _fail_rejected(context: LaunchContext) -> None:
     raise TactileLocalizerError("filter: expected a valid configuration, it was rejected")

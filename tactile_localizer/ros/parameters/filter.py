@@ -88,11 +88,11 @@ CONFIGURATION = (
     ),
     _number(
         "convergence_probability",
-        "Posterior probability, above which the estimate has converged, that the palm is on the map and "
-        "within the radius of the estimate",
+        "Posterior probability that the palm is on the map and within the radius of the estimate, above "
+        "which the estimate has converged",
         live=True,
     ),
-    _number("convergence_travel", "Travel during which that probability must be exceeded", "m", live=True),
+    _number("convergence_travel", "Travel over which that probability must be exceeded", "m", live=True),
 )
 """One parameter per field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 
@@ -119,7 +119,7 @@ PARAMETERS = (
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", lower=0),
     *palm_pose.SYNCHRONIZATION,
-    Parameter("stale_timeout_s", 0.5, "Age from which an estimate is stale", "s", 0.01, 60.0, live=True),
+    Parameter("stale_timeout_s", 0.5, "Age above which an estimate is stale", "s", 0.01, 60.0, live=True),
     Parameter(
         "particles_rate_hz",
         10.0,

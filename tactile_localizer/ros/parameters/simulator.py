@@ -20,7 +20,9 @@ PARAMETERS = (
         live=True,
     ),
     Parameter("speed", 1.0, "Simulated seconds per second of real time; scales all rates", "", 0.01, 100.0),
-    Parameter("sweep_speed_mps", SPEED_MPS, "Simulated speed of the palm during a sweep", "m/s", 1e-4, 1.0),
+    Parameter(
+        "sweep_speed_mps", SPEED_MPS, "Speed of the palm during a sweep, in simulated time", "m/s", 1e-4, 1.0
+    ),
     Parameter("pose_rate_hz", 100.0, "Rate of the palm poses, in simulated time", "Hz", 0.1, 1000.0),
     Parameter("load_cell_rate_hz", RATE_HZ, "Rate of the load cells, in simulated time", "Hz", 0.1, 2000.0),
     Parameter("frame_id", "base_link", "Frame of the palm poses"),

@@ -46,13 +46,13 @@ class Started:
     launch_file : launch file of the nodes; empty for nodes that substitute hardware
     nodes : names of the nodes
     arguments : launch arguments; ``namespace``, ``pose_topic`` and parameters of the nodes
-    beside : further commands of the launch file
+    further : further commands of the launch file
     """
 
     launch_file: str
     nodes: Sequence[str]
     arguments: Mapping[str, Any] = field(default_factory=dict)
-    beside: Sequence[Sequence[str]] = ()
+    further: Sequence[Sequence[str]] = ()
 
     def launch_arguments(self) -> list[tuple[str, str]]:
         """The arguments as pairs of name and text."""
@@ -70,7 +70,7 @@ class Started:
             )
             for node in self.nodes
         ]
-        return [*nodes, *map(list, self.beside)]
+        return [*nodes, *map(list, self.further)]
 
     def _is_remapped(self, node: str) -> bool:
         return node in ("mapping", "filter") and "pose_topic" in self.arguments
@@ -250,7 +250,7 @@ def _check_a_silent_load_cell(probe: Probe, place: Place) -> None:
     reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
 
-    def says(name: str, text: str) -> bool:
+    def shows(name: str, text: str) -> bool:
         return any(one.name == name and text in one.message for array in reports for one in array.status)
 
     def silence(phalanges: list[str]) -> None:
@@ -259,16 +259,16 @@ def _check_a_silent_load_cell(probe: Probe, place: Place) -> None:
         assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
         reports.clear()
 
-    probe.until(lambda: posteriors and says("driver: middle", "OK"), "status OK", 60.0)
+    probe.until(lambda: posteriors and shows("driver: middle", "OK"), "status OK", 60.0)
     silence(["middle"])
-    probe.until(lambda: says("driver: middle", "stale"), "the report of the driver")
-    probe.until(lambda: says("filter: inputs", "strain vectors without middle"), "the report of the filter")
+    probe.until(lambda: shows("driver: middle", "stale"), "the report of the driver")
+    probe.until(lambda: shows("filter: inputs", "strain vectors without middle"), "the report of the filter")
     posteriors.clear()
     probe.until(
         lambda: sum(not posterior.stale for posterior in posteriors) > 20, "posteriors of the other phalanx"
     )
     silence([])
-    probe.until(lambda: says("driver: middle", "OK") and says("filter: inputs", "OK"), "status OK of both")
+    probe.until(lambda: shows("driver: middle", "OK") and shows("filter: inputs", "OK"), "status OK of both")
 
 
 def _replaying(place: Place) -> Sequence[Started]:
