@@ -57,7 +57,7 @@ def off_feature(scan, finger):
 
 
 @pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
-def test_it_is_the_product_over_phalanges_written_out(evaluation):
+def test_the_density_is_a_product_over_phalanges(evaluation):
     scan = made()
     rng = np.random.default_rng(1)
     states = 0.05 * rng.random((25, 2))
