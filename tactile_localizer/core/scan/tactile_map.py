@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanx_positions, turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Phalanx, Scene
@@ -31,38 +29,34 @@ class TactileMap:
 
     Parameters
     ----------
-    axes : names of the axes, one or two
+    scene : of which the first one or two axes are shown
     nodes : by axis, the palm positions of the grid's nodes, m (yaw: rad), ascending
     values : (n1, C) or (n1, n2, C) strain voltages, V; NaN where no pair is near enough
     background : (C,) strain of featureless material, V: the median over the scan's pairs
-    phalanges : names of the F phalanges
-    channels : number of channels of each phalanx; empty: the default for each
     """
 
-    axes: tuple[str, ...]
+    scene: Scene
     nodes: tuple[np.ndarray, ...]
     values: np.ndarray
     background: np.ndarray
-    phalanges: tuple[str, ...]
-    channels: tuple[int, ...] = ()
 
-    @cached_property
-    def layout(self) -> ChannelLayout:
-        """Channels of the strain vector by phalanx."""
-        return ChannelLayout.of(self.channels, len(self.phalanges))
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that are shown, one or two."""
+        return self.scene.axis_names[: len(self.nodes)]
 
     def phalanx(self, name: str) -> np.ndarray:
         """Strains of a phalanx minus their background, (..., channels), V."""
-        columns = self.layout.slices[self.phalanges.index(name)]
+        columns = self.scene.layout.slices[self.scene.phalanx_names.index(name)]
         return self.values[..., columns] - self.background[columns]
 
-    def places(self, scene: Scene, phalanx: Phalanx) -> np.ndarray:
+    def places(self, phalanx: Phalanx) -> np.ndarray:
         """Positions of a phalanx with the palm at the nodes, (n1, 1) or (n1, n2, 2), m (yaw: rad)."""
         nodes = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1)
-        states = np.zeros((*nodes.shape[:-1], scene.dimension))
-        states[..., : len(self.axes)] = nodes
-        placed = phalanx_positions(scene, phalanx, states.reshape(-1, scene.dimension))
-        return placed.reshape(states.shape)[..., : len(self.axes)]
+        states = np.zeros((*nodes.shape[:-1], self.scene.dimension))
+        states[..., : len(self.nodes)] = nodes
+        placed = phalanx_positions(self.scene, phalanx, states.reshape(-1, self.scene.dimension))
+        return placed.reshape(states.shape)[..., : len(self.nodes)]
 
     @property
     def covered(self) -> np.ndarray:
@@ -108,12 +102,10 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
         places, strain = _cell_means(states * scale, scan.strain[:, columns], lower, cell)
         values[:, columns] = _local_mean(places, strain, queries, reach)
     return TactileMap(
-        axes=scan.axes,
+        scene=scene,
         nodes=tuple(nodes / unit for nodes, unit in zip(grid, scale, strict=True)),
         values=values.reshape(*counts, -1),
         background=np.median(scan.strain, axis=0),
-        phalanges=scan.phalanges,
-        channels=scan.channels,
     )
 
 

@@ -69,7 +69,7 @@ def region_sheet(drawn: DrawnScan, proposal: Proposal) -> Figure:
 
 def _places(drawn: DrawnScan, number: int) -> list[np.ndarray]:
     """By axis, where a phalanx is when the palm is at the map's nodes, as shown: arrays of its shape."""
-    places = drawn.map.places(drawn.scene, drawn.scene.phalanges[number])
+    places = drawn.map.places(drawn.scene.phalanges[number])
     return [display_units(axis, places[..., column]) for column, axis in enumerate(drawn.map.axes)]
 
 

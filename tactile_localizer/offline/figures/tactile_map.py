@@ -216,8 +216,8 @@ def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> Q
     x, y = (
         display_units(axis, nodes) for axis, nodes in zip(tactile_map.axes, tactile_map.nodes, strict=True)
     )
-    everything = np.concatenate([tactile_map.phalanx(name) for name in tactile_map.phalanges], axis=-1)
-    limit = float(np.nanpercentile(np.abs(everything), 99.8)) or 1.0
+    signal = np.abs(tactile_map.values - tactile_map.background)
+    limit = float(np.nanpercentile(signal, 99.8)) or 1.0
     values = tactile_map.phalanx(phalanx)[..., channel].T
     plot.set_facecolor(_NO_DATA)
     if "yaw" not in tactile_map.axes:
@@ -229,14 +229,14 @@ def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> Q
 
 def _distinct_channels(tactile_map: TactileMap) -> list[tuple[str, int]]:
     """The channel that varies most and the one with the largest residual beside it, with their phalanges."""
-    covered = tactile_map.covered
-    values = np.concatenate([tactile_map.phalanx(name)[covered] for name in tactile_map.phalanges], axis=1)
+    values = tactile_map.values[tactile_map.covered] - tactile_map.background
     values = values - values.mean(axis=0)
     first = int(np.argmax(values.std(axis=0)))
     same = values[:, first] @ values / max(float(values[:, first] @ values[:, first]), 1e-300)
     second = int(np.argmax((values - np.outer(values[:, first], same)).std(axis=0)))
-    places = [tactile_map.layout.place(column) for column in (first, second)]
-    return [(tactile_map.phalanges[phalanx], channel - 1) for phalanx, channel in places]
+    scene = tactile_map.scene
+    places = [scene.layout.place(column) for column in (first, second)]
+    return [(scene.phalanx_names[phalanx], channel - 1) for phalanx, channel in places]
 
 
 def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:

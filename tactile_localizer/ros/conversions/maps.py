@@ -21,7 +21,7 @@ _LINE_M = 0.0006
 _FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
 
 
-def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
+def map_cloud(tactile_map: TactileMap, frame: str) -> PointCloud2:
     """The tactile map as a point cloud at the phalanx positions on the material, one layer per phalanx.
 
     Fields: x, y, z (m); ``intensity``, the norm over the channels of the strain relative to featureless
@@ -31,16 +31,15 @@ def map_cloud(tactile_map: TactileMap, scene: Scene, frame: str) -> PointCloud2:
     Parameters
     ----------
     tactile_map : map over x, y, or both
-    scene : scene with the phalanx offsets
     frame : frame of the material
     """
-    covered = tactile_map.covered
+    scene, covered = tactile_map.scene, tactile_map.covered
     count = np.count_nonzero(covered)
     positions, values = [], []
     for number, phalanx in enumerate(scene.phalanges):
         elements = tactile_map.phalanx(phalanx.name)[covered]
         intensity = np.linalg.norm(elements, axis=1)
-        positions.append(tactile_map.places(scene, phalanx)[covered])
+        positions.append(tactile_map.places(phalanx)[covered])
         unused = np.full((count, max(scene.layout.counts) - phalanx.channels), np.nan)
         values.append(np.column_stack([np.full(count, -number * _LAYER_M), intensity, elements, unused]))
     columns = np.concatenate(values).T

@@ -54,7 +54,7 @@ class MapPublisher:
         self._job.start(make, self._publish)
 
     def _messages(self, scan: Scan, scene: Scene) -> tuple[PointCloud2, Marker]:
-        cloud = map_cloud(make_map(scan, scene), scene, self._frame)
+        cloud = map_cloud(make_map(scan, scene), self._frame)
         return cloud, region_marker(scene, self._frame)
 
     def _publish(self, messages: tuple[PointCloud2, Marker] | None) -> None:

@@ -80,7 +80,7 @@ def test_the_map_of_a_turned_hand_agrees_with_that_of_a_straight_one() -> None:
         found = [
             centre(
                 np.nan_to_num(np.linalg.norm(each.phalanx(phalanx.name), axis=-1)),
-                each.places(SCENE, phalanx),
+                each.places(phalanx),
             )
             for each in (turned, straight)
         ]

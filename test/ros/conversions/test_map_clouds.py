@@ -37,7 +37,7 @@ def fields_of(cloud) -> dict[str, np.ndarray]:
 def test_each_phalanx_shows_the_feature_at_its_position():
     from tactile_localizer.ros.conversions.maps import map_cloud
 
-    cloud = map_cloud(make_map(scan_of(), SCENE), SCENE, "material")
+    cloud = map_cloud(make_map(scan_of(), SCENE), "material")
     assert cloud.header.frame_id == "material"
     fields = fields_of(cloud)
     assert {*fields} == {"x", "y", "z", "intensity", "phalanx", *(f"element_{n}" for n in range(1, 9))}
@@ -55,7 +55,7 @@ def test_parts_without_data_have_no_points():
 
     scan = scan_of()
     tactile_map = make_map(scan.select(scan.states[:, 1] < 0.02), SCENE)
-    cloud = map_cloud(tactile_map, SCENE, "material")
+    cloud = map_cloud(tactile_map, "material")
     assert cloud.width == 2 * tactile_map.covered.sum()
     assert np.isfinite(fields_of(cloud)["intensity"]).all()
 
@@ -82,7 +82,7 @@ def test_a_scene_of_one_axis_is_a_line():
     from tactile_localizer.ros.conversions.maps import map_cloud, region_marker
 
     scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.01,)),), Region((0.02,), (0.03,)))
-    fields = fields_of(map_cloud(make_map(scan_of(scene), scene), scene, "material"))
+    fields = fields_of(map_cloud(make_map(scan_of(scene), scene), "material"))
     assert not fields["y"].any()
     np.testing.assert_allclose(fields["x"].min(), 0.01, atol=1e-6)
     assert len(region_marker(scene, "material").points) == 5
