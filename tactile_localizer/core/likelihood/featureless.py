@@ -55,20 +55,19 @@ class Featureless(MeasurementModel):
         position_std = positive("position_std", position_std, scene.dimension)
         strain_std = positive("strain_std", strain_std, strain.shape[1])
         self._layout = scene.layout
-        self._phalanges = []
-        for phalanx, columns in zip(scene.phalanges, self._layout.slices, strict=True):
-            kernels = KernelDensity(
-                phalanx_positions(scene, phalanx, positions),
+        self._phalanges = [
+            _PhalanxModel(
+                scene,
+                phalanx,
+                positions,
                 strain[:, columns],
                 position_std,
                 strain_std[columns],
-                scene.wraps,
-                ChannelLayout((phalanx.channels,)),
                 evaluation=evaluation,
                 precision=precision,
             )
-            off = _off_feature(scene, phalanx, positions, strain[:, columns], strain_std[columns])
-            self._phalanges.append(_PhalanxModel(scene, phalanx, kernels, off))
+            for phalanx, columns in zip(scene.phalanges, self._layout.slices, strict=True)
+        ]
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -87,10 +86,31 @@ class _PhalanxModel:
 
     _PRESENT = np.ones(1, dtype=bool)
 
-    def __init__(self, scene: Scene, phalanx: Phalanx, kernels: KernelDensity, off: Normal) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        phalanx: Phalanx,
+        palms: np.ndarray,
+        strain: np.ndarray,
+        position_std: np.ndarray,
+        strain_std: np.ndarray,
+        **options: Any,
+    ) -> None:
         assert scene.feature is not None
         self._scene, self._phalanx, self._region = scene, phalanx, scene.feature
-        self._kernels, self._off = kernels, off
+        positions = phalanx_positions(scene, phalanx, palms)
+        off = ~scene.feature.contains(positions)
+        if off.all() or np.count_nonzero(off) <= strain.shape[1]:
+            side = "inside" if not off.all() else "outside"
+            raise SceneError(
+                f"scene {scene.name}: expected pairs of phalanx {phalanx.name} on both sides of the feature "
+                f"region, all are {side}"
+            )
+        self._off = Normal(strain[off], strain_std)
+        layout = ChannelLayout((phalanx.channels,))
+        self._kernels = KernelDensity(
+            positions, strain, position_std, strain_std, scene.wraps, layout, **options
+        )
 
     def log_likelihood(self, states: np.ndarray, strain: np.ndarray) -> np.ndarray:
         off = np.array([self._off.log_density(strain)])
@@ -100,18 +120,3 @@ class _PhalanxModel:
         if on.any():
             total[on] = self._kernels.log_density(positions[on], strain, self._PRESENT)
         return total
-
-
-def _off_feature(
-    scene: Scene, phalanx: Phalanx, palms: np.ndarray, strain: np.ndarray, strain_std: np.ndarray
-) -> Normal:
-    """Normal distribution of the strains (N, channels) of a phalanx off the feature (Eq. 7), plus S_z."""
-    assert scene.feature is not None
-    off = ~scene.feature.contains(phalanx_positions(scene, phalanx, palms))
-    if off.all() or np.count_nonzero(off) <= strain.shape[1]:
-        side = "inside" if not off.all() else "outside"
-        raise SceneError(
-            f"scene {scene.name}: expected pairs of phalanx {phalanx.name} on both sides of the feature "
-            f"region, all are {side}"
-        )
-    return Normal(strain[off], strain_std)
