@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rclpy.node import Node
 from rclpy.task import Future
@@ -33,9 +33,16 @@ async def run_in_thread(node: Node, work: Callable[[], T]) -> T:
         try:
             result = work()
         except Exception as error:
-            future.set_exception(error)
+            finish(future.set_exception, error)
         else:
-            future.set_result(result)
+            finish(future.set_result, result)
+
+    def finish(set_outcome: Callable[[Any], None], outcome: Any) -> None:
+        try:
+            set_outcome(outcome)
+        except Exception:  # from rclpy, if the executor was shut down in the meantime
+            if node.context.ok():
+                raise
 
     threading.Thread(target=run, name=f"{node.get_name()}: background", daemon=True).start()
     result: T = await future
