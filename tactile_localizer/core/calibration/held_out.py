@@ -42,6 +42,8 @@ _SURROUNDINGS = 0.05
 _BOUND = 6.0
 """Multiple of the median absolute error at which errors are clipped."""
 _ONE_SIGMA = 0.8413
+_REJECTED = 1.92
+"""nats below the most probable at which a likelihood-ratio test rejects at the 5 % level."""
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Candidates for the registration error, in units of the prior."""
 _LINES_PER_CELL = 1.0 / 3.0
@@ -93,25 +95,23 @@ def calibrate(
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
         return Calibration(lengths[-1], np.full(scene.dimension, _PRIOR_STD) / levers(scene), model.variance)
-    chosen = evenly(sweeps, _MOST_SWEEPS)
 
-    def localize(index: int, without: tuple[int, ...], lengths: Sequence[float]) -> list[_Outcome]:
+    def localize(index: int) -> list[_Outcome]:
         track, has_signal = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
         near = surroundings(scene, track.positions)
+        # A neighbour is held out too, because it resembles the sweep by chance, in the same deformation mode.
+        without = (index, index + 1) if sweeps > 3 and index + 1 < sweeps else (index,)
         mixture = model.mixture(near, _LINES_PER_CELL, lengths[0], without)
         return [
             _localize(localizer(near, mixture.tempered(each)), track, has_signal, near) for each in lengths
         ]
 
-    errors = [[outcome.error for outcome in localize(i, (i,), lengths)] for i in chosen]
-    length = lengths[longest_of_best(np.array(errors))]
-    # A neighbour is held out too, because it resembles the sweep by chance, in the same deformation mode.
-    outcomes = [
-        localize(i, (i, i + 1) if sweeps > 3 and i + 1 < sweeps else (i,), (length,))[0] for i in chosen
-    ]
+    outcomes = [localize(index) for index in evenly(sweeps, _MOST_SWEEPS)]
+    best = longest_of_best(np.array([[outcome.error for outcome in each] for each in outcomes]))
     # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
-    return Calibration(length, scale * _registration(outcomes, scene), model.variance)
+    registration = scale * _registration([each[best] for each in outcomes], scene)
+    return Calibration(lengths[best], registration, model.variance)
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
@@ -156,8 +156,8 @@ def _localize(localizer: Localizer, track: Track, has_signal: np.ndarray, scene:
 def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
     """Standard deviation (d,) of the registration error, from the errors of each sweep and the prior.
 
-    Errors before contact, where the position is open, are excluded. Of the candidates within half a nat of
-    the most probable, which is one standard error, the largest is returned.
+    Errors before contact, where the position is open, are excluded. Of the candidates
+    that the errors do not reject the largest is returned: test sweeps move more than those of a scan.
     """
     found = []
     known = [each.has_signal & (each.variance.sum(axis=1) < _MISTAKE**2) for each in outcomes]
@@ -174,7 +174,7 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
                 count * _log_density(errors[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
                 for each in candidates
             ]
-        found.append(candidates[np.flatnonzero(fit > fit.max() - 0.5)[-1]])
+        found.append(candidates[np.flatnonzero(fit > fit.max() - _REJECTED)[-1]])
     return np.array(found) / levers(scene)
 
 

@@ -14,13 +14,13 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.student_t import scatter
+from tactile_localizer.core.scan.phalanx_tracks import PhalanxTracks, fit_transfers
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
     PITCH,
     Expectation,
     Track,
     evenly,
-    expectation,
     line_spacing,
     tracks_of,
 )
@@ -54,10 +54,10 @@ class Residuals(NamedTuple):
     residual: np.ndarray
     expected: Expectation
 
-    def thinned(self, most: int = 400) -> Residuals:
+    def thinned(self, most: int = 200) -> Residuals:
         """At most about ``most`` of the points, evenly spread."""
         rows = np.arange(0, len(self.residual), max(1, len(self.residual) // most))
-        visit = Track(*(part[rows] for part in self.visit))
+        visit = Track(self.visit.positions[rows], self.visit.strain[rows])
         return Residuals(visit, self.residual[rows], Expectation(*(part[rows] for part in self.expected)))
 
 
@@ -98,7 +98,7 @@ class NoiseEstimate(NamedTuple):
     recorded : the tracks with their strains as they were recorded, V
     offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         offset is known
-    spacing : m between neighbouring tracks
+    phalanx_tracks : the tracks as those of each phalanx, for interpolation
     featureless : whether the material has nothing to feel at most places
     """
 
@@ -107,7 +107,7 @@ class NoiseEstimate(NamedTuple):
     visits: list[Track]
     recorded: list[Track]
     offsets: np.ndarray
-    spacing: float
+    phalanx_tracks: PhalanxTracks
     featureless: bool
 
 
@@ -153,7 +153,9 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     if featureless or scene.feature is not None:
         shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
     moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
-    return NoiseEstimate(model, shown, visits, recorded, moved_by, spacing, featureless)
+    transfers = fit_transfers(shown, scene, spacing) if featureless else []
+    by_phalanx = PhalanxTracks(shown, scene, spacing, transfers)
+    return NoiseEstimate(model, shown, visits, recorded, moved_by, by_phalanx, featureless)
 
 
 def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
@@ -184,13 +186,13 @@ def with_common_offsets(estimates: Sequence[NoiseEstimate]) -> list[NoiseEstimat
 
 
 def held_out(
-    tracks: Sequence[Track], visits: Sequence[Track], scene: Scene, spacing: float, components: int
+    tracks: PhalanxTracks, visits: Sequence[Track], scene: Scene, components: int = 0
 ) -> list[Residuals]:
     """At most :data:`_JUDGED` of the visits, less what the *other* tracks let one expect of them."""
     found = []
     for index in evenly(len(visits), _JUDGED):
-        others, visit = [*tracks[:index], *tracks[index + 1 :]], visits[index]
-        expected = expectation(others, scene, visit.positions, spacing, components)
+        visit = visits[index]
+        expected = tracks.without(index).expectation(scene, visit.positions, components)
         found.append(Residuals(visit, visit.strain[:, None] - expected.mean, expected))
     return found
 
@@ -203,10 +205,10 @@ def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centr
             return [np.zeros_like(strain)]
         return [(strain[1:-1] - 0.5 * (strain[2:] + strain[:-2])) / np.sqrt(1.5)]
     found = []
-    for _, residual, expected in held_out(tracks, tracks, scene, spacing, 1):
+    for _, residual, expected in held_out(PhalanxTracks(tracks, scene, spacing), tracks, scene, 1):
         inside = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH)
         rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
-        difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows])
+        difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows, 0])
         found.append(difference - np.median(difference, axis=0) if centred else difference)
     return found
 
@@ -273,7 +275,7 @@ def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene
     """Whether most places are featureless: their deviations are not reproduced by neighbouring sweeps."""
     whitened = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
     shares = []
-    for visit, residual, _ in held_out(whitened, whitened, scene, spacing, 1):
+    for visit, residual, _ in held_out(PhalanxTracks(whitened, scene, spacing), whitened, scene, 1):
         product = visit.strain * (visit.strain - residual[:, 0])
         shares.append(_means(scene.layout, _smoothed(product)) < _REPRODUCIBLE)
     return bool(np.mean(np.concatenate(shares)) > _MOSTLY_FEATURELESS)

@@ -13,17 +13,10 @@ from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, held_out
 from tactile_localizer.core.likelihood.student_t import log_density
-from tactile_localizer.core.scan.tracks import (
-    PITCH,
-    Expectation,
-    Track,
-    expectation,
-)
+from tactile_localizer.core.scan.phalanx_tracks import PhalanxTracks
+from tactile_localizer.core.scan.tracks import PITCH, Expectation
 from tactile_localizer.scene import Scene
 
-PAIRS = 3
-"""Pairs of tracks that a place is interpolated from, the components of its mixture. One pair is 0.1 mm worse
-on one of two simulated features and 0.1 mm better on the other; six are as three."""
 _NODES_PER_CELL = 2
 """Nodes of the lattice per cell and axis; on three axes one, for memory."""
 MOST_CELLS_IN_SPACE = 25_000
@@ -45,6 +38,7 @@ class VarianceModel:
     signal : factor of the squared signal, because visits differ more where the signal is stronger; zero if
         there is no featureless strain relative to which the signal is defined
     interpolation : factor of :attr:`.Expectation.interpolation_error`
+    transfer : factor of the squared signal where it is that of another phalanx
     summed_correlation : m of travel that make one independent look at the residual
     signal_correlation : m of travel over which the material itself feels alike: the sum of its
         autocorrelation
@@ -53,6 +47,7 @@ class VarianceModel:
     visit: float = 1.0
     signal: float = 0.0
     interpolation: float = 0.5
+    transfer: float = 0.0
     summed_correlation: float = 0.003
     signal_correlation: float = 0.01
 
@@ -61,8 +56,9 @@ class VarianceModel:
         counts = np.array(layout.counts)
         signal = layout.sum(expected.mean**2) / counts
         error = layout.sum(expected.interpolation_error) / counts
-        visit = self.visit * (1.0 + expected.noise[..., None])
-        return visit + self.signal * signal + self.interpolation * error
+        visit = self.visit * (1.0 + expected.noise)
+        of_signal = self.signal + self.transfer * expected.transferred
+        return visit + of_signal * signal + self.interpolation * error
 
 
 class StrainMap(NamedTuple):
@@ -73,7 +69,7 @@ class StrainMap(NamedTuple):
     origin, step, shape : (d,) first node, distance of the nodes and their number along each axis
     mean : (M, K, C) float32, whitened strain
     variance : (M, K, F) float32, variance of a new visit about it
-    log_prior : (M, K) float32
+    log_prior : (M, K, F) float32, of each phalanx's components
     featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
     featureless : (Y, C) whitened strain of featureless material at each of the lattice's yaws
     """
@@ -121,7 +117,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     if len(estimate.tracks) < 2:
         return VarianceModel()
     layout = scene.layout
-    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, PAIRS)
+    residuals = held_out(estimate.phalanx_tracks, estimate.visits, scene)
     thinned = [residual.thinned() for residual in residuals]
     squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
     expected = Expectation(
@@ -129,18 +125,20 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     )
     counts = np.array(layout.counts)
 
+    is_transferred = bool(expected.transferred.any())
+
     def model(log_factors: np.ndarray) -> VarianceModel:
-        visit, interpolation, signal = np.exp(log_factors).tolist()
-        return VarianceModel(visit, signal * estimate.featureless, interpolation)
+        visit, interpolation, signal, transfer = np.exp(log_factors).tolist()
+        return VarianceModel(visit, signal * estimate.featureless, interpolation, transfer * is_transferred)
 
     def cost(log_factors: np.ndarray) -> float:
         variance = model(log_factors).variance(expected, layout)
-        density = sum(log_density(squared[..., f], variance[..., f], count) for f, count in enumerate(counts))
-        return -float(logsumexp(expected.log_prior + density, axis=1).mean())
+        density = log_density(squared, variance, counts)
+        return -float(logsumexp(expected.log_prior + density, axis=1).sum(axis=-1).mean())
 
-    bounds = np.log([(0.1, 10.0), (0.01, 10.0), (1e-4, 1.0)])
+    bounds = np.log([(0.1, 10.0), (0.01, 10.0), (1e-4, 1.0), (1e-4, 10.0)])
     found = minimize(
-        cost, np.log([0.7, 0.4, 0.01]), method="Nelder-Mead", bounds=bounds, options={"maxiter": 120}
+        cost, np.log([0.7, 0.4, 0.01, 0.01]), method="Nelder-Mead", bounds=bounds, options={"maxiter": 160}
     )
     fitted = model(found.x)
     scaled = [
@@ -157,9 +155,8 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
 
 
 def build_map(
-    tracks: Sequence[Track],
+    tracks: PhalanxTracks,
     scene: Scene,
-    spacing: float,
     cell: np.ndarray,
     variance: VarianceModel,
     featureless: bool,
@@ -180,8 +177,9 @@ def build_map(
     tables: list[np.ndarray] = []
     for begin in range(0, len(places), _NODES_AT_ONCE):
         part = slice(begin, begin + _NODES_AT_ONCE)
-        expected = expectation(tracks, scene, places[part], spacing, PAIRS)
-        found = (expected.mean, variance.variance(expected, scene.layout), expected.log_prior)
+        expected = tracks.expectation(scene, places[part])
+        spread = variance.variance(expected, scene.layout)
+        found = (expected.mean, spread, np.broadcast_to(expected.log_prior, spread.shape))
         if not tables:
             tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
         for table, each in zip(tables, found, strict=True):

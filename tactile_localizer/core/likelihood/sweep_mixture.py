@@ -1,20 +1,20 @@
-"""Sweep mixture: the expected strain is interpolated between pairs of sweeps on either side of a place."""
+"""Sweep mixture: what a phalanx feels at a place is an interpolation between two sweeps around it."""
 
 from __future__ import annotations
 
 import math
 from copy import copy
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.evaluation import INFLATION, Evaluation, Expected
 from tactile_localizer.core.likelihood.new_session import NewSession
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
-from tactile_localizer.core.likelihood.weights import log_sum, normalize
+from tactile_localizer.core.likelihood.weights import log_sum
 
 _LOG_NEGLIGIBLE = np.log(1e-3)
 """Weight of a state, relative to the largest, below which it is neglected in an expectation."""
@@ -62,16 +62,9 @@ class SweepMixture:
         self._tails = np.float32(DEGREES_OF_FREEDOM) + counts
         # Rows by which a product with strains sums over the channels of each phalanx.
         self._phalanges = noise.layout.expand(np.eye(len(counts), dtype=np.float32))
-        _, self._components, channels = strain_map.mean.shape
-        mean = strain_map.mean.reshape(-1, channels)
-        self._tables = _Rows(
-            mean,
-            np.stack([np.einsum("nc,nc->n", own, own) for own in noise.layout.split(mean)])
-            / np.float32(DEGREES_OF_FREEDOM),
-            np.ascontiguousarray(strain_map.variance.reshape(len(mean), -1).T),
-            strain_map.log_prior.ravel(),
-        )
-        self._elsewhere, self._elsewhere_prior = _sample(self._tables.log_prior, _ELSEWHERE)
+        nodes, self._components, _ = strain_map.mean.shape
+        self._tables = _Tables.of(strain_map, noise.layout)
+        self._sample = self._tables.sampled(nodes, self._components, noise.layout)
         self._each = np.arange(self._components)[:, None]
 
     def tempered(self, information_length: float) -> SweepMixture:
@@ -107,16 +100,18 @@ class SweepMixture:
         """
         nodes = self.map.nearest(states)
         components = (self._components * nodes + self._each).ravel()
-        rows = self._tables.take(np.concatenate([self._elsewhere, components]))
-        plain, wide = self._densities(rows, strain, used, offset_variance)
+        rows = self._tables.after(self._sample, components)
+        first = len(self._sample.mean)
+        # With a larger variance the components of a place hardly differ: the best one is enough.
+        plain, wide = self._densities(rows, strain, used, offset_variance, first + len(nodes))
         volume = float(self.noise.log_volume[used].sum())
-        first, by_component = len(self._elsewhere), (self._components, len(nodes))
+        by_component = (len(used), self._components, len(nodes))
         # Unknown material feels like any place of the map, or less like it, both alike.
-        anywhere = np.concatenate([plain[:first], wide[:first]]).reshape(2, -1) + self._elsewhere_prior
-        elsewhere = log_sum(anywhere.ravel()) - math.log(2.0) + volume
-        plain, wide = (each[first:] + rows.log_prior[first:] for each in (plain, wide))
-        position = _mixed(plain.reshape(by_component)) + volume
-        other = _mixed(wide.reshape(by_component)) + volume
+        anywhere = np.concatenate([plain[:, :first], wide[:, :first]], axis=1).sum(axis=0)
+        elsewhere = log_sum(anywhere) - math.log(2.0 * first) + volume
+        log_prior = rows.log_prior[:, first:]
+        position = _mixed((plain[:, first:] + log_prior).reshape(by_component)).sum(axis=0) + volume
+        other = wide[:, first:].sum(axis=0).astype(np.float64) + volume
         featureless = self._featureless(strain, used, offset_variance) + volume
         return Evaluation(position, position, other, elsewhere, featureless, nodes)
 
@@ -133,9 +128,9 @@ class SweepMixture:
         return Expected(strain - mean, spread, self._tables.variance.take(rows, axis=1) @ weights)
 
     def _densities(
-        self, rows: _Rows, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray
+        self, rows: _Tables, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray, end: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Log-densities (N,) of a strain at each component, with its variance and with a larger one."""
+        """Log-densities (F, N) of a strain at each component; (F, end) with a larger variance."""
         strain = strain.astype(np.float32)
         own = self._phalanges * (strain / np.float32(DEGREES_OF_FREEDOM))
         # |z - m|^2 by one product with the table instead of differences channel by channel.
@@ -144,17 +139,20 @@ class SweepMixture:
         squared += (own @ strain)[:, None]
         np.maximum(squared, 0.0, out=squared)
         variance = rows.variance + offset_variance.astype(np.float32)[:, None]
-        tails = np.float32(-0.5) * self._tails * used
-        heads = np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32)
-        broad = np.float32(INFLATION) * variance
-        broad += squared
+        tails = (np.float32(-0.5) * self._tails * used)[:, None]
+        heads = (np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32))[:, None]
+        broad = np.float32(INFLATION) * variance[:, :end]
+        broad += squared[:, :end]
         squared += variance
-        common = heads @ np.log(variance, out=variance)
-        plain = tails @ np.log(squared, out=squared)
+        common = np.log(variance, out=variance)
+        common *= heads
+        plain = np.log(squared, out=squared)
+        plain *= tails
         plain += common
-        wide = tails @ np.log(broad, out=broad)
-        wide += common
-        wide += heads.sum() * _LOG_INFLATION
+        wide = np.log(broad, out=broad)
+        wide *= tails
+        wide += common[:, :end]
+        wide += heads * _LOG_INFLATION
         return plain, wide
 
     def _featureless(self, strain: np.ndarray, used: np.ndarray, offset_variance: np.ndarray) -> float:
@@ -168,7 +166,7 @@ class SweepMixture:
         return float(densities.max())
 
 
-class _Rows(NamedTuple):
+class _Tables(NamedTuple):
     """Tables for N components, those of a place one after another, best first.
 
     A phalanx at a time, because arrays with a short last axis take several times longer.
@@ -178,7 +176,7 @@ class _Rows(NamedTuple):
     mean : (N, C)
     squares : (F, N) squared length of each phalanx's mean, in degrees of freedom
     variance : (F, N)
-    log_prior : (N,)
+    log_prior : (F, N)
     """
 
     mean: np.ndarray
@@ -186,34 +184,66 @@ class _Rows(NamedTuple):
     variance: np.ndarray
     log_prior: np.ndarray
 
-    def take(self, rows: np.ndarray) -> _Rows:
+    @classmethod
+    def of(cls, strain_map: StrainMap, layout: ChannelLayout) -> _Tables:
+        """The tables of a map, by component."""
+        mean = strain_map.mean.reshape(-1, layout.size)
+        squares = [np.einsum("nc,nc->n", own, own) for own in layout.split(mean)]
+        variance, log_prior = (
+            np.ascontiguousarray(table.reshape(len(mean), -1).T)
+            for table in (strain_map.variance, strain_map.log_prior)
+        )
+        return cls(mean, np.stack(squares) / np.float32(DEGREES_OF_FREEDOM), variance, log_prior)
+
+    def take(self, rows: np.ndarray) -> _Tables:
         """Some of the components, by index."""
         mean, squares, variance, log_prior = self
-        return _Rows(
+        return _Tables(
             mean.take(rows, axis=0),
             squares.take(rows, axis=1),
             variance.take(rows, axis=1),
-            log_prior.take(rows),
+            log_prior.take(rows, axis=1),
+        )
+
+    def after(self, others: _Tables, rows: np.ndarray) -> _Tables:
+        """The others, and then some of these components, by index."""
+        count, first = len(rows), len(others.mean)
+        mean = np.empty((first + count, self.mean.shape[1]), dtype=np.float32)
+        mean[:first] = others.mean
+        self.mean.take(rows, axis=0, out=mean[first:], mode="clip")
+        found = [mean]
+        for table, other in zip(self[1:], others[1:], strict=True):
+            joined = np.empty((len(table), first + count), dtype=np.float32)
+            joined[:, :first] = other
+            for source, target in zip(table, joined, strict=True):
+                source.take(rows, out=target[first:], mode="clip")
+            found.append(joined)
+        return _Tables(*found)
+
+    def sampled(self, nodes: int, components: int, layout: ChannelLayout) -> _Tables:
+        """Equally probable components of places over all the map, each phalanx's drawn independently."""
+        count = min(nodes, _ELSEWHERE) if components == 1 else _ELSEWHERE
+        places = np.arange(count) * nodes // count
+        quantile = np.random.default_rng(0).random((layout.phalanges, 1, len(places)))
+        log_prior = self.log_prior.reshape(layout.phalanges, nodes, components)[:, places]
+        cumulated = np.exp(log_prior).cumsum(axis=2).transpose(0, 2, 1)
+        drawn = (cumulated < quantile).sum(axis=1).clip(max=components - 1)
+        rows = components * places + drawn
+        by_phalanx = [self.take(own) for own in rows]
+        mean = np.concatenate(
+            [own.mean[:, channels] for own, channels in zip(by_phalanx, layout.slices, strict=True)], axis=1
+        )
+        return _Tables(
+            mean,
+            *(np.stack([own[field][f] for f, own in enumerate(by_phalanx)]) for field in (1, 2, 3)),
         )
 
 
-def _sample(log_weights: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Some of the weighted entries (N,) that stand for all of them: index, and logarithms of weights.
-
-    Each is chosen as often as it is probable, evenly over their order; few enough entries are all chosen.
-    """
-    if len(log_weights) <= most:
-        return np.arange(len(log_weights)), normalize(log_weights.astype(np.float64))[0]
-    cumulated = np.cumsum(np.exp(log_weights, dtype=np.float64))
-    index = np.searchsorted(cumulated, cumulated[-1] / most * (np.arange(most) + 0.5))
-    return index, np.full(most, -np.log(most))
-
-
 def _mixed(log_densities: np.ndarray) -> np.ndarray:
-    """Logarithms of the sums over components, (K, P) to (P,) float64."""
-    if len(log_densities) == 1:
-        return log_densities[0].astype(np.float64)
-    largest = reduce(np.maximum, log_densities)
-    scaled = log_densities - largest
-    largest += np.log(np.exp(scaled, out=scaled).sum(axis=0))
+    """Logarithms of the sums over components, (F, K, P) to (F, P) float64."""
+    if log_densities.shape[1] == 1:
+        return log_densities[:, 0].astype(np.float64)
+    largest = log_densities.max(axis=1)
+    log_densities -= largest[:, None]
+    largest += np.log(np.exp(log_densities, out=log_densities).sum(axis=1))
     return largest.astype(np.float64)

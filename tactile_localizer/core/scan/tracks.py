@@ -17,8 +17,8 @@ from tactile_localizer.scene import Scene
 PITCH = 0.0005
 """Least distance between two points of a track, m: finer than any load cell resolves."""
 
-_NEAREST = 6
-"""Tracks from which a place is interpolated, three on either side of it."""
+_NEAREST = 8
+"""Tracks from which a place is interpolated, four on either side of it."""
 _SPARE = 2
 """Further candidates for them: the distance to a track's points is larger than that to the line between."""
 _PENALTY_PER_LINE = 0.5
@@ -35,10 +35,14 @@ _DISTANCES_AT_ONCE = 2**17
 
 
 class Track(NamedTuple):
-    """One sweep: ``positions`` (n, d), m (yaw: rad), and ``strain`` (n, C), in the order of travel."""
+    """One sweep: ``positions`` (n, d), m (yaw: rad), and ``strain`` (n, C), in the order of travel.
+
+    ``transferred`` is whether another phalanx felt it (:mod:`.phalanx_tracks`).
+    """
 
     positions: np.ndarray
     strain: np.ndarray
+    transferred: bool = False
 
 
 class Expectation(NamedTuple):
@@ -49,14 +53,16 @@ class Expectation(NamedTuple):
     mean : (M, K, C) strain
     interpolation_error : (M, K, C) squared difference of the two tracks, scaled by l (1 - l) with l the
         fraction of the way from one to the other
-    noise : (M, K) variance of the mean, in units of the noise of one visit
-    log_prior : (M, K) logarithms of the components' prior probabilities
+    noise : (M, K, F) variance of the mean, in units of the noise of one visit
+    transferred : (M, K, F) squared weight of transferred tracks in the mean
+    log_prior : (M, K, F) logarithms of the components' prior probabilities, those of each phalanx
     distance : (M,) from the place to the nearest track, m
     """
 
     mean: np.ndarray
     interpolation_error: np.ndarray
     noise: np.ndarray
+    transferred: np.ndarray
     log_prior: np.ndarray
     distance: np.ndarray
 
@@ -104,6 +110,7 @@ def expectation(
 
     On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
     are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m.
+    The last axis of what is returned by phalanx has length 1: the tracks are those of all phalanges.
     """
     scale = levers(scene)
     candidates = _Candidates(tracks, scene)
@@ -111,11 +118,11 @@ def expectation(
     parts = []
     for tile in tiles:
         own, here = candidates.near(places[tile] * scale), places[tile]
-        feet, strain, distance = _feet(own, scene, here)
+        feet = _feet(own, scene, here)
         if scene.dimension == 1 or len(tracks) == 1:
-            parts.append(_repeats(strain, distance))
+            parts.append(_repeats(feet))
         else:
-            parts.append(_pairs(feet, strain, distance, here * scale, max(spacing, PITCH), components))
+            parts.append(_pairs(feet, here * scale, max(spacing, PITCH), components))
     if len(tiles) == 1:
         return parts[0]
     back = np.argsort(np.concatenate(tiles))
@@ -185,16 +192,26 @@ def _stretches(positions: np.ndarray) -> np.ndarray:
     return numbers
 
 
-def _feet(
-    tracks: Sequence[Track], scene: Scene, places: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Foot of the perpendicular from each place on the nearest tracks, interpolated between their points.
+class _Feet(NamedTuple):
+    """Feet of the perpendiculars from M places on the T nearest tracks, between the tracks' points.
 
-    Returns
-    -------
-    feet, strain, distance : (d, M, T) m, (M, T, C) and (M, T) m, nearest first; T is at most
-        :data:`_NEAREST`, on one axis all tracks
+    T is at most :data:`_NEAREST`, on one axis all tracks; the nearest is first.
+
+    Parameters
+    ----------
+    position : (d, M, T) m
+    strain : (M, T, C)
+    transferred : (M, T) bool
+    distance : (M, T) m
     """
+
+    position: np.ndarray
+    strain: np.ndarray
+    transferred: np.ndarray
+    distance: np.ndarray
+
+
+def _feet(tracks: Sequence[Track], scene: Scene, places: np.ndarray) -> _Feet:
     queries = places * levers(scene)
     points = [_unwrapped(track.positions, scene, places) * levers(scene) for track in tracks]
     near = NearestPoints(queries)
@@ -203,11 +220,13 @@ def _feet(
     starts = np.cumsum([0, *map(len, points)])
     first, last = starts[:-1], starts[1:] - 1
     index = index + first
+    transferred = np.broadcast_to([track.transferred for track in tracks], index.shape)
     rows = np.arange(len(places))[:, None]
     every = scene.dimension == 1 or len(tracks) == 1
     if not every:
         nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _SPARE]
         index, first, last = index[rows, nearest], first[nearest], last[nearest]
+        transferred = transferred[rows, nearest]
     # (d, M, T), because sums over a short last axis take several times longer.
     joined = np.ascontiguousarray(np.concatenate(points).T)
     nodes = joined.take(index, axis=1)
@@ -229,11 +248,11 @@ def _feet(
     if not every:
         order = np.argsort(best, axis=1, kind="stable")[:, :_NEAREST]
         foot, best, ratio = foot[:, rows, order], best[rows, order], ratio[rows, order]
-        index, other = index[rows, order], other[rows, order]
+        index, other, transferred = index[rows, order], other[rows, order], transferred[rows, order]
     strains = np.concatenate([track.strain for track in tracks])
     strain = strains.take(index, axis=0)
     strain += ratio[..., None] * (strains.take(other, axis=0) - strain)
-    return foot, strain, np.sqrt(best)
+    return _Feet(foot, strain, transferred, np.sqrt(best))
 
 
 class NearestPoints:
@@ -280,29 +299,23 @@ def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.nd
     return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 
-def _repeats(strain: np.ndarray, distance: np.ndarray) -> Expectation:
+def _repeats(feet: _Feet) -> Expectation:
     """The mean of the tracks that reach a place; beyond their ends, of those that end nearest."""
-    nearest = distance.min(axis=1)
-    reaches = (distance <= nearest[:, None] + 2.0 * PITCH).astype(np.float64)
+    nearest = feet.distance.min(axis=1)
+    reaches = (feet.distance <= nearest[:, None] + 2.0 * PITCH).astype(np.float64)
     count = reaches.sum(axis=1)
-    mean = np.einsum("mt,mtc->mc", reaches, strain) / count[:, None]
+    mean = np.einsum("mt,mtc->mc", reaches, feet.strain) / count[:, None]
     excess = np.maximum(nearest - 2.0 * PITCH, 0.0)[:, None]
     error = (excess / (8.0 * PITCH)) ** 2 * mean**2
-    return Expectation(mean[:, None], error[:, None], 1.0 / count[:, None], np.zeros((len(mean), 1)), nearest)
+    zero = np.zeros((len(mean), 1, 1))
+    return Expectation(mean[:, None], error[:, None], 1.0 / count[:, None, None], zero, zero, nearest)
 
 
-def _pairs(
-    feet: np.ndarray,
-    strain: np.ndarray,
-    distance: np.ndarray,
-    places: np.ndarray,
-    spacing: float,
-    components: int,
-) -> Expectation:
+def _pairs(feet: _Feet, places: np.ndarray, spacing: float, components: int) -> Expectation:
     """The pairs of tracks with the highest prior for each place: those close to it and on either side."""
-    pairs = list(combinations(range(feet.shape[2]), 2))
+    pairs = list(combinations(range(feet.strain.shape[1]), 2))
     ratios, scores, outside = [], [], []
-    of_track = [np.ascontiguousarray(each) for each in np.moveaxis(feet, 2, 0)]
+    of_track = [np.ascontiguousarray(each) for each in np.moveaxis(feet.position, 2, 0)]
     for first, second in pairs:
         edge, away = of_track[second] - of_track[first], places.T - of_track[first]
         length = _dot(edge, edge)
@@ -318,11 +331,18 @@ def _pairs(
     best = np.argsort(-score, axis=1, kind="stable")[:, :components]
     rows = np.arange(len(places))[:, None]
     ratio, rest = np.stack(ratios, axis=1)[rows, best], np.stack(outside, axis=1)[rows, best]
-    ends = np.array(pairs)[best]
-    first, second = strain[rows, ends[..., 0]], strain[rows, ends[..., 1]]
-    mean = first + ratio[..., None] * (second - first)
+    one, other = np.moveaxis(np.array(pairs)[best], -1, 0)
+    start, change = feet.strain[rows, one], feet.strain[rows, other] - feet.strain[rows, one]
     open_ = ratio * (1.0 - ratio) + rest**2
+    transferred = (1.0 - ratio) * feet.transferred[rows, one] + ratio * feet.transferred[rows, other]
     chosen = score[rows, best]
     log_prior = chosen - np.logaddexp.reduce(chosen, axis=1, keepdims=True)
     noise = ratio**2 + (1.0 - ratio) ** 2
-    return Expectation(mean, open_[..., None] * (second - first) ** 2, noise, log_prior, distance[:, 0])
+    return Expectation(
+        start + ratio[..., None] * change,
+        open_[..., None] * change**2,
+        noise[..., None],
+        transferred[..., None] ** 2,
+        log_prior[..., None],
+        feet.distance[:, 0],
+    )

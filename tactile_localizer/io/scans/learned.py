@@ -29,7 +29,7 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 
-KEY = "calibration on held-out sweeps, 7"
+KEY = "calibration on held-out sweeps, 8"
 """Key of stored calibrations; the number changes with the algorithm of :func:`~.factory.learn`."""
 
 
