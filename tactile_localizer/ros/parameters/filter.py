@@ -147,8 +147,5 @@ def configuration(parameters: Parameters) -> Configuration:
     ParameterError
         Values in range, but inconsistent with each other.
     """
-    return Configuration.from_mapping({name: parameters[name] for name in _names()})
-
-
-def _names() -> list[str]:
-    return [field.name for field in dataclasses.fields(Configuration)]
+    names = [field.name for field in dataclasses.fields(Configuration)]
+    return Configuration.from_mapping({name: parameters[name] for name in names})

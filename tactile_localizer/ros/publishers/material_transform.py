@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.lifecycle import LifecycleNodeMixin
 from scipy.spatial.transform import Rotation
 
@@ -69,10 +69,8 @@ class MaterialBroadcaster:
         translation, quaternion = material_in_reference(axes, palm, estimate.mean, self._material_pose)
         transform = TransformStamped(child_frame_id=self._frames[1])
         transform.header.frame_id, transform.header.stamp = self._frames[0], from_ns(estimate.stamp_ns)
-        for name, value in zip("xyz", translation.tolist(), strict=True):
-            setattr(transform.transform.translation, name, value)
-        for name, value in zip("xyzw", quaternion.tolist(), strict=True):
-            setattr(transform.transform.rotation, name, value)
+        transform.transform.translation = Vector3(**dict(zip("xyz", translation.tolist(), strict=True)))
+        transform.transform.rotation = Quaternion(**dict(zip("xyzw", quaternion.tolist(), strict=True)))
         self._publisher.publish(self._message(transforms=[transform]))
 
 
