@@ -28,6 +28,15 @@ _LONGEST_CORRELATION = 0.03
 """Largest lag of the residual's autocorrelation, m."""
 
 
+_FACTORS = {
+    "visit": (0.7, 0.1, 10.0),
+    "interpolation": (0.4, 0.01, 10.0),
+    "signal": (0.01, 1e-4, 1.0),
+    "transfer": (0.01, 1e-4, 10.0),
+}
+"""First value and bounds of each fitted factor of :class:`VarianceModel`."""
+
+
 @dataclass(frozen=True)
 class VarianceModel:
     """Variance of a new visit about its expectation, in units of the whitened noise.
@@ -124,22 +133,23 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
         *(np.concatenate(parts) for parts in zip(*(e.expected for e in thinned), strict=True))
     )
     counts = np.array(layout.counts)
-
-    is_transferred = bool(expected.transferred.any())
+    factors = ["visit", "interpolation"]
+    if estimate.featureless:
+        factors.append("signal")
+    if expected.transferred.any():
+        factors.append("transfer")
+    start, *bounds = np.log([_FACTORS[factor] for factor in factors]).T
 
     def model(log_factors: np.ndarray) -> VarianceModel:
-        visit, interpolation, signal, transfer = np.exp(log_factors).tolist()
-        return VarianceModel(visit, signal * estimate.featureless, interpolation, transfer * is_transferred)
+        return VarianceModel(**dict(zip(factors, np.exp(log_factors).tolist(), strict=True)))
 
     def cost(log_factors: np.ndarray) -> float:
         variance = model(log_factors).variance(expected, layout)
         density = log_density(squared, variance, counts)
         return -float(logsumexp(expected.log_prior + density, axis=1).sum(axis=-1).mean())
 
-    bounds = np.log([(0.1, 10.0), (0.01, 10.0), (1e-4, 1.0), (1e-4, 10.0)])
-    found = minimize(
-        cost, np.log([0.7, 0.4, 0.01, 0.01]), method="Nelder-Mead", bounds=bounds, options={"maxiter": 160}
-    )
+    options = {"maxiter": 40 * len(factors)}
+    found = minimize(cost, start, method="Nelder-Mead", bounds=np.transpose(bounds), options=options)
     fitted = model(found.x)
     scaled = [
         r.residual[:, 0] / np.sqrt(layout.expand(fitted.variance(r.expected, layout)[:, 0]))
