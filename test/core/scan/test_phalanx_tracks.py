@@ -71,6 +71,11 @@ def test_a_sweep_is_held_out_of_what_other_phalanges_felt_along_it() -> None:
     assert whole.without(7).expectation(PLANE, along).distance.min() > 0.5 * SPACING
 
 
+def test_phalanges_whose_offsets_are_wrong_share_nothing() -> None:
+    phalanges = tuple(Phalanx(name, (0.0, 0.0), 4) for name in ("index", "middle"))
+    assert fit_transfers(scan(), Scene("plane", PLANE.axes, phalanges), SPACING) == []
+
+
 @pytest.mark.parametrize("axes", [("x",), ("y", "yaw")])
 def test_phalanges_that_felt_different_material_share_nothing(axes: tuple[str, ...]) -> None:
     names = {"x": Axis("x", 0.0, 0.04), "y": Axis("y", 0.0, 0.04), "yaw": Axis("yaw", -0.1, 0.1)}
