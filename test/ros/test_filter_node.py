@@ -271,7 +271,7 @@ def test_live_parameters_keep_the_belief(start, probe):
         assert answer.successful, answer.reason
     node.slide(1)
     after = node.fresh()[-1]
-    np.testing.assert_allclose(after.mean, before.mean, atol=2e-3)
+    np.testing.assert_allclose(after.mean, before.mean, atol=5e-3)
     assert after.travel > before.travel
     node.slide(80)
     after = node.fresh()[-1]

@@ -181,7 +181,7 @@ def _fit_transfer(
         changes = [strain_at(displacement + step) - strain for step in steps]
         slopes = np.stack([(change @ matrix.T).ravel() for change in changes]) / PITCH
         # What differs between two sweeps recurs from place to place: each counts as one observation.
-        variance = residual @ residual / len(np.unique(sweep))
+        variance = max(residual @ residual / len(np.unique(sweep)), np.finfo(np.float64).tiny)
         precision = slopes @ slopes.T / variance + prior
         gradient = slopes @ residual / variance - prior @ displacement[axes]
         displacement[axes] += np.linalg.solve(precision, gradient)
@@ -198,8 +198,8 @@ def _fit_transfer(
 def _regression(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Matrix (C_target, C_source) from strains (N, C_source) to (N, C_target), by ridge regression."""
     squares = source.T @ source
-    ridge = _RIDGE * np.trace(squares) / len(squares) * np.eye(len(squares))
-    return np.asarray(np.linalg.solve(squares + ridge, source.T @ target).T)
+    ridge = max(_RIDGE * np.trace(squares) / len(squares), np.finfo(np.float64).tiny)
+    return np.asarray(np.linalg.solve(squares + ridge * np.eye(len(squares)), source.T @ target).T)
 
 
 def _between(scene: Scene, first: int, second: int, positions: np.ndarray) -> np.ndarray:

@@ -71,6 +71,21 @@ def test_a_sweep_is_held_out_of_what_other_phalanges_felt_along_it() -> None:
     assert whole.without(7).expectation(PLANE, along).distance.min() > 0.5 * SPACING
 
 
+@pytest.mark.parametrize("sweeps", [(7, 15), (6, 7, 15), (7, 15, 16)])
+def test_a_scan_of_a_few_sweeps_gives_finite_transfers(sweeps: tuple[int, ...]) -> None:
+    tracks = scan()
+    for transfer in fit_transfers([tracks[index] for index in sweeps], PLANE, SPACING):
+        assert np.isfinite(transfer.matrix).all()
+        assert np.isfinite(transfer.displacement).all()
+
+
+def test_a_phalanx_that_felt_nothing_transfers_nothing() -> None:
+    tracks = scan()
+    for track in tracks:
+        track.strain[:, 4:] = 0.0
+    assert fit_transfers(tracks, PLANE, SPACING) == []
+
+
 def test_phalanges_whose_offsets_are_wrong_share_nothing() -> None:
     phalanges = tuple(Phalanx(name, (0.0, 0.0), 4) for name in ("index", "middle"))
     assert fit_transfers(scan(), Scene("plane", PLANE.axes, phalanges), SPACING) == []
