@@ -56,13 +56,13 @@ def test_an_interrupted_run_resumes(bump_folder: Path) -> None:
 
     running = subprocess.Popen([*command, *arguments, "--jobs", "2"], stderr=subprocess.PIPE, text=True)
     try:
-        wait_until(lambda: len(results()) > 2, "some results", 120)
+        wait_until(lambda: len(results()) > 2 or running.poll() is not None, "some results", 120)
         running.terminate()
         _, printed = running.communicate(timeout=60)  # also waits for workers, who have the same stderr
     finally:
         running.terminate()  # ends the workers too, which SIGKILL would leave
         running.wait(60)
-    assert running.returncode == 130
+    assert running.returncode == 130, printed
     assert "Warning" not in printed
     before = {file: file.stat().st_mtime_ns for file in results()}
     assert 2 < len(before) < 9
