@@ -190,7 +190,7 @@ def _fit_transfer(
         held_out = sweep == each
         matrix = _regression(strain[~held_out], felt[~held_out])
         error += np.sum((felt[held_out] - strain[held_out] @ matrix.T) ** 2)
-    if error > _LARGEST_ERROR * np.sum(felt**2):
+    if error >= _LARGEST_ERROR * np.sum(felt**2):
         return None
     return Transfer(source, target, _regression(strain, felt), displacement)
 
