@@ -36,7 +36,7 @@ between 0 and 1, and over all starts:
 ``update_us``
     median processor time of a measurement update, us
 
-``--kidnap``: after 80 mm the hand is put down at least 100 mm away, without a reset and without a
+``--kidnap``: after 80 mm the hand is placed at least 100 mm away, without a reset and without a
 displacement. Rows of kind ``own`` and ``speed`` then have
 
 ``right_before``
@@ -92,7 +92,7 @@ TRAVEL = 0.165
 RIGHT = 0.005
 """m of error."""
 KIDNAPPED, AWAY, AGAIN = 0.08, 0.1, 0.04
-"""m: travel before the hand is put down elsewhere, least distance of that, travel to converge again."""
+"""m: travel before the hand is placed elsewhere, least distance of that, travel to converge again."""
 
 _QUANTILE = 1.96
 _SETTLED = 0.04
@@ -202,9 +202,9 @@ def kidnapped(localizer: Localizer, sweep: Sweep, length: float, count: int) -> 
         elsewhere = starts[np.abs(starts - left) >= AWAY]
         if not len(elsewhere):
             continue
-        put_down = np.random.default_rng(number).choice(elsewhere)
+        relocation_probability = np.random.default_rng(number).choice(elsewhere)
         first = cut(sweep, start, left)
-        second = cut(sweep, put_down, put_down + travel - KIDNAPPED)
+        second = cut(sweep, relocation_probability, relocation_probability + travel - KIDNAPPED)
         track = localize(localizer, *_joined(first, second), wrong=False)
         n = len(first.position)
         since = track.travel[n:] - track.travel[n]

@@ -52,7 +52,7 @@ def build_localizer(
     configuration : model, filter and how much work
     rng : the only source of randomness
     progress : called with a description of the step and its completed fraction
-    calibration : of an earlier :func:`learn` from the same scan and scene; ``None``: learned anew
+    calibration : of an earlier :func:`learn` from the same scan and scene; ``None``: learned here
 
     Raises
     ------
@@ -93,7 +93,7 @@ def build_identifier(
 ) -> FeatureIdentifier:
     """Localizers for several scans, by name, under one noise model, so that they can be compared.
 
-    ``calibrations`` are of an earlier :func:`learn` from the same scans; the others are learned anew.
+    ``calibrations`` are of an earlier :func:`learn` from the same scans; the others are learned here.
     """
     say = progress or _silent
     localizers = {}

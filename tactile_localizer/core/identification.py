@@ -48,7 +48,7 @@ class FeatureIdentifier:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew: the candidates alike, and none of them as probable as all together."""
+        """Return to the prior: equal candidates, and none of them as probable as all together."""
         for localizer in self.localizers.values():
             localizer.reset()
         self._begin()
@@ -75,7 +75,7 @@ class FeatureIdentifier:
 
     def _compare(self, estimates: list[Estimate]) -> None:
         travel = max(estimate.travel for estimate in estimates)
-        if travel < self._travel:  # the localizers began anew
+        if travel < self._travel:  # the localizers were reset
             self._begin()
         # A hand that is known to ride off a map is still on its material.
         left = [

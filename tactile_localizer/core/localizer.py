@@ -106,7 +106,7 @@ class Localizer:
 
     Attributes
     ----------
-    left : share of the belief that left the scene before the last measurement update
+    left : fraction of the belief that left the scene before the last measurement update
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class Localizer:
 
         Parameters
         ----------
-        stamp_ns : of the strain; one before the last (a bag that loops) starts anew
+        stamp_ns : of the strain; one before the last (a bag that loops) resets the belief
         position : (d,) palm in any frame that is fixed while the sweep lasts; only its differences count
         strain : (C,) V
         present : (F,) bool, phalanges to use; ``None``: all

@@ -61,7 +61,7 @@ class Convergence:
         return self.state is State.CONVERGED
 
     def reset(self) -> None:
-        """Start anew."""
+        """Forget all updates."""
         self.state = State.SEARCHING
         self.reason = "not converged: no measurement yet"
         self.probability = 0.0

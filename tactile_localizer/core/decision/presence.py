@@ -7,25 +7,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_localizer.core.decision.relocation import put_down
+from tactile_localizer.core.decision.relocation import relocation_probability
 from tactile_localizer.core.likelihood.weights import MAX_LOG_ODDS
 
 LEAVING_RATE = 0.1
-"""Times per metre of travel that a hand leaves the map: it is put down elsewhere, or the material changes.
+"""Rate at which a hand leaves the map, per metre of travel: it is placed elsewhere, or the material changes.
 By judgement."""
 _LEAST = 0.03
 """Probability of the maps below which evidence does not take them, so that a long approach over featureless
 material does not delay convergence: without it 90 % of the sweeps on simulated features converged within
 10 mm of contact, with it 94 %. By judgement; 0.01 to 0.1 were no different on fabrics."""
 _ELSEWHERE = (0.5, 0.5)
-"""Prior shares of unknown and of featureless material off the map."""
+"""Prior probabilities of unknown and of featureless material, given that the hand is off the map."""
 
 
 class Presence:
     """A filter over {on a map, on unknown material, on featureless material off the maps}.
 
-    What rides off a map goes elsewhere; what is put down on it returns. Without the last explanation a
-    featureless strain would speak for the map, of which most is featureless.
+    Probability that moves beyond the map's bounds leaves it, and a hand that is placed on it returns. Without
+    the last explanation a featureless strain would be evidence for the map, most of which is featureless.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Presence:
         return self._weights[-1]
 
     def predict(self, travel: float, left: float | Sequence[float]) -> None:
-        """Advance by ``travel`` metres, on which the share ``left`` of the belief left the scene.
+        """Advance by ``travel`` metres, during which the fraction ``left`` of the belief left the scene.
 
         ``left`` is one number for all maps, or one for each.
         """
@@ -70,7 +70,7 @@ class Presence:
         on, elsewhere = self._weights[: len(self._shares)], self._weights[len(self._shares) :]
         each_left = [left] * len(on) if isinstance(left, float | int) else left
         staying = math.exp(-LEAVING_RATE * travel)
-        returning = put_down(travel)
+        returning = relocation_probability(travel)
         stayed = [each * (1.0 - lost) * staying for each, lost in zip(on, each_left, strict=True)]
         gone = sum(on) - sum(stayed)
         returned = sum(elsewhere) * returning

@@ -1,4 +1,4 @@
-"""Whether the hand was put down elsewhere on the map: the detection of a change (Shiryaev, 1963)."""
+"""Detection of relocation: a hand that was placed elsewhere on the map (Shiryaev, 1963)."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import math
 
 from tactile_localizer.core.likelihood.weights import MAX_LOG_ODDS
 
-PUT_DOWN_RATE = 1.0
-"""Times per metre of travel that the hand is put down anywhere on the map, from off the map or from on it. By
+RELOCATION_RATE = 1.0
+"""Rate at which the hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
 _WORTH_INJECTING = 0.5
-"""Odds above which the belief takes it in. Uniform mass moves the mean: with 0.1 to 0.3, 1 in 64 starts on
-two fabrics was converged and 5 mm off for a moment, with 0.5 none. With 1, a hand that was put down elsewhere
-was found 2 mm later."""
+"""Odds above which a uniform belief is injected. It moves the mean: with 0.1 to 0.3, 1 in 64 starts on two
+fabrics was briefly converged with an error above 5 mm, with 0.5 none. With 1, a relocated hand was found 2 mm
+later."""
 
 
 class Relocation:
-    """Odds that the hand has been put down elsewhere on the map since the belief was last made uniform there.
+    """Odds that the hand has been relocated since the last injection of a uniform belief.
 
     Below a limit nothing is injected, so the belief about a hand that is tracked stays undisturbed. The
     likelihood of a strain at places without belief is approximated by that of unknown material.
@@ -34,7 +34,7 @@ class Relocation:
 
         Returns the fraction of the belief that is to be replaced by a uniform one, mostly zero.
         """
-        self._odds += put_down(travel) / max(on_map, 1e-9)
+        self._odds += relocation_probability(travel) / max(on_map, 1e-9)
         if self._odds < _WORTH_INJECTING:
             return 0.0
         fraction = self._odds / (1.0 + self._odds)
@@ -47,6 +47,6 @@ class Relocation:
             self._odds *= math.exp(min(max(-log_ratio, -MAX_LOG_ODDS), MAX_LOG_ODDS))
 
 
-def put_down(travel: float) -> float:
-    """Probability that a hand is put down anywhere on the map within ``travel`` metres."""
-    return -math.expm1(-PUT_DOWN_RATE * travel)
+def relocation_probability(travel: float) -> float:
+    """Probability that a hand is placed anywhere on the map within ``travel`` metres."""
+    return -math.expm1(-RELOCATION_RATE * travel)

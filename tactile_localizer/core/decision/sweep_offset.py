@@ -46,7 +46,7 @@ class SweepOffset:
         Parameters
         ----------
         used : (F,) bool, phalanges that count
-        exponent : share of an independent measurement that this strain makes
+        exponent : tempering exponent of this strain
         """
         counts = self._layout.widths
         noise = self._layout.expand(expected.noise)

@@ -25,7 +25,7 @@ class BayesFilter(Protocol):
     def predict(self, displacement: np.ndarray, travel: float) -> float:
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres.
 
-        Returns the share of the belief that left the scene.
+        Returns the fraction of the belief that left the scene.
         """
 
     def inject(self, fraction: float) -> None:
@@ -40,7 +40,7 @@ class BayesFilter(Protocol):
         Returns
         -------
         index : (P,) int, of the state before, in the order of the last :meth:`prior`
-        share : (P,) of a state's weight that has come along; the rest has just begun there
+        share : (P,) fraction of a state's weight that the ancestor contributed; the rest was injected
         """
 
     def update(self, log_likelihood: np.ndarray) -> None:

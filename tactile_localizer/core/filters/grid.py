@@ -18,7 +18,7 @@ from tactile_localizer.scene import Scene
 _THREE_POINT = 0.6
 """Variance, in cells squared, up to which three points represent a Gaussian step."""
 _WORTH_DIFFUSING = 0.02
-"""Variance, in cells squared, below which diffusion is saved up: a step costs the same however small."""
+"""Variance, in cells squared, below which diffusion is postponed, because small steps cost as much."""
 _NEGLIGIBLE = 1e-5
 """Weight of a cell, relative to that of a uniform belief, below which it is not evaluated. A place that was
 ruled out comes back when belief is injected. With 1e-7 nothing changed; with 1e-3 one of 16 simulated sweeps
@@ -28,9 +28,8 @@ of a turned hand had twice the error."""
 class GridFilter:
     """Probability of every cell; the accuracy limit of any number of particles.
 
-    The cells ride along with the palm: a displacement moves all of them, and only when they have moved by
-    half their size are the probabilities shifted by a whole cell. Motion below a cell's size is so
-    represented exactly.
+    The cells move with the palm; once they have moved by half their size, the probabilities are shifted by a
+    whole cell. So motion by less than a cell is represented exactly.
 
     Parameters
     ----------
@@ -42,7 +41,7 @@ class GridFilter:
     Raises
     ------
     ParameterError
-        More cells than memory is meant for.
+        Too many cells for the memory.
     """
 
     MOST_CELLS = 4_000_000
@@ -83,7 +82,7 @@ class GridFilter:
         self._place(np.ones(self._shape))
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
-        """See :meth:`.BayesFilter.seed`; deviations below half a cell are taken as half a cell."""
+        """See :meth:`.BayesFilter.seed`; standard deviations are at least half a cell."""
         self._place(np.ones(self._shape))
         log_density = np.zeros(self._shape)
         for axis in range(len(self._shape)):

@@ -38,14 +38,14 @@ class ParticleFilter:
     rng : the only source of randomness
     particles : how many when the belief has converged; the paper uses 75
     resampling : one of :data:`~tactile_localizer.core.filters.resampling.RESAMPLERS`
-    resample_below : resample when the effective sample size falls below this share of particles; 1: always
+    resample_below : fraction of the particles; resample when the effective sample size is lower; 1: always
     random_particles : replace this many by uniformly random ones at each update, as the paper does (10)
     max_particles : how many while it is wide; ``None``: always ``particles``, as in the paper
 
     Raises
     ------
     ParameterError
-        A count or share out of its range.
+        A count or fraction out of its range.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class ParticleFilter:
         if particles < 1:
             raise ParameterError(f"particles: expected at least 1, got {particles}")
         if not 0.0 < resample_below <= 1.0:
-            raise ParameterError(f"resample_below: expected a share in (0, 1], got {resample_below}")
+            raise ParameterError(f"resample_below: expected a fraction in (0, 1], got {resample_below}")
         if not 0 <= random_particles < particles:
             raise ParameterError(f"random_particles: expected 0 to {particles - 1}, got {random_particles}")
         self._motion = MotionModel(scene)

@@ -94,7 +94,7 @@ class NoiseEstimate(NamedTuple):
     ----------
     model : the noise model
     tracks : whitened; without their offsets and, where nothing is reproducible, exactly zero
-    visits : the same tracks as they were felt, for judging predictions
+    visits : the same tracks, not shrunk, against which predictions are evaluated
     recorded : the tracks with their strains as they were recorded, V
     offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         offset is known

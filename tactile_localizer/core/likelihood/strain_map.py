@@ -48,9 +48,8 @@ class VarianceModel:
         there is no featureless strain relative to which the signal is defined
     interpolation : factor of :attr:`.Expectation.interpolation_error`
     transfer : factor of the squared signal where it is that of another phalanx
-    summed_correlation : m of travel that make one independent look at the residual
-    signal_correlation : m of travel over which the material itself feels alike: the sum of its
-        autocorrelation
+    summed_correlation : m of travel between independent residuals
+    signal_correlation : summed autocorrelation of the signal, m
     """
 
     visit: float = 1.0

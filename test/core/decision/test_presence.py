@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_localizer.core.decision.presence import LEAVING_RATE, Presence
-from tactile_localizer.core.decision.relocation import put_down
+from tactile_localizer.core.decision.relocation import relocation_probability
 
 FOR_MAP, FOR_UNKNOWN, FOR_FEATURELESS = 20.0 * np.eye(3)
 
@@ -73,7 +73,7 @@ def test_a_hand_that_left_returns_with_the_travel() -> None:
     presence.predict(0.0, 1.0)
     assert presence.probability == 0.0
     presence.predict(0.01, 0.0)
-    assert presence.probability == pytest.approx(put_down(0.01), rel=0.01)
+    assert presence.probability == pytest.approx(relocation_probability(0.01), rel=0.01)
 
 
 def test_travel_in_one_step_or_in_many_is_the_same() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.decision.relocation import PUT_DOWN_RATE, Relocation, put_down
+from tactile_localizer.core.decision.relocation import RELOCATION_RATE, Relocation, relocation_probability
 
 STEP = 0.001
 
@@ -21,8 +21,8 @@ def injected(relocation: Relocation, log_ratio: float, steps: int) -> list[float
 
 
 def test_the_hand_is_put_down_as_often_as_the_rate_says() -> None:
-    assert put_down(STEP) == pytest.approx(STEP * PUT_DOWN_RATE, rel=1e-3)
-    assert put_down(2 * STEP) == pytest.approx(1.0 - (1.0 - put_down(STEP)) ** 2)
+    assert relocation_probability(STEP) == pytest.approx(STEP * RELOCATION_RATE, rel=1e-3)
+    assert relocation_probability(2 * STEP) == pytest.approx(1.0 - (1.0 - relocation_probability(STEP)) ** 2)
 
 
 def test_a_belief_that_explains_what_is_felt_is_not_disturbed() -> None:
@@ -42,7 +42,7 @@ def test_the_odds_are_those_of_a_change_at_any_step() -> None:
     for ratio in ratios:
         relocation.predict(STEP, 1.0)
         relocation.update(ratio)
-    odds = sum(put_down(STEP) * math.exp(-sum(ratios[first:])) for first in range(len(ratios)))
+    odds = sum(relocation_probability(STEP) * math.exp(-sum(ratios[first:])) for first in range(len(ratios)))
     relocation.update(-7.0)
     fraction = relocation.predict(0.0, 1.0)
     assert fraction / (1.0 - fraction) == pytest.approx(odds * math.exp(7.0))

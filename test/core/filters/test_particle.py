@@ -293,7 +293,7 @@ def test_hypotheses_handed_out_do_not_change_afterwards():
     ("wrong", "message"),
     [
         ({"particles": 0}, "particles: expected at least 1, got 0"),
-        ({"resample_below": 0.0}, r"resample_below: expected a share in \(0, 1\], got 0.0"),
+        ({"resample_below": 0.0}, r"resample_below: expected a fraction in \(0, 1\], got 0.0"),
         ({"resample_below": math.nan}, "resample_below"),
         ({"random_particles": 75}, "random_particles: expected 0 to 74, got 75"),
         ({"resampling": "wheel"}, "resampling 'wheel': expected one of systematic"),
