@@ -22,8 +22,8 @@ _LOG_INFLATION = np.float32(np.log(INFLATION))
 _FARTHEST = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 _ELSEWHERE = 400
-"""Components that stand for the whole map in the likelihood of a strain that was felt anywhere: the error of
-its logarithm is a fifth of a nat on a simulated bump, of which a measurement takes a twentieth."""
+"""Places that represent the whole map in the density of a strain anywhere on it: the error of its logarithm is
+1.1 nats (root mean square) on a simulated bump, of which a measurement takes a tenth."""
 
 
 class SweepMixture:
