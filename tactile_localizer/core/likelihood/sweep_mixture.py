@@ -22,7 +22,7 @@ _LOG_INFLATION = np.float32(np.log(INFLATION))
 _FARTHEST = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 _ELSEWHERE = 400
-"""Places that represent the whole map in the density of a strain anywhere on it: the error of its logarithm is
+"""Places that represent the whole map in the density of a strain anywhere on it: its logarithm is off by
 1.1 nats (root mean square) on a simulated bump, of which a measurement takes a tenth."""
 
 
