@@ -51,7 +51,7 @@ class _LoadCell:
 
     __slots__ = (
         *("alignment", "at", "breaks", "complete", "counter", "counts", "cycle", "flags", "have"),
-        *("began_ns", "begun", "doubled", "opened", "parts", "published", "sequence"),
+        *("began_ns", "begun", "doubled", "is_first", "opened", "parts", "published", "sequence"),
     )
 
     def __init__(self, parts: int, alignment: LoadCellCounter | None, counts: PhalanxCounts) -> None:
@@ -67,6 +67,7 @@ class _LoadCell:
         self.begun = 0  # samples of all load cells when the newest one began
         self.opened = 0  # cycles opened by then
         self.have = 0  # bit mask of the received frames of the newest sample
+        self.is_first = True  # its first sample since reception began
         self.doubled = False  # a frame was repeated in an incomplete sample, so it may be of another one
         self.flags = 0
         self.sequence = 0  # unwrapped counter
@@ -132,7 +133,7 @@ class CycleAssembler:
         self._awaited = 0  # missing frames of the open cycle
         self._alignment.reset()
         for cell in self._cells:
-            cell.counter = None
+            cell.counter, cell.is_first = None, True
             cell.breaks.confirm()
             cell.have = 0
 
@@ -262,6 +263,8 @@ class CycleAssembler:
         if cell.counter is None:
             cell.sequence += (counter - cell.sequence) % alignment.span
             return FrameKind.DATA
+        # Frames missing from a load cell's first sample were sent before reception began.
+        is_first, cell.is_first = cell.is_first, False
         step = (counter - cell.counter) % alignment.span or alignment.span
         if step == 1:
             self._learn_period(cell, stamp_ns)
@@ -287,7 +290,7 @@ class CycleAssembler:
         if advance - passed > MAX_LOST:
             advance = max(1, passed)
             alignment.forget()
-        used = 0 if cell.cycle == _LATE else cell.have.bit_count()
+        used = cell.parts if is_first else 0 if cell.cycle == _LATE else cell.have.bit_count()
         cell.sequence += advance
         cell.breaks.skip(advance - 1, advance * cell.parts - used)
         return FrameKind.DATA

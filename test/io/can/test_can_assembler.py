@@ -49,6 +49,13 @@ def test_a_cycle_has_the_stamp_of_its_first_frame(batch: int) -> None:
     assert assembler.counts.incomplete == 0
 
 
+@pytest.mark.parametrize("missed", [1, 2, 3])
+def test_reception_that_begins_within_a_cycle_loses_no_frame(missed: int) -> None:
+    assembler = CycleAssembler(HAND, WAIT_S)
+    feed(assembler, [frame for n in range(40) for frame in cycle(HAND, n)][missed:])
+    assert [phalanx.drops for phalanx in assembler.counts.phalanges] == [0, 0]
+
+
 def test_a_partial_sample_is_missing() -> None:
     assembler = warm_up(CycleAssembler(HAND, WAIT_S), HAND)
     frames = cycle(HAND, 0) + cycle(HAND, 1)[1:] + cycle(HAND, 2)
