@@ -163,17 +163,18 @@ def _fit_transfer(
     def strain_at(displaced: np.ndarray) -> np.ndarray:
         return expectation(sources, scene, places - displaced, spacing, 1).mean[:, 0]
 
-    rows = ((places >= scene.lower) & (places <= scene.upper)).all(axis=1)
-    places, felt, sweep = places[rows], felt[rows], sweep[rows]
-    if not len(places):
-        return None
-    rows = felt.any(axis=1) | strain_at(displacement).any(axis=1)
-    places, felt, sweep = places[rows], felt[rows], sweep[rows]
     least, most = _PLACES
+    inside = np.flatnonzero(((places >= scene.lower) & (places <= scene.upper)).all(axis=1))
+    if len(inside) < least:
+        return None
+    some = inside[evenly(len(inside), 20 * most)]  # of a large scan a part is enough
+    places, felt, sweep = places[some], felt[some], sweep[some]
+    is_felt = felt.any(axis=1) | strain_at(displacement).any(axis=1)
+    places, felt, sweep = places[is_felt], felt[is_felt], sweep[is_felt]
     if len(places) < least:
         return None
-    some = evenly(len(places), most)
-    places, felt, sweep = places[some], felt[some], sweep[some]
+    kept = evenly(len(places), most)
+    places, felt, sweep = places[kept], felt[kept], sweep[kept]
     for _ in range(_ITERATIONS):
         strain = strain_at(displacement)
         matrix = _regression(strain, felt)
