@@ -31,8 +31,6 @@ _RIDGE = 1e-3
 _ITERATIONS = 3
 _PLACES = 100, 300
 """Least number of places that both phalanges must have felt, and the most that are compared."""
-
-
 _LARGEST_ERROR = 0.5
 """Largest error of a transfer on held-out sweeps, as a fraction of the squared strain. By judgement: 0.05 to
 0.5 on two simulated hands, 0.6 to 1.1 on one where the scene's offsets were wrong by a centimetre."""
