@@ -34,12 +34,13 @@ class SweepModel(NamedTuple):
         self, scene: Scene, lines: float, information_length: float, without: tuple[int, ...] = ()
     ) -> SweepMixture:
         """The measurement model for cells of ``lines`` spacings, without some of the tracks."""
-        tracks = self.noise.phalanx_tracks
-        cell = cell_size(scene, tracks.spacing, lines)
+        spacing = self.noise.spacing
+        cell = cell_size(scene, spacing, lines)
         nodes = {"nodes_per_cell": 1} if without else {}
         table = build_map(
-            tracks.without(*without) if without else tracks,
+            [track for index, track in enumerate(self.noise.tracks) if index not in without],
             scene,
+            spacing,
             cell,
             self.variance,
             self.noise.featureless,

@@ -14,13 +14,14 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.student_t import scatter
-from tactile_localizer.core.scan.phalanx_tracks import PhalanxTracks, fit_transfers
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
+    PAIRS,
     PITCH,
     Expectation,
     Track,
     evenly,
+    expectation,
     line_spacing,
     tracks_of,
 )
@@ -98,7 +99,7 @@ class NoiseEstimate(NamedTuple):
     recorded : the tracks with their strains as they were recorded, V
     offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         offset is known
-    phalanx_tracks : the tracks as those of each phalanx, for interpolation
+    spacing : of the tracks, m
     featureless : whether the material has nothing to feel at most places
     """
 
@@ -107,7 +108,7 @@ class NoiseEstimate(NamedTuple):
     visits: list[Track]
     recorded: list[Track]
     offsets: np.ndarray
-    phalanx_tracks: PhalanxTracks
+    spacing: float
     featureless: bool
 
 
@@ -153,9 +154,7 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     if featureless or scene.feature is not None:
         shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
     moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
-    transfers = fit_transfers(shown, scene, spacing) if featureless else []
-    by_phalanx = PhalanxTracks(shown, scene, spacing, transfers)
-    return NoiseEstimate(model, shown, visits, recorded, moved_by, by_phalanx, featureless)
+    return NoiseEstimate(model, shown, visits, recorded, moved_by, spacing, featureless)
 
 
 def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
@@ -186,13 +185,14 @@ def with_common_offsets(estimates: Sequence[NoiseEstimate]) -> list[NoiseEstimat
 
 
 def held_out(
-    tracks: PhalanxTracks, visits: Sequence[Track], scene: Scene, components: int = 0
+    tracks: Sequence[Track], visits: Sequence[Track], scene: Scene, spacing: float, components: int = PAIRS
 ) -> list[Residuals]:
     """At most :data:`_JUDGED` of the visits, less what the *other* tracks let one expect of them."""
     found = []
     for index in evenly(len(visits), _JUDGED):
         visit = visits[index]
-        expected = tracks.without(index).expectation(scene, visit.positions, components)
+        others = [track for other, track in enumerate(tracks) if other != index]
+        expected = expectation(others, scene, visit.positions, spacing, components)
         found.append(Residuals(visit, visit.strain[:, None] - expected.mean, expected))
     return found
 
@@ -205,10 +205,10 @@ def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centr
             return [np.zeros_like(strain)]
         return [(strain[1:-1] - 0.5 * (strain[2:] + strain[:-2])) / np.sqrt(1.5)]
     found = []
-    for _, residual, expected in held_out(PhalanxTracks(tracks, scene, spacing), tracks, scene, 1):
+    for _, residual, expected in held_out(tracks, tracks, scene, spacing, 1):
         inside = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH)
         rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
-        difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows, 0])
+        difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows])
         found.append(difference - np.median(difference, axis=0) if centred else difference)
     return found
 
@@ -275,7 +275,7 @@ def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene
     """Whether most places are featureless: their deviations are not reproduced by neighbouring sweeps."""
     whitened = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
     shares = []
-    for visit, residual, _ in held_out(PhalanxTracks(whitened, scene, spacing), whitened, scene, 1):
+    for visit, residual, _ in held_out(whitened, whitened, scene, spacing, 1):
         product = visit.strain * (visit.strain - residual[:, 0])
         shares.append(_means(scene.layout, _smoothed(product)) < _REPRODUCIBLE)
     return bool(np.mean(np.concatenate(shares)) > _MOSTLY_FEATURELESS)

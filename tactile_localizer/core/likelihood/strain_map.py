@@ -13,8 +13,7 @@ from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, held_out
 from tactile_localizer.core.likelihood.student_t import log_density
-from tactile_localizer.core.scan.phalanx_tracks import PhalanxTracks
-from tactile_localizer.core.scan.tracks import PITCH, Expectation
+from tactile_localizer.core.scan.tracks import PITCH, Expectation, Track, expectation
 from tactile_localizer.scene import Scene
 
 _NODES_PER_CELL = 2
@@ -32,7 +31,6 @@ _FACTORS = {
     "visit": (0.7, 0.1, 10.0),
     "interpolation": (0.4, 0.01, 10.0),
     "signal": (0.01, 1e-4, 1.0),
-    "transfer": (0.01, 1e-4, 10.0),
 }
 """First value and bounds of each fitted factor of :class:`VarianceModel`."""
 
@@ -47,7 +45,6 @@ class VarianceModel:
     signal : factor of the squared signal, because visits differ more where the signal is stronger; zero if
         there is no featureless strain relative to which the signal is defined
     interpolation : factor of :attr:`.Expectation.interpolation_error`
-    transfer : factor of the squared signal where it is that of another phalanx
     summed_correlation : m of travel between independent residuals
     signal_correlation : summed autocorrelation of the signal, m
     """
@@ -55,7 +52,6 @@ class VarianceModel:
     visit: float = 1.0
     signal: float = 0.0
     interpolation: float = 0.5
-    transfer: float = 0.0
     summed_correlation: float = 0.003
     signal_correlation: float = 0.01
 
@@ -64,9 +60,8 @@ class VarianceModel:
         counts = np.array(layout.counts)
         signal = layout.sum(expected.mean**2) / counts
         error = layout.sum(expected.interpolation_error) / counts
-        visit = self.visit * (1.0 + expected.noise)
-        of_signal = self.signal + self.transfer * expected.transferred
-        return visit + of_signal * signal + self.interpolation * error
+        visit = self.visit * (1.0 + expected.noise[..., None])
+        return visit + self.signal * signal + self.interpolation * error
 
 
 class StrainMap(NamedTuple):
@@ -77,7 +72,7 @@ class StrainMap(NamedTuple):
     origin, step, shape : (d,) first node, distance of the nodes and their number along each axis
     mean : (M, K, C) float32, whitened strain
     variance : (M, K, F) float32, variance of a new visit about it
-    log_prior : (M, K, F) float32, of each phalanx's components
+    log_prior : (M, K) float32, of the components
     featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
     featureless : (Y, C) whitened strain of featureless material at each of the lattice's yaws
     """
@@ -125,7 +120,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     if len(estimate.tracks) < 2:
         return VarianceModel()
     layout = scene.layout
-    residuals = held_out(estimate.phalanx_tracks, estimate.visits, scene)
+    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing)
     thinned = [residual.thinned() for residual in residuals]
     squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
     expected = Expectation(
@@ -135,8 +130,6 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     factors = ["visit", "interpolation"]
     if estimate.featureless:
         factors.append("signal")
-    if expected.transferred.any():
-        factors.append("transfer")
     start, *bounds = np.log([_FACTORS[factor] for factor in factors]).T
 
     def model(log_factors: np.ndarray) -> VarianceModel:
@@ -145,7 +138,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     def cost(log_factors: np.ndarray) -> float:
         variance = model(log_factors).variance(expected, layout)
         density = log_density(squared, variance, counts)
-        return -float(logsumexp(expected.log_prior + density, axis=1).sum(axis=-1).mean())
+        return -float(logsumexp(expected.log_prior[..., None] + density, axis=1).sum(axis=-1).mean())
 
     options = {"maxiter": 40 * len(factors)}
     found = minimize(cost, start, method="Nelder-Mead", bounds=np.transpose(bounds), options=options)
@@ -164,8 +157,9 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
 
 
 def build_map(
-    tracks: PhalanxTracks,
+    tracks: Sequence[Track],
     scene: Scene,
+    spacing: float,
     cell: np.ndarray,
     variance: VarianceModel,
     featureless: bool,
@@ -186,9 +180,9 @@ def build_map(
     tables: list[np.ndarray] = []
     for begin in range(0, len(places), _NODES_AT_ONCE):
         part = slice(begin, begin + _NODES_AT_ONCE)
-        expected = tracks.expectation(scene, places[part])
+        expected = expectation(tracks, scene, places[part], spacing)
         spread = variance.variance(expected, scene.layout)
-        found = (expected.mean, spread, np.broadcast_to(expected.log_prior, spread.shape))
+        found = (expected.mean, spread, expected.log_prior)
         if not tables:
             tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
         for table, each in zip(tables, found, strict=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -66,12 +65,6 @@ class SweepMixture:
         self._tables = _Tables.of(strain_map, noise.layout)
         self._sample = self._tables.sampled(nodes, self._components, noise.layout)
         self._each = np.arange(self._components)[:, None]
-
-    def tempered(self, information_length: float) -> SweepMixture:
-        """The same tables with another length of information."""
-        other = copy(self)
-        other._set_lengths(information_length)
-        return other
 
     def _set_lengths(self, information_length: float) -> None:
         # Errors of the map are common to all places, so presence is measured once per correlation length.
@@ -176,7 +169,7 @@ class _Tables(NamedTuple):
     mean : (N, C)
     squares : (F, N) squared length of each phalanx's mean, in degrees of freedom
     variance : (F, N)
-    log_prior : (F, N)
+    log_prior : (1, N)
     """
 
     mean: np.ndarray
@@ -225,18 +218,17 @@ class _Tables(NamedTuple):
         count = min(nodes, _ELSEWHERE) if components == 1 else _ELSEWHERE
         places = np.arange(count) * nodes // count
         quantile = np.random.default_rng(0).random((layout.phalanges, 1, len(places)))
-        log_prior = self.log_prior.reshape(layout.phalanges, nodes, components)[:, places]
-        cumulated = np.exp(log_prior).cumsum(axis=2).transpose(0, 2, 1)
+        cumulated = np.exp(self.log_prior.reshape(nodes, components)[places]).cumsum(axis=1).T
         drawn = (cumulated < quantile).sum(axis=1).clip(max=components - 1)
         rows = components * places + drawn
         by_phalanx = [self.take(own) for own in rows]
         mean = np.concatenate(
             [own.mean[:, channels] for own, channels in zip(by_phalanx, layout.slices, strict=True)], axis=1
         )
-        return _Tables(
-            mean,
-            *(np.stack([own[field][f] for f, own in enumerate(by_phalanx)]) for field in (1, 2, 3)),
+        squares, variance = (
+            np.stack([own[field][f] for f, own in enumerate(by_phalanx)]) for field in (1, 2)
         )
+        return _Tables(mean, squares, variance, np.zeros((1, len(places)), dtype=np.float32))
 
 
 def _mixed(log_densities: np.ndarray) -> np.ndarray:

@@ -17,6 +17,9 @@ from tactile_localizer.scene import Scene
 PITCH = 0.0005
 """Least distance between two points of a track, m: finer than any load cell resolves."""
 
+PAIRS = 3
+"""Pairs of tracks from which a place is interpolated: the components of its mixture. One pair is 0.1 mm worse
+on one of two simulated features and 0.1 mm better on the other; six are as three."""
 _NEAREST = 8
 """Tracks from which a place is interpolated, four on either side of it."""
 _SPARE = 2
@@ -35,14 +38,10 @@ _DISTANCES_AT_ONCE = 2**17
 
 
 class Track(NamedTuple):
-    """One sweep: ``positions`` (n, d), m (yaw: rad), and ``strain`` (n, C), in the order of travel.
-
-    ``transferred`` is whether another phalanx felt it (:mod:`.phalanx_tracks`).
-    """
+    """One sweep: ``positions`` (n, d), m (yaw: rad), and ``strain`` (n, C), in the order of travel."""
 
     positions: np.ndarray
     strain: np.ndarray
-    transferred: bool = False
 
 
 class Expectation(NamedTuple):
@@ -53,16 +52,14 @@ class Expectation(NamedTuple):
     mean : (M, K, C) strain
     interpolation_error : (M, K, C) squared difference of the two tracks, scaled by l (1 - l) with l the
         fraction of the way from one to the other
-    noise : (M, K, F) variance of the mean, in units of the noise of one visit
-    transferred : (M, K, F) squared weight of transferred tracks in the mean
-    log_prior : (M, K, F) logarithms of the components' prior probabilities, those of each phalanx
+    noise : (M, K) variance of the mean, in units of the noise of one visit
+    log_prior : (M, K) logarithms of the components' prior probabilities
     distance : (M,) from the place to the nearest track, m
     """
 
     mean: np.ndarray
     interpolation_error: np.ndarray
     noise: np.ndarray
-    transferred: np.ndarray
     log_prior: np.ndarray
     distance: np.ndarray
 
@@ -104,13 +101,12 @@ def evenly(count: int, most: int) -> list[int]:
 
 
 def expectation(
-    tracks: Sequence[Track], scene: Scene, places: np.ndarray, spacing: float, components: int
+    tracks: Sequence[Track], scene: Scene, places: np.ndarray, spacing: float, components: int = PAIRS
 ) -> Expectation:
     """Expected strains at ``places`` (M, d), interpolated between the tracks around each.
 
     On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
     are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m.
-    The last axis of what is returned by phalanx has length 1: the tracks are those of all phalanges.
     """
     scale = levers(scene)
     candidates = _Candidates(tracks, scene)
@@ -201,13 +197,11 @@ class _Feet(NamedTuple):
     ----------
     position : (d, M, T) m
     strain : (M, T, C)
-    transferred : (M, T) bool
     distance : (M, T) m
     """
 
     position: np.ndarray
     strain: np.ndarray
-    transferred: np.ndarray
     distance: np.ndarray
 
 
@@ -220,13 +214,11 @@ def _feet(tracks: Sequence[Track], scene: Scene, places: np.ndarray) -> _Feet:
     starts = np.cumsum([0, *map(len, points)])
     first, last = starts[:-1], starts[1:] - 1
     index = index + first
-    transferred = np.broadcast_to([track.transferred for track in tracks], index.shape)
     rows = np.arange(len(places))[:, None]
     every = scene.dimension == 1 or len(tracks) == 1
     if not every:
         nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _SPARE]
         index, first, last = index[rows, nearest], first[nearest], last[nearest]
-        transferred = transferred[rows, nearest]
     # (d, M, T), because sums over a short last axis take several times longer.
     joined = np.ascontiguousarray(np.concatenate(points).T)
     nodes = joined.take(index, axis=1)
@@ -248,11 +240,11 @@ def _feet(tracks: Sequence[Track], scene: Scene, places: np.ndarray) -> _Feet:
     if not every:
         order = np.argsort(best, axis=1, kind="stable")[:, :_NEAREST]
         foot, best, ratio = foot[:, rows, order], best[rows, order], ratio[rows, order]
-        index, other, transferred = index[rows, order], other[rows, order], transferred[rows, order]
+        index, other = index[rows, order], other[rows, order]
     strains = np.concatenate([track.strain for track in tracks])
     strain = strains.take(index, axis=0)
     strain += ratio[..., None] * (strains.take(other, axis=0) - strain)
-    return _Feet(foot, strain, transferred, np.sqrt(best))
+    return _Feet(foot, strain, np.sqrt(best))
 
 
 class NearestPoints:
@@ -307,8 +299,7 @@ def _repeats(feet: _Feet) -> Expectation:
     mean = np.einsum("mt,mtc->mc", reaches, feet.strain) / count[:, None]
     excess = np.maximum(nearest - 2.0 * PITCH, 0.0)[:, None]
     error = (excess / (8.0 * PITCH)) ** 2 * mean**2
-    zero = np.zeros((len(mean), 1, 1))
-    return Expectation(mean[:, None], error[:, None], 1.0 / count[:, None, None], zero, zero, nearest)
+    return Expectation(mean[:, None], error[:, None], 1.0 / count[:, None], np.zeros((len(mean), 1)), nearest)
 
 
 def _pairs(feet: _Feet, places: np.ndarray, spacing: float, components: int) -> Expectation:
@@ -334,15 +325,13 @@ def _pairs(feet: _Feet, places: np.ndarray, spacing: float, components: int) -> 
     one, other = np.moveaxis(np.array(pairs)[best], -1, 0)
     start, change = feet.strain[rows, one], feet.strain[rows, other] - feet.strain[rows, one]
     open_ = ratio * (1.0 - ratio) + rest**2
-    transferred = (1.0 - ratio) * feet.transferred[rows, one] + ratio * feet.transferred[rows, other]
     chosen = score[rows, best]
     log_prior = chosen - np.logaddexp.reduce(chosen, axis=1, keepdims=True)
     noise = ratio**2 + (1.0 - ratio) ** 2
     return Expectation(
         start + ratio[..., None] * change,
         open_[..., None] * change**2,
-        noise[..., None],
-        transferred[..., None] ** 2,
-        log_prior[..., None],
+        noise,
+        log_prior,
         feet.distance[:, 0],
     )

@@ -53,8 +53,10 @@ def test_whitened_residuals_have_unit_covariance() -> None:
     estimate = estimate_noise(cloth(4), CLOTH)
     residuals = np.concatenate(
         [
-            residual[:, 0] / np.sqrt(1.0 + expected.noise[:, 0])
-            for _, residual, expected in held_out(estimate.phalanx_tracks, estimate.visits, CLOTH, 1)
+            residual[:, 0] / np.sqrt(1.0 + expected.noise)
+            for _, residual, expected in held_out(
+                estimate.tracks, estimate.visits, CLOTH, estimate.spacing, 1
+            )
         ]
     )
     np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
@@ -146,6 +148,6 @@ def test_the_noise_is_estimated_from_a_sample_of_the_sweeps(monkeypatch: pytest.
     every = estimate_noise(scan, CLOTH)
     monkeypatch.setattr("tactile_localizer.core.likelihood.noise_model._JUDGED", 5)
     some = estimate_noise(scan, CLOTH)
-    assert len(held_out(some.phalanx_tracks, some.visits, CLOTH, 1)) == 5
+    assert len(held_out(some.tracks, some.visits, CLOTH, some.spacing, 1)) == 5
     change = some.model.whitening @ np.linalg.inv(every.model.whitening)
     np.testing.assert_allclose(change, np.eye(8), atol=0.1)

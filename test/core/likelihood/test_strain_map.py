@@ -15,7 +15,6 @@ from tactile_localizer.core.likelihood.strain_map import (
     cell_size,
     fit_variance,
 )
-from tactile_localizer.core.scan.phalanx_tracks import PhalanxTracks
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, expectation, line_spacing, tracks_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -50,7 +49,7 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
 
 def test_tables_hold_the_expectation_at_the_nodes() -> None:
     tracks, cell, variance = tracks_of(lines(), PLANE), np.array([0.001, 0.002]), VarianceModel(2.0, 0.1, 0.5)
-    table = build_map(PhalanxTracks(tracks, PLANE, SPACING), PLANE, cell, variance, True, np.zeros(3))
+    table = build_map(tracks, PLANE, SPACING, cell, variance, True, np.zeros(3))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     expected = expectation(tracks, PLANE, nodes, SPACING, 3)
@@ -62,13 +61,13 @@ def test_tables_hold_the_expectation_at_the_nodes() -> None:
     assert table.featureless_variance == pytest.approx(table.variance.min())
 
 
-TRACKS = PhalanxTracks(tracks_of(lines(), PLANE), PLANE, SPACING)
+TRACKS = tracks_of(lines(), PLANE)
 
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
 def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> None:
     cell = np.full(2, 0.005)
-    table = build_map(TRACKS, PLANE, cell, VarianceModel(), False, np.zeros(3))
+    table = build_map(TRACKS, PLANE, SPACING, cell, VarianceModel(), False, np.zeros(3))
     index = table.nearest(np.array(states))
     node = table.origin + table.step * np.stack(np.unravel_index(index, table.shape), axis=1)
     inside = np.clip(states, PLANE.lower, PLANE.upper)
@@ -93,7 +92,7 @@ def test_cells_on_three_axes_are_limited_in_number() -> None:
 def test_variance_grows_with_signal_and_interpolation_error() -> None:
     expected = expectation(tracks_of(lines(), PLANE), PLANE, np.array([[0.01, 0.012]]), SPACING, 3)
     plain = VarianceModel(1.0, 0.0, 0.0).variance(expected, PLANE.layout)
-    np.testing.assert_allclose(plain, np.broadcast_to(1.0 + expected.noise, plain.shape))
+    np.testing.assert_allclose(plain, np.broadcast_to(1.0 + expected.noise[..., None], plain.shape))
     assert (VarianceModel(1.0, 0.5, 0.0).variance(expected, PLANE.layout) > plain).all()
     assert (VarianceModel(1.0, 0.0, 0.5).variance(expected, PLANE.layout) >= plain).all()
 

@@ -26,7 +26,7 @@ def mixture(
     layout, size = ChannelLayout(counts), sum(counts)
     mean = 3.0 * rng.standard_normal((nodes, COMPONENTS, size))
     variance = rng.uniform(1.0, 4.0, (nodes, COMPONENTS, len(counts)))
-    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), (nodes, len(counts)))).swapaxes(1, 2)
+    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), nodes))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
     strain_map = StrainMap(
         np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless, np.zeros((1, size))
@@ -50,7 +50,7 @@ def direct(model: SweepMixture, node: int, strain: np.ndarray, inflation: float 
             shape = inflation * float(model.map.variance[node, component, phalanx])
             mean = model.map.mean[node, component, own].astype(np.float64)
             density = stats.multivariate_t(mean, shape * np.eye(size), df=NU).logpdf(strain[own])
-            prior = model.map.log_prior[node, component, phalanx] if inflation == 1.0 else 0.0
+            prior = model.map.log_prior[node, component] if inflation == 1.0 else 0.0
             terms.append(float(prior) + density)
         total += float(logsumexp(terms)) + float(model.noise.log_volume[phalanx]) - log_constant(size)
     return total

@@ -91,7 +91,7 @@ def test_repeats_on_one_axis_are_averaged() -> None:
     short, long = Track(x[:20], np.zeros((20, 8))), Track(x, np.ones((40, 8)))
     expected = expectation([short, long], LINE, np.array([[0.004], [0.018]]), 0.0, 1)
     np.testing.assert_allclose(expected.mean[:, 0, 0], [0.5, 1.0])
-    np.testing.assert_allclose(expected.noise[:, 0, 0], [0.5, 1.0])
+    np.testing.assert_allclose(expected.noise[:, 0], [0.5, 1.0])
 
 
 def test_interpolation_error_grows_beyond_the_ends_of_tracks() -> None:
