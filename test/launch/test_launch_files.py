@@ -40,6 +40,6 @@ def test_every_argument_is_described(path: Path) -> None:
 def test_the_lifecycle_manager_example_activates_the_nodes() -> None:
     from tactile_localizer.ros.launching.nodes import DRIVER, FILTER
 
-    path = Path(__file__).parents[2] / "examples/lifecycle_manager/bringup.launch.py"
+    path = Path(__file__).parents[2] / "examples/lifecycle_manager/managed_bringup.launch.py"
     assert description_of(path).get_launch_arguments()[0].name == "scan_file"
     assert f'"node_names": ["{DRIVER.name}", "{FILTER.name}"]' in path.read_text()
