@@ -31,7 +31,10 @@ _MAPPED, _TESTED = (0, 1), 2
 
 _NAME = re.compile(r"(.+)_F([\d.]+)_V(-?[\d.]+)mmps_(\d+)\.csv")
 _PHALANGES = (Phalanx("distal", (0.0,)), Phalanx("proximal", (0.0,)))
-_OFFSET_SEED = 0
+_OFFSET_SEED, _NOISE_SEED = 0, 1
+_NOISY_CHANNEL = 3
+_DRIFT_M = 0.1
+"""Travel to which a drift refers, m."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,8 @@ class Perturbation:
     scale : factor of all strains, including those of the map
     offset : offset of the strain with a fixed random sign per channel, in noise widths: standard deviations
         of the difference between the map's two repeats
+    drift : offset that grows by so many noise widths per 100 mm of travel, from zero at each start
+    noisy_channel : standard deviation of white noise on one of the channels, in its noise widths
     tared : whether recordings of another fabric get the mean strain of the map
     """
 
@@ -112,16 +117,29 @@ class Perturbation:
     speed: float = 1.0
     scale: float = 1.0
     offset: float = 0.0
+    drift: float = 0.0
+    noisy_channel: float = 0.0
     tared: bool = False
 
     def of(self, sweep: Sweep, noise_width: np.ndarray) -> Sweep:
         """Apply the changes to a recording; ``noise_width`` (16,) refers to unscaled strain."""
-        signs = np.random.default_rng(_OFFSET_SEED).choice([-1.0, 1.0], sweep.strain.shape[1])
-        strain = self.scale * (sweep.strain + self.offset * signs * noise_width)
+        strain = sweep.strain + self.offset * _with_signs(noise_width)
+        noise = np.random.default_rng(_NOISE_SEED).standard_normal(len(strain))
+        strain[:, _NOISY_CHANNEL] += self.noisy_channel * noise_width[_NOISY_CHANNEL] * noise
+        strain *= self.scale
         since_ns = np.round((sweep.stamp_ns - sweep.stamp_ns[0]) / self.speed)
         used = Sweep(since_ns.astype(np.int64), sweep.position, strain)
         used = Sweep(used.stamp_ns[:: self.every], used.position[:: self.every], strain[:: self.every])
         return used if self.resample_hz is None else _resampled(used, self.resample_hz)
+
+    def drift_per_m(self, noise_width: np.ndarray) -> np.ndarray:
+        """Growth of the strain's offset, (16,) per m of travel."""
+        return self.scale * self.drift / _DRIFT_M * _with_signs(noise_width)
+
+
+def _with_signs(noise_width: np.ndarray) -> np.ndarray:
+    """Noise widths (16,) with a fixed random sign per channel."""
+    return noise_width * np.random.default_rng(_OFFSET_SEED).choice([-1.0, 1.0], len(noise_width))
 
 
 @dataclass(frozen=True)

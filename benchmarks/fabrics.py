@@ -133,11 +133,17 @@ class Track:
         return index if index < len(self.travel) else None
 
 
-def localize(localizer: Localizer, sweep: Sweep, travel: np.ndarray, wrong: bool) -> Track:
-    """Localize a recording, from a uniform prior; ``travel`` (n,) m is what the arm reports."""
+def localize(
+    localizer: Localizer, sweep: Sweep, travel: np.ndarray, wrong: bool, drift: np.ndarray | float = 0.0
+) -> Track:
+    """Localize a recording, from a uniform prior.
+
+    ``travel`` (n,) m is what the arm reports, ``drift`` (C,) what is added to the strain per m of it.
+    """
     localizer.reset()
+    strains = sweep.strain + travel[:, None] * drift
     means, stds, converged, seconds = [], [], [], []
-    for stamp_ns, displaced, strain in zip(sweep.stamp_ns.tolist(), travel, sweep.strain, strict=True):
+    for stamp_ns, displaced, strain in zip(sweep.stamp_ns.tolist(), travel, strains, strict=True):
         position = np.array([displaced])
         began = time.thread_time()
         estimate = localizer.update(stamp_ns, position, strain)
@@ -165,12 +171,17 @@ def starts_of(sweep: Sweep, length: float, count: int) -> tuple[np.ndarray, floa
 
 
 def from_all_starts(
-    localizer: Localizer, sweep: Sweep, length: float, count: int, wrong: bool
+    localizer: Localizer,
+    sweep: Sweep,
+    length: float,
+    count: int,
+    wrong: bool,
+    drift: np.ndarray | float = 0.0,
 ) -> list[Track]:
     """Tracks from starts that are spaced evenly."""
     starts, travel = starts_of(sweep, length, count)
     parts = [cut(sweep, start, start + travel) for start in starts]
-    return [localize(localizer, part, part.position - part.position[0], wrong) for part in parts]
+    return [localize(localizer, part, part.position - part.position[0], wrong, drift) for part in parts]
 
 
 def measures(tracks: Sequence[Track], wrong: bool) -> Row:
@@ -193,7 +204,9 @@ def measures(tracks: Sequence[Track], wrong: bool) -> Row:
     }
 
 
-def kidnapped(localizer: Localizer, sweep: Sweep, length: float, count: int) -> Row:
+def kidnapped(
+    localizer: Localizer, sweep: Sweep, length: float, count: int, drift: np.ndarray | float = 0.0
+) -> Row:
     """The measures of ``--kidnap``."""
     starts, travel = starts_of(sweep, length, count)
     before, again, false, taken = [], [], [], []
@@ -205,7 +218,7 @@ def kidnapped(localizer: Localizer, sweep: Sweep, length: float, count: int) -> 
         relocation_probability = np.random.default_rng(number).choice(elsewhere)
         first = cut(sweep, start, left)
         second = cut(sweep, relocation_probability, relocation_probability + travel - KIDNAPPED)
-        track = localize(localizer, *_joined(first, second), wrong=False)
+        track = localize(localizer, *_joined(first, second), wrong=False, drift=drift)
         n = len(first.position)
         since = track.travel[n:] - track.travel[n]
         before.append(track.right[n - 1])
@@ -271,10 +284,11 @@ def _measure_pair(
             sweep, strain=sweep.strain + fabric.scan.strain.mean(axis=0) - sweep.strain.mean(axis=0)
         )
     sweep = perturbation.of(sweep, fabric.noise_width)
+    drift = perturbation.drift_per_m(fabric.noise_width)
     length = float(sweep.position[-1]) if wrong else fabric.length
     if kidnap:
-        return kidnapped(localizer, sweep, length, starts)
-    tracks = from_all_starts(localizer, sweep, length, starts, wrong)
+        return kidnapped(localizer, sweep, length, starts, drift)
+    tracks = from_all_starts(localizer, sweep, length, starts, wrong, drift)
     seconds = np.concatenate([track.update_s for track in tracks])
     return {**measures(tracks, wrong), "update_us": 1e6 * float(np.median(seconds))}
 
@@ -419,6 +433,18 @@ def main() -> None:
         "--offset", type=float, default=0.0, help="of the recordings' strains, in noise widths"
     )
     parser.add_argument(
+        "--drift", type=float, default=0.0, metavar="W", help="drift of W noise widths per 100 mm"
+    )
+    parser.add_argument(
+        "--noisy-channel",
+        type=float,
+        nargs="?",
+        const=5.0,
+        default=0.0,
+        metavar="W",
+        help="white noise of W (5) noise widths on one of the sixteen channels",
+    )
+    parser.add_argument(
         "--tared", action="store_true", help="give recordings of another fabric the mean strain of the map"
     )
     given = parser.parse_args()
@@ -433,7 +459,14 @@ def main() -> None:
         parser.error("expected a map and a recording, found none that match")
     configuration = load_configuration(None if given.configuration == "default" else given.configuration)
     perturbation = Perturbation(
-        given.every, given.resample, given.speed, given.scale, given.offset, given.tared
+        given.every,
+        given.resample,
+        given.speed,
+        given.scale,
+        given.offset,
+        given.drift,
+        given.noisy_channel,
+        given.tared,
     )
     by_map: dict[Condition, list[Pair]] = {}
     for pair in pairs:

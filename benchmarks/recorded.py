@@ -1,0 +1,326 @@
+"""Localization on recorded features: a folder is a scan, and sweeps whose true positions are known.
+
+    scripts/in_env python benchmarks/recorded.py DIR ... [--configuration NAME] [--json FILE]
+
+A folder holds ``scene.yaml``, ``train.csv`` and ``test.csv``, and where there are, ``blank.csv`` and
+``foreign_*.csv``; each may end in ``.csv.gz``. Columns are ``stamp_s``, ``sweep``, the axes (m, rad), the
+channels ``<phalanx>_<number>`` (V) and ``felt``, 1 while in contact; without it, a sweep counts as in contact
+all the way. A localizer is built from ``train`` and tried on the other files, reset at the start of each
+sweep. Their positions are true: it gets their displacements with noise of the scene's ``motion_std``.
+
+A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise`` or ``--process-noise`` a variant
+of it, and has
+
+``error_mm``, ``error_settled_mm``
+    mean over the sweeps of the mean error from contact to the feature's end, and from 4 mm after contact, mm
+``coverage``, ``coverage_contact``
+    share of the strains whose 95 % region holds the truth, over whole sweeps and from contact to the
+    feature's end; mean over the sweeps
+``within_5_mm``, ``within_10_mm``
+    share of the sweeps that converge at most so far past contact; at ``false_before`` of them it was before
+``false_sweeps``, ``false_strains``
+    share of the sweeps that are ever, from contact on, converged and more than the convergence radius
+    (7.5 mm) off; share of the converged strains, of whole sweeps, that are so far off
+``false_before``, ``false_blank``
+    how many sweeps converge before contact, and how many blank sweeps ever converge
+``foreign_strains``, ``foreign_sweeps``
+    of the ``foreign_*`` files together: share of the strains after contact that are converged, and of the
+    sweeps with such a strain
+``update_us``, ``update_open_us``, ``read_us``
+    median of a measurement update that is converged, and of one that is not, processor time; of one read of
+    the training strains as float32, us
+``learning_s``
+    processor time of learning from the scan, s
+``learned``
+    what was learned from held-out sweeps, by name
+
+``--passes 1 2`` uses the first and the second half of the training sweeps, a row each; ``both`` is the
+default. ``--lines K`` uses every K-th line. ``--odometry-noise K`` multiplies the noise of the displacements
+and leaves the localizer unaware of it; ``--process-noise K`` multiplies both. ``--seeds`` repeats everything
+with other noise. The file of ``--json`` has ``arguments``, ``rows`` and ``totals``, the means over all rows.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import argparse
+import gzip
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from measures import Row, ever_converged, falsely_converged, on_feature, on_unscanned, update_us
+from rows import in_parallel, print_rows, write_rows
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.offline.odometry import SIMULATED, with_odometry
+from tactile_localizer.offline.replay import Track, replay
+from tactile_localizer.scene import Scene
+
+PASSES = ("both", "1", "2")
+
+
+class Variant(NamedTuple):
+    """What is changed about a folder.
+
+    Parameters
+    ----------
+    passes : one of :data:`PASSES`
+    lines : every so many-th line is used
+    odometry_noise : factor of the noise of the displacements
+    process_noise : factor of that and of the scene's ``motion_std``
+    """
+
+    passes: str = "both"
+    lines: int = 1
+    odometry_noise: float = 1.0
+    process_noise: float = 1.0
+
+
+def load_recording(path: Path, scene: Scene) -> Recording:
+    """Sweeps of a file, in the order of the scene's axes and channels.
+
+    Raises
+    ------
+    ScanError
+        A column is missing.
+    """
+    with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
+        header = file.readline().strip().split(",")
+        values = np.loadtxt(file, delimiter=",", ndmin=2)
+    strain = [
+        f"{phalanx}_{number + 1}"
+        for phalanx, count in zip(scene.phalanx_names, scene.layout.counts, strict=True)
+        for number in range(count)
+    ]
+    expected = ["stamp_s", "sweep", *scene.axis_names, *strain]
+    if missing := set(expected) - set(header):
+        raise ScanError(f"{path}: expected columns {', '.join(expected)}, missing {', '.join(missing)}")
+
+    def columns(names: Sequence[str]) -> np.ndarray:
+        return values[:, [header.index(name) for name in names]]
+
+    sweeps = []
+    number = columns(["sweep"])[:, 0].astype(int)
+    felt = columns(["felt"])[:, 0] > 0 if "felt" in header else np.ones(len(values), dtype=bool)
+    for one in np.unique(number):
+        part = number == one
+        own = columns(strain)[part]
+        sweeps.append(
+            RecordedSweep(
+                number=int(one),
+                stamp_ns=np.round(1e9 * columns(["stamp_s"])[part, 0]).astype(np.int64),
+                position=columns(scene.axis_names)[part],
+                strain=own,
+                status=missing_status(own, scene.layout),
+                felt=felt[part],
+            )
+        )
+    return Recording(
+        str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), channels=scene.layout.counts
+    )
+
+
+def scan_of(recording: Recording) -> Scan:
+    """The samples of a recording as training pairs."""
+    sweeps = recording.sweeps
+    return Scan(
+        states=np.concatenate([sweep.position for sweep in sweeps]),
+        strain=np.concatenate([sweep.strain for sweep in sweeps]),
+        sweep=np.repeat([sweep.number for sweep in sweeps], [len(sweep) for sweep in sweeps]),
+        axes=recording.axes,
+        phalanges=recording.phalanges,
+        channels=recording.channels,
+    )
+
+
+def with_passes(recording: Recording, passes: str, lines: int) -> Recording:
+    """A recording with one half of its sweeps, or all of them, and of these every ``lines``-th line."""
+    half = (len(recording.sweeps) + 1) // 2
+    parts = {"both": slice(None), "1": slice(half), "2": slice(half, None)}
+    sweeps = recording.sweeps[parts[passes]]
+    line = line_numbers(np.array([sweep.position.mean(axis=0) for sweep in sweeps]))
+    kept = tuple(sweep for sweep, number in zip(sweeps, line, strict=True) if number % lines == 0)
+    return replace(recording, sweeps=kept)
+
+
+def line_numbers(means: np.ndarray) -> np.ndarray:
+    """Number of the line of each sweep, by the order of their mean positions (S, d) across the lines."""
+    across = means[:, np.ptp(means, axis=0).argmax()]
+    order = across.argsort()
+    steps = np.diff(across[order], prepend=across[order[0]])
+    line = np.empty(len(means), dtype=int)
+    line[order] = np.cumsum(steps > 0.5 * steps.max())
+    return line
+
+
+def find_file(folder: Path, name: str) -> Path | None:
+    """A file ``<name>.csv`` or ``<name>.csv.gz``."""
+    return next((path for end in (".csv", ".csv.gz") if (path := folder / f"{name}{end}").exists()), None)
+
+
+def measure_folder(folder: Path, variant: Variant, configuration: Configuration, seed: int) -> list[Row]:
+    """The row of one folder, variant and seed.
+
+    Raises
+    ------
+    ScanError
+        The folder lacks a file, or a file a column.
+    """
+    scene = load_scene(folder / "scene.yaml")
+    files = {name: find_file(folder, name) for name in ("train", "test", "blank")}
+    train, test = files["train"], files["test"]
+    if train is None or test is None:
+        raise ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
+    axes = tuple(replace(axis, motion_std=variant.process_noise * axis.motion_std) for axis in scene.axes)
+    scene = replace(scene, axes=axes)
+    scan = scan_of(with_passes(load_recording(train, scene), variant.passes, variant.lines))
+    began = time.process_time()
+    calibration = learn(scan, scene)
+    learning_s = time.process_time() - began
+    localizer = build_localizer(
+        scan, scene, configuration, np.random.default_rng(seed), calibration=calibration
+    )
+
+    def tracks_of(path: Path) -> list[Track]:
+        return localize(localizer, load_recording(path, scene), variant.odometry_noise, seed)
+
+    tracks = tracks_of(test)
+    row: Row = {
+        "folder": folder.name,
+        "passes": variant.passes,
+        "lines": variant.lines,
+        "noise": variant.odometry_noise * variant.process_noise,
+        "seed": seed,
+        "sweeps": len(tracks),
+        **on_feature(scene, tracks),
+        **falsely_converged(scene, tracks, configuration.convergence_radius),
+        "update_us": update_us(tracks, True),
+        "update_open_us": update_us(tracks, False),
+        "read_us": read_us(scan),
+        "learning_s": learning_s,
+        "learned": learned_values(calibration._asdict()),
+    }
+    if files["blank"] is not None:
+        row["false_blank"] = ever_converged(tracks_of(files["blank"]))
+    if foreign := [track for path in sorted(folder.glob("foreign_*.csv*")) for track in tracks_of(path)]:
+        row["foreign_strains"], row["foreign_sweeps"] = on_unscanned(foreign)
+    return [row]
+
+
+def localize(localizer: Localizer, recording: Recording, odometry_noise: float, seed: int) -> list[Track]:
+    """Localize the sweeps of true positions by noisy displacements."""
+    scene = localizer.scene
+    axes = tuple(replace(axis, motion_std=odometry_noise * axis.motion_std) for axis in scene.axes)
+    noisy = with_odometry(recording, replace(scene, axes=axes), np.random.default_rng([seed, 1]), SIMULATED)
+    return replay(localizer, noisy, clock=time.thread_time)
+
+
+def read_us(scan: Scan) -> float:
+    """Median time of one read of the training strains as float32, the faster of two methods, µs."""
+    strain = np.ascontiguousarray(scan.strain.T, dtype=np.float32)
+    ones = np.ones(len(strain), dtype=np.float32)
+    times: list[list[float]] = [[], []]
+    for _ in range(200):
+        for taken, read in zip(times, (strain.sum, lambda: ones @ strain), strict=True):
+            began = time.perf_counter()
+            read()
+            taken.append(time.perf_counter() - began)
+    return 1e6 * float(min(np.median(taken) for taken in times))
+
+
+def learned_values(values: Mapping[str, Any]) -> Row:
+    """The numbers and short arrays among learned values, by name; lengths in m."""
+    known = {name: np.asarray(value) for name, value in values.items() if value is not None}
+    return {
+        name: value.tolist() for name, value in known.items() if value.dtype.kind in "fi" and value.size <= 8
+    }
+
+
+_COLUMNS = {
+    "error_mm": ("error", ".2f"),
+    "error_settled_mm": ("settled", ".2f"),
+    "coverage": ("cover", ".3f"),
+    "coverage_contact": ("contact", ".3f"),
+    "within_5_mm": ("in 5 mm", ".2f"),
+    "within_10_mm": ("in 10 mm", ".2f"),
+    "false_sweeps": ("false sweeps", ".2f"),
+    "false_strains": ("strains", ".4f"),
+    "false_before": ("before", "g"),
+    "false_blank": ("blank", "g"),
+    "foreign_strains": ("foreign strains", ".3f"),
+    "foreign_sweeps": ("sweeps", ".2f"),
+    "update_us": ("update, us", ".0f"),
+    "update_open_us": ("open", ".0f"),
+    "read_us": ("read", ".0f"),
+    "learning_s": ("learning, s", ".1f"),
+}
+
+
+def totals(rows: Sequence[Row]) -> list[Row]:
+    """Means over all rows, of what they know."""
+    known = {key: [row[key] for row in rows if row.get(key) is not None] for key in _COLUMNS}
+    return [{"folder": "mean", **{key: float(np.mean(values)) for key, values in known.items() if values}}]
+
+
+def show(rows: Sequence[Row]) -> None:
+    """Print the rows, their means, and what was learned."""
+    print_rows(("folder", "passes", "lines", "noise", "seed", "sweeps"), _COLUMNS, rows, totals(rows), [{}])
+    for row in rows:
+        learned = ", ".join(f"{name} {np.round(value, 6)}" for name, value in row["learned"].items())
+        print(f"{row['folder']}, passes {row['passes']}, lines {row['lines']}: {learned}")
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folders", type=Path, nargs="+", metavar="DIR")
+    parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--passes", nargs="+", choices=PASSES, default=["both"])
+    parser.add_argument("--lines", type=int, nargs="+", default=[1], metavar="K", help="every K-th line")
+    parser.add_argument("--odometry-noise", type=float, nargs="+", default=[1.0], metavar="K")
+    parser.add_argument("--process-noise", type=float, nargs="+", default=[1.0], metavar="K")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="of the noise")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    given = parser.parse_args()
+    configuration = load_configuration(None if given.configuration == "default" else given.configuration)
+    variants = [
+        Variant(passes, lines, odometry, process)
+        for passes in given.passes
+        for lines in given.lines
+        for odometry in given.odometry_noise
+        for process in given.process_noise
+    ]
+    calls = [
+        (folder, variant, configuration, seed)
+        for folder in given.folders
+        for variant in variants
+        for seed in given.seeds
+    ]
+    rows: list[Row] = []
+    for own in in_parallel(measure_folder, calls, given.jobs, "folders"):
+        rows += own
+        rows.sort(key=lambda row: [row[key] for key in ("folder", "passes", "lines", "noise", "seed")])
+        if given.json is not None:
+            write_rows(given.json, vars(given), rows, totals(rows))
+    show(rows)
+
+
+if __name__ == "__main__":
+    main()
