@@ -19,6 +19,7 @@ PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
 
 ROSDEP_KEYS = {
     "cantools": "python3-cantools-pip",
+    "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
     "msgpack": "python3-msgpack",
     "numpy": "python3-numpy",
@@ -61,7 +62,7 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
 
 
 def test_every_requirement_has_a_lower_and_an_upper_bound() -> None:
-    for file in ("runtime.txt", "build.txt", "dev.txt", "bench.txt", "evaluation.txt"):
+    for file in ("runtime.txt", "build.txt", "dev.txt", "bench.txt", "cluster.txt"):
         for line in requirements(file):
             assert re.search(r"==|>=.+,<", line), f"{file}: {line}"
 
