@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "can": "decode and check the load cells on a CAN bus, or in a CAN log",
     "import": "make a scan file from recordings (CSV or rosbag2)",
     "scan": "inspect, plot, repair and convert scan files",
+    "tradeoff": "measure accuracy against computing time of configurations, and choose one",
     "replay": "localize the palm in a recording, as the filter node would have",
     "view": "show a replay in the Rerun viewer: belief, truth and strain on a timeline",
     "identify": "identify which of several scans a recording belongs to, or none of them",
