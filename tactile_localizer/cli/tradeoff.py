@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     args.output.mkdir(parents=True, exist_ok=True)
     truth = np.concatenate([sweep.truth for one in recordings for sweep in one.sweeps])
     tradeoff_figure(trades, scene, sweep_axis(scene, truth)).savefig(args.output / "tradeoff.png", dpi=120)
-    write_json(args.output / "tradeoff.json", {"trades": trades})
+    write_json(args.output / "tradeoff.json", {"candidates": [_row(one, args.recordings) for one in trades]})
     print(f"{args.output}/tradeoff.png, tradeoff.json")
     if args.budget_us is not None:
         return _write_choice(
@@ -141,6 +141,22 @@ def _describe(one: Trade) -> str:
         f"{one.candidate.name}, error {one.error * MM:.2f} mm, update {one.update_us:.0f} µs, "
         f"{one.us_per_mm:.0f} µs/mm"
     )
+
+
+def _row(one: Trade, recordings: Sequence[str]) -> dict[str, object]:
+    errors = [np.nanmean(outcome.error) for outcome in one.outcomes]
+    return {
+        "name": one.candidate.name,
+        "configuration": one.candidate.changes,
+        "error_m": one.error,
+        "error_half_width_m": one.error_half_width,
+        "error_of_recording_m": dict(zip(recordings, errors, strict=True)),
+        "coverage": one.coverage,
+        "converged": one.converged,
+        "update_us": one.update_us,
+        "update_p99_us": one.update_p99_us,
+        "us_per_mm": one.us_per_mm,
+    }
 
 
 def _table(trades: Sequence[Trade], recordings: Sequence[str]) -> Table:

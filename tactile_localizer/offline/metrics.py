@@ -126,8 +126,7 @@ def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> R
     """
     if strain_map.featureless_variance is None:
         return recording
-    weights = scene.layout.expand(np.exp(strain_map.log_prior))
-    expected = np.einsum("mkc,mkc->mc", weights, strain_map.mean)
+    expected = np.einsum("mk,mkc->mc", np.exp(strain_map.log_prior), strain_map.mean)
     energy = scene.layout.sum(expected**2) / np.array(scene.layout.counts)
     in_contact = (energy > 1.0).any(axis=1)
     sweeps = []

@@ -18,7 +18,9 @@ from tactile_localizer.scene import Scene
 MAX_CURVES = 6
 """Most candidates that are drawn along the sweeps; more curves cannot be distinguished."""
 
-_TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+_COARSE_TICKS = (1.0, 2.0, 5.0)
+_FINE_TICKS = tuple(number / 5 for number in range(5, 50))
+"""Ticks per decade of the axes of time and of error."""
 
 
 def tradeoff_figure(trades: Sequence[Trade], scene: Scene, axis: int) -> Figure:
@@ -32,10 +34,10 @@ def tradeoff_figure(trades: Sequence[Trade], scene: Scene, axis: int) -> Figure:
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     panels = figure.subplot_mosaic([["time", "error"], ["time", "trace"]], width_ratios=[1.25, 1.0])
     _draw_times(panels["time"], trades)
-    named = [one for one in trades if one.candidate.name in (DEFAULT, *PRESETS)]
-    shown = trades if len(trades) <= MAX_CURVES else named
-    _draw_along(panels["error"], shown, scene, axis, "error_along", MM)
-    _draw_along(panels["trace"], shown, scene, axis, "trace_along", MM**2)
+    if len(trades) > MAX_CURVES:
+        trades = [one for one in trades if one.candidate.name == DEFAULT or _model(one) != SWEEP_MIXTURE]
+    _draw_along(panels["error"], trades[:MAX_CURVES], scene, axis, "error_along", MM)
+    _draw_along(panels["trace"], trades[:MAX_CURVES], scene, axis, "trace_along", MM**2)
     panels["error"].set_ylabel("mean error, mm")
     panels["error"].legend(fontsize=8)
     panels["error"].tick_params(labelbottom=False)
@@ -44,29 +46,31 @@ def tradeoff_figure(trades: Sequence[Trade], scene: Scene, axis: int) -> Figure:
     return figure
 
 
+def _model(one: Trade) -> str:
+    return one.candidate.configuration.model
+
+
 def _draw_times(plot: Axes, trades: Sequence[Trade]) -> None:
     """Draw a point per candidate, coloured by model and filter, with the Pareto front and some names."""
     groups: dict[str, list[Trade]] = {}
     for one in trades:
-        own = one.candidate.configuration
-        groups.setdefault(own.filter if own.model == SWEEP_MIXTURE else own.model, []).append(one)
+        label = one.candidate.configuration.filter if _model(one) == SWEEP_MIXTURE else _model(one)
+        groups.setdefault(label, []).append(one)
     for label, group in groups.items():
         plot.scatter([one.us_per_mm for one in group], [one.error * MM for one in group], s=18, label=label)
     front = pareto_front(trades)
     times, errors = [one.us_per_mm for one in front], [one.error * MM for one in front]
     plot.step(times, errors, where="post", color="0.4", lw=1, label="Pareto front", zorder=0)
-    named = (
-        trades
-        if len(trades) <= MAX_CURVES
-        else [one for one in trades if one.candidate.name in (DEFAULT, *PRESETS)]
-    )
+    few = len(trades) <= MAX_CURVES
+    named = [one for one in trades if few or one.candidate.name in (DEFAULT, *PRESETS)]
     for one in named:
         place = one.us_per_mm, one.error * MM
         plot.plot(*place, "o", ms=10, mfc="none", mec="black")
         plot.annotate(one.candidate.name, place, xytext=(7, 7), textcoords="offset points", fontsize=9)
-    for set_scale, axis in ((plot.set_xscale, plot.xaxis), (plot.set_yscale, plot.yaxis)):
-        set_scale("log")
-        axis.set_major_locator(LogLocator(subs=_TICKS))
+    plot.set_xscale("log")
+    plot.set_yscale("log")
+    for axis, ticks in ((plot.xaxis, _COARSE_TICKS), (plot.yaxis, _FINE_TICKS)):
+        axis.set_major_locator(LogLocator(subs=ticks))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
     plot.set_xlabel("processor time per millimetre of travel, µs")
