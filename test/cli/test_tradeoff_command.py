@@ -15,8 +15,8 @@ def test_configurations_are_compared_on_several_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main("simulate bump --train 11 --test 1 -o .".split()) == 0
-    assert main("import csv train.csv --scene bump.yaml -o scan.db".split()) == 0
+    assert main(["simulate", "bump", "--train", "11", "--test", "1", "-o", "."]) == 0
+    assert main(["import", "csv", "train.csv", "--scene", "bump.yaml", "-o", "scan.db"]) == 0
     Path("own.yaml").write_text("cell: 1.0\nupdate_distance: 0.003\n")
     Path("again.csv").write_bytes(Path("test.csv").read_bytes())
     command = "tradeoff test.csv again.csv --scan scan.db --configurations own.yaml fast"
@@ -26,6 +26,6 @@ def test_configurations_are_compared_on_several_recordings(
     assert [one["name"] for one in document["candidates"]] == ["own", "fast"]
     assert document["candidates"][0]["error_of_recording_m"].keys() == {"test.csv", "again.csv"}
     assert Path("tradeoff/tradeoff.png").stat().st_size > 10_000
-    assert main("replay test.csv --scan scan.db --config tradeoff/configuration.yaml".split()) == 0
+    assert main(["replay", "test.csv", "--scan", "scan.db", "--config", "tradeoff/configuration.yaml"]) == 0
     assert main([*command.split(), "--target-mm", "1e-9"]) == 1
     assert "none; nearest is" in capsys.readouterr().out
