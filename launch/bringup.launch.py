@@ -1,11 +1,21 @@
-"""Localization on a robot: driver and filter.
+"""Localization on a robot: driver (or adapter) and filter.
 
 ros2 launch tactile_localizer bringup.launch.py scan_file:=scan.db namespace:=left
 """
 
-from tactile_localizer.ros.launching.nodes import DRIVER, FILTER, nodes
+from pathlib import Path
+
+from launch.actions import IncludeLaunchDescription
+
+from launch import LaunchDescription
 
 
 def generate_launch_description():
-    """Driver and filter."""
-    return nodes(DRIVER, FILTER)
+    """Sensor and filter."""
+    folder = Path(__file__).parent
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(str(folder / "sensor.launch.py")),
+            IncludeLaunchDescription(str(folder / "localize.launch.py")),
+        ]
+    )

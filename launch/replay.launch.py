@@ -5,14 +5,34 @@
 `tactile-localizer replay` does the same without ROS, as fast as possible.
 """
 
-from tactile_localizer.ros.launching.nodes import nodes
-from tactile_localizer.ros.launching.replay import ARGUMENTS, FILTER_ON_BAG_TIME, Replay
+from pathlib import Path
+
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration, PythonExpression
+
+from launch import LaunchDescription
+from tactile_localizer.ros import launching
+from tactile_localizer.ros.replay_node import PARAMETERS
 
 
 def generate_launch_description():
     """The filter in simulated time; once it is active, the bag."""
-    return nodes(
-        FILTER_ON_BAG_TIME,
-        arguments=ARGUMENTS,
-        further=lambda context, started: Replay(context, *started).actions(),
+    rate, loop = LaunchConfiguration("rate"), LaunchConfiguration("loop")
+    # A pose may be late by the patience divided by the rate; a loop must be longer than twice the patience.
+    patience = PythonExpression(["max(1.0, float('", rate, "')) if '", loop, "' == 'true' else 60.0"])
+    filter_arguments = {"use_sim_time": "true", "autostart": "true", "queue_depth": "10000"}
+    return LaunchDescription(
+        [
+            *launching.COMMON,
+            DeclareLaunchArgument("rate", default_value="1.0", description="Speed relative to the recording"),
+            *launching.node("replay", PARAMETERS, ("bag", "rate", "loop")),
+            DeclareLaunchArgument(
+                "patience_s",
+                default_value=patience,
+                description="Time, measured in stamps, that a strain vector waits for a late pose [s]",
+            ),
+            IncludeLaunchDescription(
+                str(Path(__file__).with_name("localize.launch.py")), launch_arguments=filter_arguments.items()
+            ),
+        ]
     )

@@ -1,11 +1,24 @@
-"""Recording of a training scan on a robot: driver and mapping.
+"""Recording of a training scan on a robot: driver (or adapter) and mapping.
 
 ros2 launch tactile_localizer scan.launch.py scan_file:=scan.db scene_file:=scene.yaml
 """
 
-from tactile_localizer.ros.launching.nodes import DRIVER, MAPPING, nodes
+from pathlib import Path
+
+from launch.actions import IncludeLaunchDescription
+
+from launch import LaunchDescription
+from tactile_localizer.ros import launching
+from tactile_localizer.ros.parameters.mapping import PARAMETERS
+
+ARGUMENTS = ("scan_file", "scene_file", "pose_source", "palm_frame", "reference_frame", "material_frame")
 
 
 def generate_launch_description():
-    """Driver and mapping."""
-    return nodes(DRIVER, MAPPING)
+    """Sensor and mapping."""
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(str(Path(__file__).with_name("sensor.launch.py"))),
+            *launching.node("mapping", PARAMETERS, ARGUMENTS),
+        ]
+    )

@@ -6,19 +6,49 @@
 For a second hand on the same machine use another port: bus_options:="['port=43114']".
 """
 
-from dataclasses import replace
+from pathlib import Path
 
-from tactile_localizer.ros.launching.nodes import BUS, DRIVER, FILTER, MAPPING, SIMULATOR, nodes
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.conditions import IfCondition
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 
-_SIMULATED = {"interface": "udp_multicast", "channel": "239.74.163.2"}
+from launch import LaunchDescription
+from tactile_localizer.ros import launching
+from tactile_localizer.ros.parameters.simulator import PARAMETERS
+
+FILES = {"": "sensor", "scan": "scan", "localize": "bringup"}
+"""Launch file beside the simulator, by mode."""
 
 
 def generate_launch_description():
     """Simulator and driver on a bus over UDP, with mapping or filter as selected by the mode."""
-    bus = tuple(replace(argument, default=_SIMULATED.get(argument.name, "")) for argument in BUS)
-    return nodes(
-        replace(SIMULATOR, arguments=(*bus, *SIMULATOR.arguments[len(BUS) :])),
-        replace(DRIVER, arguments=(*bus, *DRIVER.arguments[len(BUS) :])),
-        replace(MAPPING, when=("mode", "scan")),
-        replace(FILTER, when=("mode", "localize")),
+    folder = Path(__file__).parent
+    included = [
+        IncludeLaunchDescription(
+            str(folder / f"{file}.launch.py"),
+            condition=IfCondition(EqualsSubstitution(LaunchConfiguration("mode"), mode)),
+        )
+        for mode, file in FILES.items()
+    ]
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "mode",
+                default_value="",
+                choices=list(FILES),
+                description="scan: training sweeps and the mapping; localize: sweeps from unknown positions "
+                "and the filter; empty: training sweeps only",
+            ),
+            DeclareLaunchArgument(
+                "interface", default_value="udp_multicast", description="python-can interface of the CAN bus"
+            ),
+            DeclareLaunchArgument(
+                "channel", default_value="239.74.163.2", description="Channel of the interface"
+            ),
+            *launching.COMMON,
+            *launching.node(
+                "simulator", PARAMETERS, ("interface", "channel", "bus_options", "feature", "speed", "mode")
+            ),
+            *included,
+        ]
     )

@@ -68,7 +68,7 @@ class FieldPath:
             raise ParameterError(f"field {self.text!r}: expected a path such as wrench.force.x or data[0:16]")
 
     @cached_property
-    def _steps(self) -> list[tuple[str, int | slice | None]]:
+    def steps(self) -> list[tuple[str, int | slice | None]]:
         """Names of nested fields, each with the index or the part of its array."""
         steps: list[tuple[str, int | slice | None]] = []
         for name, first, end in _SEGMENT.findall(self.text):
@@ -78,7 +78,7 @@ class FieldPath:
     @property
     def size(self) -> int | None:
         """Number of values at the path; ``None`` for a number or an array of unknown length."""
-        _, part = self._steps[-1]
+        _, part = self.steps[-1]
         return part.stop - part.start if isinstance(part, slice) else None
 
     def of(self, message: Any) -> Any:
@@ -91,7 +91,7 @@ class FieldPath:
         """
         value = message
         try:
-            for name, part in self._steps:
+            for name, part in self.steps:
                 value = getattr(value, name)
                 value = value if part is None else value[part]
         except (AttributeError, IndexError, TypeError):

@@ -1,26 +1,35 @@
 """Adapter node: publishes strain vectors from the messages of other tactile sensors.
 
-A YAML file maps message fields to strain; see ``docs/sensors.md``.
+A YAML file maps message fields to strain; see ``docs/sensors.md``. Publishes ``strain`` and, at 1 Hz,
+``/diagnostics`` with the rate of each sensor topic and the messages that could not be used.
 """
 
 from __future__ import annotations
 
 import importlib
+import time
 from array import array
+from collections import Counter
 from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_topic_name import validate_topic_name
+
 from tactile_localizer.errors import MeasurementError, ParameterError
-from tactile_localizer.io.strain_adapter import load_adapter
+from tactile_localizer.io.strain_adapter import FieldPath, load_adapter
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions.timestamps import from_ns
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.parameters.adapter import PARAMETERS
 
 _WARNING_PERIOD_S = 5.0
+_DIAGNOSTICS_PERIOD_S = 1.0
 
 
 class AdapterNode(ManagedNode):
@@ -34,22 +43,37 @@ class AdapterNode(ManagedNode):
         """Read the YAML file and create the publisher."""
         self._adapter = load_adapter(given_or_shipped(self.parameters["adapter_file"], "config/adapters"))
         self._types = {topic: message_type(name) for topic, name in self._adapter.topics.items()}
+        for source in self._adapter.sources:
+            try:
+                validate_topic_name(source.topic)
+            except InvalidTopicNameException:
+                text = f"expected a name such as /wrench, got {source.topic!r}"
+                raise ParameterError(f"topic of {source.phalanx}: {text}") from None
+            for path in filter(None, (*source.fields, source.valid, source.stamp)):
+                check_field(path, source.kind)
         self._message = StrainVectors(
             phalanges=list(self._adapter.phalanges), channels=self._adapter.layout.counts
         )
         self._message.header.frame_id = self.parameters["frame_id"]
         self._publisher = self.create_lifecycle_publisher(StrainVectors, "strain", STRAIN)
+        self._health = DiagnosticsPublisher(self)
 
     def activate(self) -> None:
         """Subscribe to the sensor messages."""
         self._adapter.reset()
+        self._received: Counter[str] = Counter()
+        self._invalid: dict[str, str] = {}
+        self._reported_s = time.monotonic()
+        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
         for topic, type_ in self._types.items():
             self.create_subscription(type_, topic, partial(self._on_message, topic), STRAIN)
 
     def _on_message(self, topic: str, message: Any) -> None:
+        self._received[topic] += 1
         try:
             vector = self._adapter.feed(topic, message, self.now_ns)
         except MeasurementError as error:
+            self._invalid[topic] = str(error)
             self.get_logger().warning(str(error), throttle_duration_sec=_WARNING_PERIOD_S)
             return
         if vector is None:
@@ -61,6 +85,37 @@ class AdapterNode(ManagedNode):
         outgoing.status = array("B", vector.status.tobytes())
         outgoing.sequence = [self._sequence & 0xFFFFFFFF] * len(vector.status)
         self._publisher.publish(outgoing)
+
+    def _publish_diagnostics(self) -> None:
+        """Rate of each topic, and the last message that could not be used, since the previous status."""
+        elapsed_s = max(time.monotonic() - self._reported_s, 1e-3)
+        silent = [f"no messages on {topic}" for topic in self._types if not self._received[topic]]
+        problems = [*silent, *self._invalid.values()]
+        level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
+        level = DiagnosticStatus.ERROR if silent else level
+        values = {f"rate_hz_{topic}": f"{self._received[topic] / elapsed_s:.1f}" for topic in self._types}
+        values["strain_vectors"] = str(self._sequence)
+        self._health.publish(self._health.status("sensor", level, "; ".join(problems) or "OK", values))
+        self._received.clear()
+        self._invalid.clear()
+        self._reported_s = time.monotonic()
+
+
+def check_field(path: FieldPath, type_name: str) -> None:
+    """Check that messages of a type have the field at a path, as far as a message without elements shows it.
+
+    Raises
+    ------
+    ParameterError
+        The type does not have the field.
+    """
+    value = message_type(type_name)()
+    for name, part in path.steps:
+        if not hasattr(value, name):
+            raise ParameterError(f"field {path.text}: expected a field of {type_name}, found no {name}")
+        value = getattr(value, name)
+        if part is not None:
+            return  # the arrays of this message are empty
 
 
 def message_type(name: str) -> Any:

@@ -1,16 +1,18 @@
 """Filter node: estimates the palm position on the material from strain vectors and palm poses.
 
 Publishes ``~/posterior`` for each strain vector, with ``~/pose``, ``~/converged`` and ``~/covariance_trace``;
-``~/particles`` and ``~/markers`` at a lower rate; ``~/map`` once (latched); ``/diagnostics`` at 1 Hz; and
-``~/feature``, the probability of each candidate, if there are several scans. ``~/initial_pose`` seeds the
-belief, ``~/reinitialize_global_localization`` resets it to uniform, ``~/load_scan`` replaces the map.
+``~/particles`` and ``~/markers`` at a lower rate; ``~/map`` once (latched); ``/diagnostics`` at 1 Hz.
+``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` resets it to uniform,
+``~/load_scan`` replaces the map.
 
-If strain or poses stop, the last estimate is repeated and marked as stale; it is never extrapolated.
+If strain or poses stop, the last estimate is repeated and marked as stale; it is never extrapolated. A node
+that is late skips to the newest strain: a measurement update is due only after a distance, not per strain.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -21,24 +23,30 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.core.factory import Progress, build_localizer, convergence_criteria
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
-from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.scan.range import ScanRange
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.confinement import confined
+from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import StrainVectors
+from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import posteriors, timestamps
-from tactile_localizer.ros.conversions.palm_poses import position
+from tactile_localizer.ros.conversions.palm_poses import palm_frame, position
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
 from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics, InputState
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
-from tactile_localizer.ros.localization.map_loading import LoadedMap, load_map
-from tactile_localizer.ros.localization.online_localizer import OnlineLocalizer
+from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.ros.parameters.filter import LIVE, PARAMETERS, configuration
 from tactile_localizer.ros.publishers.estimates import EstimatePublisher
 from tactile_localizer.ros.publishers.maps import MapPublisher
@@ -46,10 +54,58 @@ from tactile_localizer.ros.publishers.material_transform import MaterialBroadcas
 from tactile_localizer.ros.subscriptions import palm_poses
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
+from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
 
 _WATCH_PERIOD_S = 0.1
 _DIAGNOSTICS_PERIOD_S = 1.0
+
+
+@dataclass(frozen=True)
+class LoadedMap:
+    """A scan with the localizer built from it.
+
+    Parameters
+    ----------
+    path : of the scan
+    scan, scene : training pairs and their scene
+    frame : transformation of palm poses to the axes of the scene
+    localizer : localizer on the scan
+    warning : description of an inconsistency in one line; empty if there is none
+    """
+
+    path: Path
+    scan: Scan
+    scene: Scene
+    frame: PalmFrame
+    localizer: Localizer
+    warning: str = ""
+
+
+def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMap:
+    """Read a scan and build the localizer; a calibration, which takes seconds, is stored with the scan.
+
+    Raises
+    ------
+    TactileLocalizerError
+        The scan or a parameter is invalid, or they are inconsistent.
+    """
+    with ScanStore.open(path) as store:
+        scan, scene = store.load(), store.scene
+    if parameters["scene_file"]:
+        scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
+    scene.columns(scan.axes)
+    scene.channels(scan.phalanges, scan.channels)
+    choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
+    frame, calibration = palm_frame(parameters, scene), learned_calibration(path, scan, scene, progress)
+    localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
+    warning = ""
+    if choices.uses_kernel_widths:
+        # The kernel models take half a second to import, which the default model saves.
+        from tactile_localizer.core.calibration.kernel_widths import describe_unfit_widths
+
+        warning = describe_unfit_widths(scan, scene) or ""
+    return LoadedMap(path, scan, scene, frame, localizer, warning)
 
 
 class FilterNode(ManagedNode):
@@ -69,8 +125,7 @@ class FilterNode(ManagedNode):
     def configure(self) -> None:
         """Load the map, build the localizer, create the publishers."""
         parameters = self.parameters
-        files = parameters["candidate_scan_files"] or [parameters["scan_file"]]
-        if not all(files):
+        if not parameters["scan_file"]:
             raise ParameterError("scan_file: expected a path, got none")
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = FilterDiagnostics(self._health)
@@ -80,7 +135,7 @@ class FilterNode(ManagedNode):
         if parameters["publish_tf"]:
             frames = parameters["reference_frame"], parameters["material_frame"]
             self._material = MaterialBroadcaster(self, *frames, parameters["material_pose"])
-        self._use(self._load([Path(file).expanduser() for file in files]))
+        self._use(self._load(Path(parameters["scan_file"]).expanduser()))
         self._estimates = EstimatePublisher(self, parameters)
         self._map = MapPublisher(self, parameters["material_frame"])
         self._has_map = True
@@ -89,11 +144,11 @@ class FilterNode(ManagedNode):
         """Subscribe to the inputs; the belief is uniform."""
         self._activations += 1
         self._restart()
-        self._map.publish(self._loaded.scan, self._localizer.scene)
+        self._map.publish(self._loaded.scan, self._loaded.scene)
         subscribe(
             self,
             (
-                Topic(StrainVectors, "strain", self._on_strain, STRAIN),
+                Topic(StrainVectors, "strain", self._on_strain, STRAIN, self._on_skip),
                 *palm_poses.pose_topics(self._lookup, self._on_pose),
                 Topic(
                     PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10)
@@ -109,25 +164,26 @@ class FilterNode(ManagedNode):
         self._has_map = False
 
     @property
-    def _localizer(self) -> Localizer | FeatureLocalizer:
+    def _localizer(self) -> Localizer:
         return self._online.localizer
 
-    def _load(self, paths: Sequence[Path]) -> LoadedMap:
-        """Build the localizer on one or several scan files; takes seconds unless they are calibrated."""
-        loaded = load_map(paths, self.parameters, self._report_progress)
-        for path, scan, scene in zip(paths, loaded.scans, loaded.scenes, strict=True):
-            sweeps = len(scan.sweep_numbers)
-            self.get_logger().info(f"{path}: {len(scan)} pairs of {sweeps} sweeps, scene {scene.name}")
-        for line in loaded.warnings:
-            self.get_logger().warning(line)
-        self._report_progress("map built", 1.0)
+    def _load(self, path: Path) -> LoadedMap:
+        """Build the localizer on a scan; takes seconds unless it is calibrated."""
+        loaded = load_map(path, self.parameters, self._report_progress)
+        sweeps = len(loaded.scan.sweep_numbers)
+        self.get_logger().info(
+            f"{path}: {len(loaded.scan)} pairs of {sweeps} sweeps, scene {loaded.scene.name}"
+        )
+        if loaded.warning:
+            self.get_logger().warning(loaded.warning)
         return loaded
 
     def _use(self, loaded: LoadedMap) -> None:
         """Localize on another map; on an error the present one stays in use."""
-        parameters, reader = self.parameters, StrainReader(loaded.scenes[0])
+        parameters, reader = self.parameters, StrainReader(loaded.scene)
+        scan_range = ScanRange.of(loaded.scan, loaded.scene)
         self._online = OnlineLocalizer(
-            loaded.localizer, parameters["max_gap_s"], parameters["patience_s"], loaded.ranges
+            loaded.localizer, parameters["max_gap_s"], parameters["patience_s"], scan_range
         )
         self._loaded, self._frame, self._reader = loaded, loaded.frame, reader
 
@@ -154,6 +210,10 @@ class FilterNode(ManagedNode):
             self._publish(estimates)
         if self._lookup is not None:
             self._lookup.look_up(stamp_ns)
+
+    def _on_skip(self, count: int) -> None:
+        self._inputs.skipped += count
+        self._reader.lost -= count  # the reader will count them, because their numbers are missing
 
     def _on_pose(self, message: PoseStamped) -> None:
         stamp_ns = timestamps.to_ns(message.header.stamp)
@@ -229,7 +289,7 @@ class FilterNode(ManagedNode):
             return
         activation = self._activations
         try:
-            loaded = await run_in_thread(self, partial(self._load, [found]))
+            loaded = await run_in_thread(self, partial(self._load, found))
             if not self.is_active or self._activations != activation:
                 response.result, response.message = response.NOT_ACTIVE, "deactivated while loading"
                 return
@@ -245,7 +305,7 @@ class FilterNode(ManagedNode):
         try:
             self._use(loaded)
             self._restart()
-            self._map.publish(loaded.scan, self._localizer.scene)
+            self._map.publish(loaded.scan, loaded.scene)
         except Exception:
             self._use(previous)
             self._restart()
@@ -266,15 +326,18 @@ class FilterNode(ManagedNode):
         silent = [topic for topic, received_ns in self._received_ns.items() if received_ns < oldest_ns]
         was_stale, stale = bool(self._inputs.stale), ""
         if self._online.latest is not None and age_s > timeout_s:
-            why = f"no {' and no '.join(silent or [self._online.lagging_input])}"
-            if self._online.last_error and not silent:
-                why = self._online.last_error
-            stale = f"{why}, no estimate for {age_s:.1f} s"
+            stale = f"{self._missing(silent)}, no estimate for {age_s:.1f} s"
         self._inputs.stale, self._inputs.silent = stale, silent
         if bool(stale) != was_stale:
             self.get_logger().warning(f"stale: {stale}" if stale else "no longer stale")
         if stale and not was_stale:
             self._repeat_as_stale()
+
+    def _missing(self, silent: Sequence[str]) -> str:
+        """Why there is no new estimate, given the topics without messages."""
+        if self._online.last_error and not silent:
+            return self._online.last_error
+        return f"no {' and no '.join(silent or [self._online.lagging_input])}"
 
     def _repeat_as_stale(self) -> None:
         if self._online.latest is not None:
@@ -284,9 +347,13 @@ class FilterNode(ManagedNode):
         self._watch()  # its timer stands still with simulated time
         if self._inputs.stale:
             self._repeat_as_stale()
+        elif self._online.latest is None:
+            reason = f"no estimate yet, {self._missing(self._inputs.silent)}"
+            stamp_ns = self._sender_clock.now_ns or self.now_ns
+            self._estimates.publish_waiting(stamp_ns, self._localizer, reason)
         self._inputs.lost = self._reader.lost
         self._health.publish(
-            self._diagnostics.belief(self._online, self._loaded.name, self._inputs.stale),
+            self._diagnostics.belief(self._online, str(self._loaded.path), self._inputs.stale),
             self._diagnostics.inputs(self._online, self._inputs),
         )
 

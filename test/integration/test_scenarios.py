@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any
 
 import pytest
-from support.scenarios import SCENARIOS, Place, Scenario
+from support.scenarios import SCENARIOS, Place, Scenario, ros2_bag
 
 pytestmark = pytest.mark.ros
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
 def test_scenario_of_processes(scenario: Scenario, place: Place, process: Any, probe: Any) -> None:
+    path = f"{Path(ros2_bag()).parent}{os.pathsep}{os.environ['PATH']}"
     running = [
-        process(command, {"ROS_HOME": str(place.folder)})
+        process(command, {"ROS_HOME": str(place.folder), "PATH": path})
         for started in scenario.started(place)
         for command in started.commands()
     ]

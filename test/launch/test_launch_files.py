@@ -23,23 +23,14 @@ def description_of(path: Path) -> Any:
     return module.generate_launch_description()
 
 
-def test_misspelt_arguments_are_distinguished_from_foreign_ones() -> None:
-    from tactile_localizer.ros.launching.nodes import misspelt
-
-    known = [argument.name for argument in description_of(LAUNCH_FILES[0]).get_launch_arguments()]
-    given = ["channel", "chanel", "scanfile", "somebody_elses", "robot"]
-    assert misspelt(given, known) == {"chanel": "channel", "scanfile": "scan_file"}
-
-
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_every_argument_is_described(path: Path) -> None:
     arguments = description_of(path).get_launch_arguments()
     assert [argument.name for argument in arguments if argument.description == "no description given"] == []
+    assert {"namespace", "strain_topic", "pose_topic", "use_sim_time"} <= {one.name for one in arguments}
 
 
 def test_the_lifecycle_manager_example_activates_the_nodes() -> None:
-    from tactile_localizer.ros.launching.nodes import DRIVER, FILTER
-
     path = Path(__file__).parents[2] / "examples/lifecycle_manager/managed_bringup.launch.py"
     assert description_of(path).get_launch_arguments()[0].name == "scan_file"
-    assert f'"node_names": ["{DRIVER.name}", "{FILTER.name}"]' in path.read_text()
+    assert '"node_names": ["driver", "filter"]' in path.read_text()

@@ -119,11 +119,30 @@ def test_arrays_of_16_taxels_become_two_phalanges(node_process, probe):
     assert vector.header.stamp.sec > 0
 
 
-def test_an_invalid_file_or_type_is_rejected_in_one_line(refusal, tmp_path):
-    (line,) = refusal("adapter_node", {"adapter_file": tmp_path / "none.yaml"})
-    assert "none.yaml: expected a strain adapter in YAML, found none" in line
-    (tmp_path / "own.yaml").write_text(
-        "phalanges: {index: {topic: a, type: no_such/msg/Skin, fields: [data]}}"
-    )
+@pytest.mark.parametrize(
+    ("entry", "reason"),
+    [
+        ("topic: a, type: no_such/msg/Skin, fields: [data]", "type no_such/msg/Skin: expected an installed"),
+        ("topic: a b, type: geometry_msgs/msg/Wrench", "topic of index: expected a name such as /wrench"),
+        (
+            "topic: a, type: geometry_msgs/msg/Wrench, fields: [force.q]",
+            "field force.q: expected a field of geometry_msgs/msg/Wrench, found no q",
+        ),
+    ],
+)
+def test_what_does_not_exist_is_rejected_in_one_line(refusal, tmp_path, entry, reason):
+    (tmp_path / "own.yaml").write_text(f"phalanges: {{index: {{{entry}}}}}")
     (line,) = refusal("adapter_node", {"adapter_file": tmp_path / "own.yaml"})
-    assert "type no_such/msg/Skin: expected an installed message type, found none" in line
+    assert reason in line
+
+
+def test_a_silent_sensor_is_reported(node_process, probe):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from geometry_msgs.msg import WrenchStamped
+
+    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    node_process("adapter_node", {"adapter_file": "wrench.yaml"})
+    messages = lambda: [report.status[0].message for report in reports]  # noqa: E731
+    probe.until(lambda: "no messages on /wrench" in messages(), "the report")
+    wrenches = probe.publisher(WrenchStamped, "wrench")
+    probe.until(lambda: wrenches.publish(WrenchStamped()) or "OK" in messages(), "the end of the report")

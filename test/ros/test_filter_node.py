@@ -11,13 +11,12 @@ from support.sweeps import (
     SlidingHand,
     kidnapped_sweep,
     scene_of,
-    stamp_of,
     unseen_sweep,
     write_scan,
 )
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_identifier, build_localizer
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
@@ -176,51 +175,6 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     probe.until(
         lambda: node.status("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map"
     )
-
-
-@pytest.fixture(scope="module")
-def three_scans(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("features")
-    for feature in ("bump", "snap", "grommet"):
-        write_scan(folder / f"{feature}.db", feature)
-    return [folder / f"{feature}.db" for feature in ("bump", "snap", "grommet")]
-
-
-def test_live_feature_probabilities_equal_offline_ones(node_process, probe, three_scans):
-    from tactile_localizer.msg import FeatureProbabilities
-
-    reports = probe.listen(FeatureProbabilities, "filter/feature", 1000)
-    process = node_process("filter_node", {"candidate_scan_files": three_scans, **CELL})
-    node = Filter(process, probe, SlidingHand(probe, unseen_sweep("snap")))
-    node.slide(150)
-    probe.until(lambda: reports and stamp_of(reports[-1]) == stamp_of(node.fresh()[-1]), "its probabilities")
-    candidates, calibrations = {}, {}
-    for path in three_scans:
-        with ScanStore.open(path) as store:
-            scan, scene = candidates[store.scene.name] = store.load(), store.scene
-        calibrations[scene.name] = learned_calibration(path, scan, scene)
-    rng = np.random.default_rng(0)
-    identifier = build_identifier(candidates, Configuration(**CELL), rng, None, calibrations)
-    hand = node.hand
-    positions = hand.positions()
-    for message, posterior in zip(reports, node.fresh(), strict=True):
-        k = hand.sample_of(message)
-        stamp_ns = hand.offset_ns + int(hand.strain_ns[k])
-        expected = identifier.update(stamp_ns, positions[k], hand.sweep.strain[k])
-        assert list(message.names) == list(expected.probabilities)
-        np.testing.assert_allclose(message.probabilities, list(expected.probabilities.values()), atol=1e-6)
-        assert message.most_probable == expected.most_probable
-        if expected.most_probable == "none of them":
-            assert not posterior.converged
-        else:
-            estimate = expected.estimates[expected.most_probable]
-            np.testing.assert_allclose(posterior.mean, estimate.mean, atol=1e-9)
-    assert process.stop() == 0
-
-
-def test_scans_with_the_same_scene_name_are_rejected(refusal, scan_file):
-    (line,) = refusal("filter_node", {"candidate_scan_files": [scan_file, scan_file], **CELL})
-    assert "candidate_scan_files: expected scenes of different names, got bump, bump" in line
 
 
 def test_unfit_kernel_widths_are_logged(start, tmp_path):

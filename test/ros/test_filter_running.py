@@ -49,7 +49,10 @@ def test_missing_inputs_are_reported(node, probe):
         lambda: {"strain", "palm_pose"} <= set(node.status("inputs")[1].split()), "the missing inputs"
     )
     assert node.status("inputs")[0] == b"\x01"
-    assert node.posteriors == [], "no estimate without inputs"
+    waiting = probe.until(lambda: node.posteriors, "a posterior that says what is missing")[-1]
+    assert waiting.stale
+    assert not waiting.converged
+    assert waiting.reason == "stale: no estimate yet, no strain and no palm_pose"
     node.slide(10)
     assert not node.posteriors[-1].stale
 

@@ -54,7 +54,7 @@ def test_estimates_are_reliable_and_the_map_is_latched(node_process, probe, para
         infos = probe.until(lambda: probe.node.get_publishers_info_by_topic(f"/filter/{topic}"), topic, 60.0)
         return infos[0].qos_profile.reliability.name, infos[0].qos_profile.durability.name
 
-    for topic in ("posterior", "feature", "converged"):
+    for topic in ("posterior", "converged"):
         assert quality(topic) == ("RELIABLE", "VOLATILE")
     for topic in ("map", "feature_region"):
         assert quality(topic) == ("RELIABLE", "TRANSIENT_LOCAL")

@@ -53,13 +53,17 @@ def play(bag: Path, probe: Any) -> list[Any]:
     from tactile_localizer.msg import Posterior, StrainVectors
 
     best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    received = probe.listen(Posterior, "filter/posterior", 1000)
     kinds = {"/strain": StrainVectors, "/palm_pose": PoseStamped}
     publishers = {
         "/strain": probe.publisher(StrainVectors, "strain", best_effort, timeout_s=60.0),
         "/palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
     }
     probe.known_to("/filter")
+
+    def fresh() -> list[Any]:
+        return [message for message in received if not message.stale]
+
     with AnyReader([bag]) as reader:
         for count, (connection, _, raw) in enumerate(reader.messages(), 1):
             message = deserialize_message(raw, kinds[connection.topic])
@@ -67,12 +71,10 @@ def play(bag: Path, probe: Any) -> list[Any]:
             probe.executor.spin_once(timeout_sec=0.002)
             if connection.topic == "/palm_pose" and count > _AT_ONCE and count % _AT_ONCE < 2:
                 behind = stamp_of(message) - 150_000_000
-                probe.until(
-                    lambda b=behind: posteriors and stamp_of(posteriors[-1]) >= b, "the filter to keep up"
-                )
+                probe.until(lambda b=behind: fresh() and stamp_of(fresh()[-1]) >= b, "the filter to keep up")
     last = START + 5000 * 1_000_000
-    probe.until(lambda: stamp_of(posteriors[-1]) >= last, "the posterior of the last strain")
-    return [message for message in posteriors if not message.stale]
+    probe.until(lambda: stamp_of(fresh()[-1]) >= last, "the posterior of the last strain")
+    return fresh()
 
 
 @pytest.mark.parametrize("choices", [GRID, PARTICLES], ids=["grid", "particles"])

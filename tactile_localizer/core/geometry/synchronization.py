@@ -78,6 +78,11 @@ class Pairing(Generic[T]):
         """Stamp of the oldest strain vector that waits for a pose, ns; ``None`` when none waits."""
         return self._waiting[0][0] if self._waiting else None
 
+    @property
+    def waiting(self) -> int:
+        """Number of strain vectors that wait for a pose."""
+        return len(self._waiting)
+
     def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Pair[T]]:
         """Add a palm position (d,), m (yaw: rad); returns the pairs that are now complete, by stamp.
 

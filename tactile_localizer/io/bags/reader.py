@@ -35,7 +35,7 @@ _EARLIER_DEFINITIONS = {
 }
 """Hash of the definition before ``channels`` was appended, by type; its messages have the same layout."""
 
-MESSAGES = ("StrainVectors", "ScanStatus", "Posterior", "FeatureProbabilities")
+MESSAGES = ("StrainVectors", "ScanStatus", "Posterior")
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 import threading
@@ -45,7 +46,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     def interrupt(number: int, frame: FrameType | None) -> None:
         # The handler of rclpy runs first and ends spinning after the running callback; do not interrupt it.
         if not spinning.is_set():
-            raise KeyboardInterrupt
+            os._exit(0)  # nothing to release yet; an exception would end in a traceback
 
     signal.signal(signal.SIGINT, interrupt)
     try:
@@ -68,7 +69,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
             gc.collect()
             gc.freeze()
             executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     except TactileLocalizerError as error:
         rclpy.logging.get_logger("tactile_localizer").error(str(error))
@@ -77,6 +78,8 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         if rclpy.ok():
             raise
     finally:
+        # Ctrl-C reaches a launched node twice, from the terminal and from launch; the second would kill it.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.close()
             node.destroy_node()
@@ -87,7 +90,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
 def _construct(make: Callable[[], ManagedNode]) -> ManagedNode:
     try:
         return make()
-    except (KeyboardInterrupt, ExternalShutdownException, TactileLocalizerError):
+    except (ExternalShutdownException, TactileLocalizerError):
         raise
     except Exception as error:  # from rclpy, for invalid parameter overrides
         raise ParameterError(one_line(error)) from None

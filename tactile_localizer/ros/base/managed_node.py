@@ -28,6 +28,14 @@ from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
 
 _BETWEEN_TRANSITIONS_S = 0.2
 """Time that a request waits for the end of the previous transition before it is rejected, s."""
+_STATES = {"configure": "unconfigured", "activate": "inactive", "deactivate": "active", "cleanup": "inactive"}
+"""State that each transition starts from."""
+_LABELS = {
+    Transition.TRANSITION_CONFIGURE: "configure",
+    Transition.TRANSITION_ACTIVATE: "activate",
+    Transition.TRANSITION_DEACTIVATE: "deactivate",
+    Transition.TRANSITION_CLEANUP: "cleanup",
+}
 _AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false leaves both to a lifecycle manager"
 )
@@ -233,8 +241,11 @@ class ManagedNode(LifecycleNodeMixin, Node):
             if wanted.label == "configure" or wanted.id == Transition.TRANSITION_CONFIGURE:
                 return await run_in_thread(self, change)
             return change()
-        except RuntimeError as error:  # from rclpy: the present state does not have this transition
-            self.get_logger().error(f"transition {wanted.label or wanted.id}: {str(error).splitlines()[0]}")
+        except RuntimeError:  # from rclpy: the present state does not have this transition
+            present = self._state_machine.current_state[1]
+            expected = _STATES.get(wanted.label or _LABELS.get(wanted.id, ""), "a state with this transition")
+            text = f"expected {expected}, the node is {present}"
+            self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
             return response
 
     def _change_and_release(

@@ -11,9 +11,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from tactile_localizer.core.filters.resampling import systematic
-from tactile_localizer.core.identification import Identification
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.msg import FeatureProbabilities, Posterior
+from tactile_localizer.msg import Posterior
 from tactile_localizer.ros.conversions.timestamps import from_ns
 
 _COVARIANCE_INDEX = {"x": 0, "y": 1, "yaw": 5}
@@ -65,12 +64,26 @@ def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovar
     return message
 
 
-def feature(stamp_ns: int, identification: Identification, frame: str) -> FeatureProbabilities:
-    """Probabilities of the candidate scans."""
-    message = FeatureProbabilities(header=_header(stamp_ns, frame))
-    message.names = list(identification.probabilities)
-    message.probabilities = array("d", identification.probabilities.values())
-    message.most_probable = identification.most_probable
+def waiting(
+    stamp_ns: int, hypotheses: tuple[np.ndarray, np.ndarray], axes: tuple[str, ...], frame: str, reason: str
+) -> Posterior:
+    """The message of a belief without any estimate yet: moments of its hypotheses, state ``STALE``.
+
+    Parameters
+    ----------
+    stamp_ns : time of the message, ns
+    hypotheses : states (P, d), m (yaw: rad), and weights (P,)
+    axes, frame : names of the axes, and frame of the material
+    reason : what the filter waits for
+    """
+    states, weights = hypotheses
+    covariance = np.atleast_2d(np.cov(states, rowvar=False, aweights=weights, ddof=0))
+    message = Posterior(header=_header(stamp_ns, frame), state=Posterior.STALE, stale=True)
+    message.axes, message.reason = list(axes), f"stale: {reason}"
+    message.mean = array("d", np.average(states, axis=0, weights=weights).tobytes())
+    message.covariance = array("d", covariance.tobytes())
+    message.covariance_trace = float(covariance.trace())
+    message.particles = len(states)
     return message
 
 

@@ -15,7 +15,7 @@ from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
-from tactile_localizer.ros.localization.online_localizer import OnlineLocalizer
+from tactile_localizer.ros.online_localizer import OnlineLocalizer
 
 
 @dataclass
@@ -26,12 +26,14 @@ class InputState:
     ----------
     invalid : numbers of invalid messages, by topic
     lost : number of strain vectors lost in transport
+    skipped : number of queued strain vectors skipped because the node was late
     silent : topics without a message for ``stale_timeout_s``
     stale : why the estimate is stale; empty if it is not
     """
 
     invalid: dict[str, int]
     lost: int = 0
+    skipped: int = 0
     silent: Sequence[str] = ()
     stale: str = ""
 
@@ -87,6 +89,7 @@ class FilterDiagnostics:
         losses = self._losses.describe(
             {
                 "strain vectors lost in transport": state.lost,
+                "strain vectors skipped, the node was late": state.skipped,
                 "strain vectors without a pose": counts["gaps"],
                 "strain vectors without a phalanx with status OK": counts["unusable"],
                 "strain vectors that are not finite": counts["rejected"],
@@ -102,6 +105,8 @@ class FilterDiagnostics:
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
             **{f"invalid_{topic}": count for topic, count in state.invalid.items()},
             "lost": state.lost,
+            "skipped": state.skipped,
+            "waiting": pairing.waiting,
             "late": pairing.late,
             "backward_jumps": pairing.resets,
             "forward_jumps": online.forward_jumps,

@@ -107,11 +107,6 @@ PARAMETERS = (
         "Scene (YAML) in place of the one in the scan file: path or shipped file name",
     ),
     Parameter(
-        "candidate_scan_files",
-        [],
-        "Scan files of several features, instead of scan_file, to identify which one is present",
-    ),
-    Parameter(
         "scan_directory",
         "",
         "Directory of the scan files that ~/load_scan may read; if empty, none",

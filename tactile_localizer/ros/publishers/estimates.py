@@ -12,9 +12,8 @@ from std_msgs.msg import Bool, Float64
 from visualization_msgs.msg import MarkerArray
 
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
-from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.msg import FeatureProbabilities, Posterior
+from tactile_localizer.msg import Posterior
 from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.conversions import hand_markers, posteriors
 
@@ -35,20 +34,16 @@ class EstimatePublisher:
         self._rng = np.random.default_rng(0)
         self._displayed_ns: int | None = None
         self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
-        self._feature = node.create_lifecycle_publisher(FeatureProbabilities, "~/feature", 100)
         self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
         self._trace = node.create_lifecycle_publisher(Float64, "~/covariance_trace", 100)
         self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", 100)
         self._particles = node.create_lifecycle_publisher(PointCloud2, "~/particles", 10)
         self._markers = node.create_lifecycle_publisher(MarkerArray, "~/markers", 10)
 
-    def publish(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str = "") -> None:
+    def publish(self, estimate: Estimate, localizer: Localizer, stale: str = "") -> None:
         """Publish an estimate; ``stale`` is the reason why it is stale, or empty."""
         axes = localizer.scene.axis_names
         self._posterior.publish(posteriors.posterior(estimate, axes, self._frame, stale))
-        if isinstance(localizer, FeatureLocalizer) and localizer.identification is not None and not stale:
-            feature = posteriors.feature(estimate.stamp_ns, localizer.identification, self._frame)
-            self._feature.publish(feature)
         if _has_subscribers(self._converged):
             self._converged.publish(Bool(data=estimate.converged and not stale))
         if _has_subscribers(self._trace):
@@ -58,11 +53,18 @@ class EstimatePublisher:
         if stale or self._is_display_due(estimate.stamp_ns):
             self._display(estimate, localizer, stale)
 
+    def publish_waiting(self, stamp_ns: int, localizer: Localizer, reason: str) -> None:
+        """Publish that there is no estimate yet; ``reason`` is what the filter waits for."""
+        axes = localizer.scene.axis_names
+        self._posterior.publish(
+            posteriors.waiting(stamp_ns, localizer.hypotheses(), axes, self._frame, reason)
+        )
+
     def _is_display_due(self, stamp_ns: int) -> bool:
         period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
         return self._displayed_ns is None or not 0 <= stamp_ns - self._displayed_ns < period_ns
 
-    def _display(self, estimate: Estimate, localizer: Localizer | FeatureLocalizer, stale: str) -> None:
+    def _display(self, estimate: Estimate, localizer: Localizer, stale: str) -> None:
         self._displayed_ns = estimate.stamp_ns
         scene = localizer.scene
         if _has_subscribers(self._markers):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import islice, zip_longest
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
@@ -12,17 +14,26 @@ from rclpy.subscription import Subscription
 
 from tactile_localizer.ros.base.rclpy_private import take_message
 
-MAX_ROUNDS = 20
-"""Largest number of messages of each topic handled before the executor serves timers and services again."""
+MAX_BACKLOG = 0.5
+"""Fraction of the depth of a queue above which its messages are skipped: 50 of 100, 50 ms at 1 kHz."""
 
 
 class Topic(NamedTuple):
-    """A topic to subscribe to; ``qos`` can be overridden by parameters."""
+    """A topic to subscribe to.
+
+    Parameters
+    ----------
+    message_type, name, callback : as for ``create_subscription``
+    qos : can be overridden by parameters
+    on_skip : called with the number of skipped messages when the node is late: only the newest of a longer
+        backlog is handled; ``None``: all are handled
+    """
 
     message_type: Any
     name: str
     callback: Callable[[Any], None]
     qos: QoSProfile
+    on_skip: Callable[[int], None] | None = None
 
 
 def subscribe(node: Node, topics: Sequence[Topic]) -> None:
@@ -40,10 +51,11 @@ def subscribe(node: Node, topics: Sequence[Topic]) -> None:
     subscriptions: list[Subscription] = []
 
     def drain() -> None:
-        for _ in range(MAX_ROUNDS):
-            handled = [_handle_next(*pair) for pair in zip(subscriptions, topics, strict=True)]
-            if not any(handled):
-                return
+        queues = [_take_queued(*pair) for pair in zip(subscriptions, topics, strict=True)]
+        for messages in zip_longest(*queues):
+            for topic, message in zip(topics, messages, strict=True):
+                if message is not None:
+                    topic.callback(message)
 
     def draining(callback: Callable[[Any], None]) -> Callable[[Any], None]:
         def handle(message: Any) -> None:
@@ -52,18 +64,25 @@ def subscribe(node: Node, topics: Sequence[Topic]) -> None:
 
         return handle
 
-    for message_type, name, callback, qos in topics:
+    for topic in topics:
         options = QoSOverridingOptions.with_default_policies()
         subscriptions.append(
             node.create_subscription(
-                message_type, name, draining(callback), qos, qos_overriding_options=options
+                topic.message_type,
+                topic.name,
+                draining(topic.callback),
+                topic.qos,
+                qos_overriding_options=options,
             )
         )
 
 
-def _handle_next(subscription: Subscription, topic: Topic) -> bool:
-    """Handle the next queued message; returns whether there was one."""
-    message = take_message(subscription, topic.message_type)
-    if message is not None:
-        topic.callback(message)
-    return message is not None
+def _take_queued(subscription: Subscription, topic: Topic) -> list[Any]:
+    """The queued messages; of a long backlog that may be skipped only the newest."""
+    depth = subscription.qos_profile.depth
+    take = partial(take_message, subscription, topic.message_type)
+    messages = list(islice(iter(take, None), depth))
+    if topic.on_skip is not None and len(messages) > MAX_BACKLOG * depth:
+        topic.on_skip(len(messages) - 1)
+        messages = messages[-1:]
+    return messages

@@ -14,6 +14,8 @@ from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
+from support.orphans import end_with_parent
+
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
     [f"tactile_localizer.ros.{name}_node" for name in ("adapter", "driver", "filter", "mapping", "simulator")]
@@ -63,6 +65,7 @@ class ForkedNode:
 
 
 def _run(name: str, arguments: list[str], variables: dict[str, str], output: Connection) -> Any:
+    end_with_parent()
     os.setsid()
     os.environ.clear()
     os.environ.update(variables)

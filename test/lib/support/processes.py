@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from support.forked_nodes import ForkedNode
+from support.orphans import end_with_parent
 from support.waiting import Deadline, children, wait_until
 
 
@@ -46,6 +47,7 @@ class Process:
                 text=True,
                 env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
                 start_new_session=True,
+                preexec_fn=end_with_parent,  # noqa: PLW1509 - one system call, no lock
             )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from support.probe import Probe
 from support.processes import node_command
-from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep, write_scan
+from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep
 
 from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.resources import resource_path
@@ -21,18 +21,14 @@ BIN = Path(__file__).parents[1] / "bin"
 STRAIN, POSE = "tactile_localizer/msg/StrainVectors", "geometry_msgs/msg/PoseStamped"
 
 _BUS = ("interface", "channel", "bus_options")
+_TOPICS = {"strain": "strain_topic", "palm_pose": "pose_topic"}
 _ACCEPTED = {
     "simulator": (*_BUS, "feature", "speed", "mode"),
     "driver": (*_BUS, "dbc", "phalanges", "autostart"),
     "mapping": ("scan_file", "scene_file"),
-    "filter": (
-        "scan_file",
-        "candidate_scan_files",
-        "scene_file",
-        "scan_directory",
-        "use_sim_time",
-        "autostart",
-    ),
+    "filter": ("scan_file", "scene_file", "scan_directory", "use_sim_time", "autostart"),
+    "adapter": ("adapter_file",),
+    "replay": ("bag", "rate", "loop"),
 }
 """Launch arguments that become parameters of each node."""
 
@@ -45,14 +41,12 @@ class Started:
     ----------
     launch_file : launch file of the nodes; empty for nodes that substitute hardware
     nodes : names of the nodes
-    arguments : launch arguments; ``namespace``, ``pose_topic`` and parameters of the nodes
-    further : further commands of the launch file
+    arguments : launch arguments; ``namespace``, ``strain_topic``, ``pose_topic`` and parameters of the nodes
     """
 
     launch_file: str
     nodes: Sequence[str]
     arguments: Mapping[str, Any] = field(default_factory=dict)
-    further: Sequence[Sequence[str]] = ()
 
     def launch_arguments(self) -> list[tuple[str, str]]:
         """The arguments as pairs of name and text."""
@@ -60,20 +54,19 @@ class Started:
 
     def commands(self) -> list[list[str]]:
         """The command lines that are equivalent to the launch file."""
-        nodes = [
+        given = self.arguments
+        remapped = {topic: given[argument] for topic, argument in _TOPICS.items() if argument in given}
+        files = {node: resource_path("config") / f"{node}.yaml" for node in self.nodes}
+        return [
             node_command(
                 f"{node}_node",
-                {name: self.arguments[name] for name in _ACCEPTED[node] if name in self.arguments},
-                {"palm_pose": self.arguments["pose_topic"]} if self._is_remapped(node) else None,
-                f"/{self.arguments['namespace']}" if "namespace" in self.arguments else None,
-                [resource_path(f"config/{node}.yaml")],
+                {name: given[name] for name in _ACCEPTED[node] if name in given},
+                remapped,
+                f"/{given['namespace']}" if "namespace" in given else None,
+                [file] if file.is_file() else [],
             )
-            for node in self.nodes
+            for node, file in files.items()
         ]
-        return [*nodes, *map(list, self.further)]
-
-    def _is_remapped(self, node: str) -> bool:
-        return node in ("mapping", "filter") and "pose_topic" in self.arguments
 
 
 @dataclass(frozen=True)
@@ -186,15 +179,16 @@ def _check_two_hands(probe: Probe, place: Place) -> None:
 
 
 def _remapped(place: Place) -> Sequence[Started]:
-    arguments = {"scan_file": place.scan_file, "pose_topic": "arm/tool_pose", "namespace": "hand"}
+    topics = {"strain_topic": "touch", "pose_topic": "arm/tool_pose"}
+    arguments = {"scan_file": place.scan_file, "namespace": "hand", **topics}
     return [Started("localize.launch.py", ("filter",), arguments)]
 
 
-def _check_a_remapped_pose_topic(probe: Probe, place: Place) -> None:
+def _check_remapped_topics(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, "hand/filter/posterior", 1000)
-    hand = SlidingHand(probe, unseen_sweep(), topics=("hand/strain", "hand/arm/tool_pose"))
+    hand = SlidingHand(probe, unseen_sweep(), topics=("hand/touch", "hand/arm/tool_pose"))
     probe.until(lambda: probe.node.count_publishers("hand/filter/posterior"), "the filter")
     probe.until(lambda: hand.slide(1) or posteriors, "the first posterior")
     hand.slide(40)
@@ -202,37 +196,41 @@ def _check_a_remapped_pose_topic(probe: Probe, place: Place) -> None:
 
 
 def _managed(place: Place) -> Sequence[Started]:
-    other = place.folder / "snap.db"
-    write_scan(other, "snap")
-    arguments = {"candidate_scan_files": [str(place.scan_file), str(other)], "autostart": False}
-    # Slow enough for two maps on a busy machine; not along the edge, where the features resemble each other.
-    hand = _hardware(place, speed=2.0, mode="localize")
-    return [hand, Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
+    arguments = {"scan_file": place.scan_file, "autostart": False}
+    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
 
 
-def _check_identification_after_activation(probe: Probe, place: Place) -> None:
+def _check_posteriors_after_activation(probe: Probe, place: Place) -> None:
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
-    from std_msgs.msg import Bool
-    from std_srvs.srv import Empty
 
-    from tactile_localizer.msg import FeatureProbabilities
+    from tactile_localizer.msg import Posterior
 
-    features = probe.listen(FeatureProbabilities, "filter/feature", 1000)
-    sweeping = probe.listen(Bool, "simulator/sweep_active", 100)
+    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
     for node in ("driver", "filter"):
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-            assert not features
+            assert not posteriors
             request = ChangeState.Request(transition=Transition(id=transition))
             assert probe.call(ChangeState, f"{node}/change_state", request, timeout_s=60.0).success
-    for _ in range(2):
-        _call(probe, "simulator/prepare")
-        probe.call(Empty, "filter/reinitialize_global_localization")
-        sweeping.clear()
-        _call(probe, "simulator/sweep")
-        probe.until(lambda: any(m.data for m in sweeping) and not sweeping[-1].data, "the sweep's end", 30.0)
-    probe.until(lambda: features and features[-1].most_probable == "bump", "the correct feature")
-    assert list(features[-1].names) == ["bump", "snap", "none of them"]
+    probe.until(lambda: posteriors and not posteriors[-1].stale, "the first posterior")
+
+
+def _adapted(place: Place) -> Sequence[Started]:
+    file = place.folder / "wrench.yaml"
+    file.write_text("phalanges: {index: {topic: /fingertip, type: geometry_msgs/msg/WrenchStamped}}")
+    return [Started("sensor.launch.py", ("adapter",), {"sensor": "adapter", "adapter_file": file})]
+
+
+def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
+    from geometry_msgs.msg import WrenchStamped
+    from rclpy.qos import qos_profile_sensor_data
+
+    from tactile_localizer.msg import StrainVectors
+
+    strains = probe.listen(StrainVectors, "strain", qos_profile_sensor_data)
+    wrenches = probe.publisher(WrenchStamped, "fingertip")
+    probe.until(lambda: wrenches.publish(WrenchStamped()) or strains, "strain of the fingertip")
+    assert list(strains[-1].channels) == [6]
 
 
 def _faulty(place: Place) -> Sequence[Started]:
@@ -274,8 +272,7 @@ def _check_a_silent_load_cell(probe: Probe, place: Place) -> None:
 def _replaying(place: Place) -> Sequence[Started]:
     bag = write_sweep_bag(place.folder / "bag")
     arguments = {"scan_file": place.scan_file, "bag": bag, "rate": 3.0, "loop": True, "use_sim_time": True}
-    play = [ros2_bag(), "bag", "play", str(bag), "--clock", "200", "--rate", "3.0", "--delay", "2", "--loop"]
-    return [Started("replay.launch.py", ("filter",), arguments, [play])]
+    return [Started("replay.launch.py", ("filter", "replay"), arguments)]
 
 
 def ros2_bag() -> str:
@@ -323,8 +320,9 @@ SCENARIOS = (
     Scenario("scan", _scanning, _check_a_recorded_sweep),
     Scenario("localize", _localizing, _check_posteriors),
     Scenario("two hands", _two_hands, _check_two_hands),
-    Scenario("remapped pose topic", _remapped, _check_a_remapped_pose_topic),
-    Scenario("two candidates, lifecycle manager", _managed, _check_identification_after_activation),
+    Scenario("remapped topics", _remapped, _check_remapped_topics),
+    Scenario("lifecycle manager", _managed, _check_posteriors_after_activation),
+    Scenario("another sensor", _adapted, _check_strain_of_an_adapter),
     Scenario("silent load cell", _faulty, _check_a_silent_load_cell),
     Scenario("looping bag", _replaying, _check_a_looping_bag),
 )

@@ -65,7 +65,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     probe.until(answer.done, "the end of the calibration", 180.0)
     assert "calibrating on held-out sweeps: 20%" in process.output
     assert answer.result().success
-    probe.until(lambda: any("map built: 100%" in array.status[0].message for array in reports), "100 %")
+    probe.until(lambda: any("ready: 100%" in array.status[0].message for array in reports), "100 %")
     assert reports[0].status[0].name == "filter: map"
     assert process.stop() == 0
 

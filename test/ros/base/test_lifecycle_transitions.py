@@ -250,7 +250,7 @@ def fails():
     raise RuntimeError("something else")
 
 def make():
-    raise KeyboardInterrupt
+    raise rclpy.executors.ExternalShutdownException
 
 rclpy.try_shutdown = {}
 sys.exit(run(make))

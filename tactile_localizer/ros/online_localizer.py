@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pair, Pairing
-from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.scan.range import ScanRange
+from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
 from tactile_localizer.io.scans.recorder import StrainSample
-from tactile_localizer.ros.localization.range_check import RangeCheck
 
 _TIMES_KEPT = 4096
 _BEFORE_FIRST_NS = -1
+_RANGE_WINDOW = 200
+"""Number of measurement updates for the fractions out of range: 0.2 m of travel at the default distance."""
+_MIN_UPDATES = 20
+"""Number of measurement updates below which nothing is reported as out of range."""
 
 
 @dataclass
@@ -47,6 +48,47 @@ class Counts:
     rejected: int = 0
 
 
+class RangeCheck:
+    """Fractions of recent strains out of the range of the scan, and of positions too far from the start.
+
+    Parameters
+    ----------
+    scan_range : range of the scan; ``None``: nothing is out of range
+    """
+
+    def __init__(self, scan_range: ScanRange | None) -> None:
+        self._range = scan_range
+        self._start: np.ndarray | None = None
+        self._outside: deque[tuple[bool, bool]] = deque(maxlen=_RANGE_WINDOW)
+
+    def reset(self) -> None:
+        """Discard the updates so far; the next position is the start."""
+        self._start = None
+        self._outside.clear()
+
+    def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
+        """Add position (d,), m, strain (C,), V, and usable phalanges (F,) bool of a measurement update."""
+        if self._range is None:
+            return
+        if self._start is None:
+            self._start = position
+        strain_is_outside = bool(self._range.strains_outside(strain, present))
+        self._outside.append((strain_is_outside, bool(self._range.positions_outside(position, self._start))))
+
+    @property
+    def fractions(self) -> tuple[float, float]:
+        """Fractions of strains and of positions outside; zero during the first updates."""
+        if len(self._outside) < _MIN_UPDATES:
+            return 0.0, 0.0
+        strains, positions = np.mean(self._outside, axis=0).tolist()
+        return strains, positions
+
+    @property
+    def problem(self) -> str:
+        """Description of the misfit in one line; empty if there is none."""
+        return describe_misfit(*self.fractions)
+
+
 class OnlineLocalizer:
     """Synchronizes poses with strain vectors by stamps and passes the pairs to a localizer.
 
@@ -55,13 +97,13 @@ class OnlineLocalizer:
     localizer : localizer to update
     max_gap_s : longest interval between the poses before and after a strain vector, s
     patience_s : time, measured in stamps, that a strain vector waits for its pose, s
-    ranges : ranges of the scans in the map
+    scan_range : range of the scan in the map; ``None``: not checked
 
     Attributes
     ----------
     latest : last estimate; ``None`` before the first
     palm : (d,) palm position of the last estimate, m (yaw: rad); ``None`` before the first
-    range_check : comparison of strains and positions with the scans
+    range_check : comparison of strains and positions with the scan
     last_error : why the last strain vector was not used; empty if it was
     counts : numbers of strain vectors by how they were used
     forward_jumps : number of strain stamps more than ``patience_s`` after the last: silence, or a clock set
@@ -70,13 +112,13 @@ class OnlineLocalizer:
 
     def __init__(
         self,
-        localizer: Localizer | FeatureLocalizer,
+        localizer: Localizer,
         max_gap_s: float,
         patience_s: float,
-        ranges: Sequence[ScanRange] = (),
+        scan_range: ScanRange | None = None,
     ) -> None:
         self.localizer = localizer
-        self.range_check = RangeCheck(ranges)
+        self.range_check = RangeCheck(scan_range)
         self.latest: Estimate | None = None
         self.palm: np.ndarray | None = None
         self.last_error = ""

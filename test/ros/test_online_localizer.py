@@ -11,7 +11,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.range import ScanRange
-from tactile_localizer.ros.localization.online_localizer import OnlineLocalizer
+from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import simulate_scan
 
 MS = 1_000_000
@@ -34,7 +34,7 @@ def known():
 @pytest.fixture
 def online(localizer, known):
     localizer.reset()
-    return OnlineLocalizer(localizer, max_gap_s=0.1, patience_s=1.0, ranges=(known,))
+    return OnlineLocalizer(localizer, max_gap_s=0.1, patience_s=1.0, scan_range=known)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,181 @@
+"""Nodes in launch files: their parameters as launch arguments, in any namespace.
+
+If a node ends, the launch ends with exit status 1. Only the launch files import this module; it needs
+``launch`` and ``launch_ros`` from a ROS 2 distribution.
+"""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
+from launch_ros.actions import Node
+
+from launch import Action, LaunchContext
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.resources import resource_path
+from tactile_localizer.ros.base.executable import REJECTED
+from tactile_localizer.ros.base.parameters import Parameter
+
+_RESPAWN_DELAY_S = 2.0
+_SWITCH = ("true", "false")
+_TOPICS = {"strain": "strain_topic", "palm_pose": "pose_topic"}
+"""Launch argument with the name of each topic that all nodes share."""
+_COMMON = ("use_sim_time", "autostart")
+
+COMMON = (
+    DeclareLaunchArgument(
+        "namespace", default_value="", description="Namespace of the nodes, for example left; one per hand"
+    ),
+    DeclareLaunchArgument(
+        "strain_topic",
+        default_value="strain",
+        description="Topic of the strain (tactile_localizer/StrainVectors)",
+    ),
+    DeclareLaunchArgument(
+        "pose_topic",
+        default_value="palm_pose",
+        description="Topic of the palm poses (geometry_msgs/PoseStamped)",
+    ),
+    DeclareLaunchArgument(
+        "queue_depth",
+        default_value="",
+        description="Depth of the subscriptions to strain and poses; 100 by default",
+    ),
+    DeclareLaunchArgument(
+        "use_sim_time", default_value="false", choices=_SWITCH, description="Take time from /clock"
+    ),
+    DeclareLaunchArgument(
+        "autostart",
+        default_value="true",
+        choices=_SWITCH,
+        description="Configure and activate the nodes; false leaves both to a lifecycle manager",
+    ),
+    DeclareLaunchArgument(
+        "respawn",
+        default_value="false",
+        choices=_SWITCH,
+        description="Restart a crashed node, but not one that rejects its configuration",
+    ),
+    DeclareLaunchArgument(
+        "log_level",
+        default_value="info",
+        choices=("debug", "info", "warn", "error", "fatal"),
+        description="Log level of the nodes",
+    ),
+)
+"""Arguments of every launch file."""
+
+
+def node(
+    name: str, declared: Sequence[Parameter], arguments: Sequence[str], condition: Any = None
+) -> list[Action]:
+    """Actions that declare the launch arguments of a node and start it.
+
+    Parameters
+    ----------
+    name : name of the node; the executable is ``{name}_node``, the parameter file ``config/{name}.yaml``, if
+        there is one
+    declared : parameters of the node
+    arguments : names of the parameters that are launch arguments; an empty one keeps the value of the file
+    condition : condition of the start
+    """
+    chosen = [parameter for parameter in declared if parameter.name in arguments]
+    shipped = resource_path("config") / f"{name}.yaml"
+    file = DeclareLaunchArgument(
+        f"{name}_params",
+        default_value=str(shipped) if shipped.is_file() else "",
+        description=f"Parameter file of the {name}",
+    )
+    start = OpaqueFunction(function=_start, args=[name, chosen], condition=condition)
+    return [*map(_argument, chosen), file, start]
+
+
+def _argument(parameter: Parameter) -> DeclareLaunchArgument:
+    choices = _SWITCH if isinstance(parameter.default, bool) else parameter.choices
+    return DeclareLaunchArgument(
+        parameter.name,
+        default_value="",
+        description=parameter.descriptor().description,
+        choices=["", *choices] if choices else None,
+    )
+
+
+def _start(context: LaunchContext, name: str, chosen: Sequence[Parameter]) -> list[Action]:
+    given: Mapping[str, str] = context.launch_configurations
+    file = given[f"{name}_params"]
+    if file and not Path(file).is_file():
+        raise ParameterError(f"launch argument {name}_params: expected an existing file, got {file!r}")
+    parameters: dict[str, Any] = {argument: given[argument] == "true" for argument in _COMMON}
+    parameters |= {one.name: _value(one, given[one.name]) for one in chosen if given[one.name]}
+    if given["queue_depth"]:
+        depth = _value(Parameter("queue_depth", 100, ""), given["queue_depth"])
+        for argument in _TOPICS.values():
+            topic = posixpath.join(f"/{given['namespace'].strip('/')}", given[argument])
+            parameters[f"qos_overrides.{topic}.subscription.depth"] = depth
+    respawn = given["respawn"] == "true"
+    return [
+        Node(
+            package="tactile_localizer",
+            executable=f"{name}_node",
+            name=name,
+            namespace=given["namespace"],
+            parameters=[*filter(None, [file]), parameters],
+            remappings=[(topic, given[argument]) for topic, argument in _TOPICS.items()],
+            ros_arguments=["--log-level", given["log_level"]],
+            respawn=respawn,
+            respawn_delay=_RESPAWN_DELAY_S,
+            on_exit=_ending(name, respawn),
+            output="screen",
+        )
+    ]
+
+
+def _value(parameter: Parameter, text: str) -> Any:
+    """The value of a launch argument, of the type of the parameter.
+
+    Raises
+    ------
+    ParameterError
+        The text is no such value; the message names the argument.
+    """
+    default = parameter.default
+    if isinstance(default, str):
+        return text
+    try:
+        value = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError):
+        value = None
+    if isinstance(default, list):
+        if isinstance(value, list) and all(isinstance(one, str) for one in value) and (value or not default):
+            return value or [""]
+        raise ParameterError(
+            f"launch argument {parameter.name}: expected a list of names such as \"['a', 'b']\", got {text!r}"
+        )
+    if isinstance(default, bool):
+        return value
+    try:
+        return type(default)(text)
+    except ValueError:
+        kind = "a whole number" if isinstance(default, int) else "a number"
+        raise ParameterError(f"launch argument {parameter.name}: expected {kind}, got {text!r}") from None
+
+
+def _ending(name: str, respawn: bool) -> Callable[[ProcessExited, LaunchContext], Shutdown | None]:
+    """Handler that ends the launch with the node: the exit status is 1 only if a handler raises an error."""
+
+    def end(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+        if context.is_shutdown or (respawn and event.returncode != REJECTED):
+            return None
+        if name == "replay" and event.returncode == 0:
+            return Shutdown(reason="the bag has ended")
+        raise TactileLocalizerError(
+            f"{name}: expected a running node, it ended with status {event.returncode}"
+        )
+
+    return end

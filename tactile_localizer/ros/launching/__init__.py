@@ -1,1 +1,0 @@
-"""Arguments and node actions shared by the launch files."""

@@ -1,1 +1,0 @@
-"""The localizer on a stream of messages, built from scan files."""

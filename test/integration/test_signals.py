@@ -1,0 +1,36 @@
+"""Ctrl-C ends an installed node cleanly at any moment."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from signal import SIGINT
+from typing import Any
+
+import pytest
+from support.processes import node_command
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("name", ["adapter", "driver", "filter", "mapping", "replay", "simulator"])
+def test_an_interrupt_during_the_imports_is_no_crash(process: Callable[..., Any], name: str) -> None:
+    for tenth in range(3, 10, 2):
+        node = process(node_command(f"{name}_node"))
+        time.sleep(tenth / 10)  # no event marks the progress of the imports
+        node.stop()
+        assert "Traceback" not in node.output
+
+
+def test_a_second_interrupt_is_ignored(process: Callable[..., Any], probe: Any) -> None:
+    """Ctrl-C reaches a launched node twice: from the terminal, and from launch."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    node = process(node_command("adapter_node"))
+    probe.until(lambda: reports, "the active node")
+    while node.running:
+        os.kill(node.pid, SIGINT)
+        time.sleep(0.005)
+    assert node.wait() == 0, node.output
