@@ -91,8 +91,8 @@ demo: build ## Scan a simulated feature, then localize on it (FEATURE=bump, snap
 	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
 
 .PHONY: soak
-soak: build ## Inject faults at random into the running nodes (MINUTES=30 SEED=7), report in out/soak
-	@$(run) python test/soak/run.py --minutes $(MINUTES) --seed $(SEED) --out out/soak
+soak: build ## Inject the faults of docs/faults.md into the running nodes for MINUTES=30
+	@SOAK_MINUTES=$(MINUTES) $(run) pytest -q -s test/soak
 
 .PHONY: bench
 bench: build ## Measure speed, into out/bench.json

@@ -233,42 +233,6 @@ def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
     assert list(strains[-1].channels) == [6]
 
 
-def _faulty(place: Place) -> Sequence[Started]:
-    arguments = {"mode": "localize", "scan_file": place.scan_file, "speed": 2.0, **place.buses[0]}
-    return [Started("simulate.launch.py", ("simulator", "driver", "filter"), arguments)]
-
-
-def _check_a_silent_load_cell(probe: Probe, place: Place) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
-
-    from tactile_localizer.msg import Posterior
-
-    reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
-    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
-
-    def shows(name: str, text: str) -> bool:
-        return any(one.name == name and text in one.message for array in reports for one in array.status)
-
-    def silence(phalanges: list[str]) -> None:
-        value = Parameter("fault.silent", Parameter.Type.STRING_ARRAY, phalanges)
-        request = SetParameters.Request(parameters=[value.to_parameter_msg()])
-        assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
-        reports.clear()
-
-    probe.until(lambda: posteriors and shows("driver: middle", "OK"), "status OK", 60.0)
-    silence(["middle"])
-    probe.until(lambda: shows("driver: middle", "stale"), "the report of the driver")
-    probe.until(lambda: shows("filter: inputs", "strain vectors without middle"), "the report of the filter")
-    posteriors.clear()
-    probe.until(
-        lambda: sum(not posterior.stale for posterior in posteriors) > 20, "posteriors of the other phalanx"
-    )
-    silence([])
-    probe.until(lambda: shows("driver: middle", "OK") and shows("filter: inputs", "OK"), "status OK of both")
-
-
 def _replaying(place: Place) -> Sequence[Started]:
     bag = write_sweep_bag(place.folder / "bag")
     arguments = {"scan_file": place.scan_file, "bag": bag, "rate": 3.0, "loop": True, "use_sim_time": True}
@@ -323,7 +287,6 @@ SCENARIOS = (
     Scenario("remapped topics", _remapped, _check_remapped_topics),
     Scenario("lifecycle manager", _managed, _check_posteriors_after_activation),
     Scenario("another sensor", _adapted, _check_strain_of_an_adapter),
-    Scenario("silent load cell", _faulty, _check_a_silent_load_cell),
     Scenario("looping bag", _replaying, _check_a_looping_bag),
 )
 

@@ -1,1 +1,0 @@
-"""Soak test of the live system: injects faults into running nodes and checks what must never happen."""

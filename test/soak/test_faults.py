@@ -1,0 +1,184 @@
+"""Faults in the running system: each is reported, and what it caused ends with it.
+
+`make soak MINUTES=30` repeats them for half an hour.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.probe import Probe
+from support.processes import Process, node_command
+from support.scenarios import Place
+
+from tactile_localizer.resources import resource_path
+
+pytestmark = pytest.mark.ros
+
+_GROWTH_BYTES = 10_000_000
+"""Memory that a process may gain after the first round of all faults."""
+
+
+class System:
+    """Simulator, driver and filter as processes, and a probe that watches them."""
+
+    def __init__(self, process: Callable[..., Process], probe: Probe, place: Place) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+        from std_msgs.msg import Bool
+
+        from tactile_localizer.msg import Posterior
+
+        self.probe = probe
+        parameters: Mapping[str, dict[str, Any]] = {
+            "simulator": {**place.buses[0], "mode": "localize", "speed": 2.0},
+            "driver": {**place.buses[0], "tare_file": place.folder / "tare.yaml"},
+            "filter": {"scan_file": place.scan_file},
+        }
+        self.nodes = {
+            name: process(
+                node_command(f"{name}_node", own, parameter_files=[resource_path(f"config/{name}.yaml")])
+            )
+            for name, own in parameters.items()
+        }
+        self.reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics", 100)
+        self.posteriors: list[Any] = probe.listen(Posterior, "filter/posterior", 1000)
+        self.sweeping: list[Any] = probe.listen(Bool, "simulator/sweep_active")
+
+    def until_reported(self, name: str, text: str) -> None:
+        """Wait for a status whose message contains ``text`` in diagnostics that arrive from now on."""
+        self.reports.clear()
+        self.probe.until(
+            lambda: any(
+                one.name == name and text in one.message for array in self.reports for one in array.status
+            ),
+            f"{name} to report {text!r}",
+        )
+
+    def until_recovered(self) -> None:
+        """Wait until the inputs are OK and new estimates arrive."""
+        self.until_reported("filter: inputs", "OK")
+        self.posteriors.clear()
+        self.probe.until(lambda: any(not one.stale for one in self.posteriors), "new estimates")
+
+    def set_fault(self, name: str, value: Any) -> None:
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        kind = Parameter.Type.STRING_ARRAY if isinstance(value, list) else Parameter.Type.DOUBLE
+        message = Parameter(f"fault.{name}", kind, value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[message])
+        assert self.probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
+
+    def change(self, node: str, transition: int) -> None:
+        from lifecycle_msgs.msg import Transition
+        from lifecycle_msgs.srv import ChangeState
+
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert self.probe.call(ChangeState, f"{node}/change_state", request).success
+
+    def send(self, node: str, number: signal.Signals) -> None:
+        os.kill(self.nodes[node].pid, number)
+
+    def sweep(self) -> None:
+        """Localize a sweep from a uniform belief; it is not converged while the hand is at its start."""
+        from std_srvs.srv import Empty, Trigger
+
+        self.probe.call(Trigger, "simulator/prepare")
+        self.probe.call(Empty, "filter/reinitialize_global_localization")
+        self.sweeping.clear()
+        self.posteriors.clear()
+        assert self.probe.call(Trigger, "simulator/sweep").success
+        self.probe.until(lambda: any(m.data for m in self.sweeping) and not self.sweeping[-1].data, "the end")
+        assert not any(one.converged and one.travel < 0.005 for one in self.posteriors)
+        assert any(one.converged for one in self.posteriors), self.posteriors[-1].reason
+
+    def memory(self) -> dict[str, int]:
+        """Resident memory of each process, bytes."""
+        pages = {
+            name: int(Path(f"/proc/{node.pid}/statm").read_text().split()[1])
+            for name, node in self.nodes.items()
+        }
+        return {name: count * os.sysconf("SC_PAGE_SIZE") for name, count in pages.items()}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault: how to cause and to end it, and the status and text that report it."""
+
+    cause: Callable[[System], None]
+    end: Callable[[System], None]
+    status: str
+    text: str
+
+
+FAULTS = {
+    "load cell silent": Fault(
+        lambda system: system.set_fault("silent", ["middle"]),
+        lambda system: system.set_fault("silent", [""]),
+        "driver: middle",
+        "stale: no frames",
+    ),
+    "frames lost": Fault(
+        lambda system: system.set_fault("drop", 0.1),
+        lambda system: system.set_fault("drop", 0.0),
+        "driver: middle",
+        "lost",
+    ),
+    "garbage frames": Fault(
+        lambda system: system.set_fault("garbage", 0.3),
+        lambda system: system.set_fault("garbage", 0.0),
+        "driver: CAN bus",
+        "discarded frames",
+    ),
+    "driver frozen": Fault(
+        lambda system: system.send("driver", signal.SIGSTOP),
+        lambda system: system.send("driver", signal.SIGCONT),
+        "filter: inputs",
+        "no strain",
+    ),
+    "simulator frozen": Fault(
+        lambda system: system.send("simulator", signal.SIGSTOP),
+        lambda system: system.send("simulator", signal.SIGCONT),
+        "filter: inputs",
+        "no strain and no palm_pose",
+    ),
+    "driver down": Fault(
+        lambda system: system.change("driver", 4),  # TRANSITION_DEACTIVATE
+        lambda system: system.change("driver", 3),  # TRANSITION_ACTIVATE
+        "filter: inputs",
+        "no strain",
+    ),
+}
+
+
+def test_every_fault_is_reported_and_ends(process: Any, probe: Probe, place: Place) -> None:
+    system = System(process, probe, place)
+    deadline_s = time.monotonic() + 60.0 * float(os.environ.get("SOAK_MINUTES", "0"))
+    names, memory = sorted(FAULTS), {}
+    chance = random.Random(1)
+    system.until_recovered()
+    while True:
+        for name in names:
+            fault = FAULTS[name]
+            fault.cause(system)
+            system.until_reported(fault.status, fault.text)
+            fault.end(system)
+            system.until_recovered()
+        system.sweep()
+        memory = memory or system.memory()
+        if time.monotonic() >= deadline_s:
+            break
+        chance.shuffle(names)
+    for name, used in system.memory().items():
+        assert used < memory[name] + _GROWTH_BYTES, f"{name}: memory grows"
+    for name, node in system.nodes.items():
+        assert node.stop() == 0, name
+        assert "Traceback" not in node.output, name
