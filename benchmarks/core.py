@@ -38,7 +38,6 @@ from workload import (
     floor_us,
     middle,
     peak_mb,
-    tv_to_exact,
 )
 
 from tactile_localizer.core.configuration import Configuration
@@ -70,7 +69,6 @@ def measured(
     *,
     updates: int = 300,
     limit: str | None = None,
-    exact: MeasurementModel | None = None,
     shift: np.ndarray | float = 0.0,
     floor: float | None = None,
 ) -> dict[str, Any]:
@@ -94,10 +92,6 @@ def measured(
     watch.times.clear()
     while len(watch.times) < updates:
         watch.step()
-    few = 30 if len(scan) <= PAIRS else 3
-    total_variation = exact and tv_to_exact(
-        scene, exact.log_likelihood, model.log_likelihood, converged, shift, few
-    )
     return row(
         name,
         watch.median_us,
@@ -110,7 +104,6 @@ def measured(
         p99_us=watch.p99_us,
         peak_mb=peak_mb(lambda: stopwatch(build()).step()),
         ratio_to_floor=watch.median_us / (floor or floor_us(scan)),
-        tv_to_exact=total_variation,
     )
 
 
@@ -120,49 +113,28 @@ def weight(own: BayesFilter, model: MeasurementModel, strain: np.ndarray, presen
     own.update(model.log_likelihood(states, strain, present))
 
 
-def sum_of_gaussians(scan: Scan, scene: Scene, **options: Any) -> SumOfGaussians:
+def sum_of_gaussians(scan: Scan, scene: Scene) -> SumOfGaussians:
     """Sum of Gaussians with the paper's widths."""
-    return SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD, **options)
+    return SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD)
 
 
 def updates() -> list[dict[str, Any]]:
-    """Updates on a scan of the paper's size, by particles, precision, evaluation and convergence."""
+    """Updates on a scan of the paper's size, by particles and convergence."""
     scan, scene = bump_scan(), bump_scene()
     floor = floor_us(scan)
-    exact = sum_of_gaussians(scan, scene, evaluation="exact")
     rows = [row("floor: one read of the training strains", floor, "us", pairs=len(scan))]
     for particles in (75, 1_000, 10_000):
-        for precision in ("float64", "float32"):
-            for converged in (False, True):
-                required = particles == 75 and precision == Configuration().precision
-                rows.append(
-                    measured(
-                        f"update: {particles} particles, {PHASES[converged]}, {precision}",
-                        scan,
-                        scene,
-                        lambda precision=precision: sum_of_gaussians(scan, scene, precision=precision),
-                        particles,
-                        converged,
-                        updates=300 if particles < 10_000 else 100,
-                        limit="<= 300" if required else None,
-                        exact=exact,
-                        floor=floor,
-                    )
-                )
-    spread = next(one for one in rows if one["name"] == "update: 75 particles, spread, float32")
-    rows.append(row("update: 75 particles, ratio to the floor", spread["ratio_to_floor"], "x", "<= 20"))
-    for evaluation in ("truncated", "exact"):
         for converged in (False, True):
             rows.append(
                 measured(
-                    f"update: 75 particles, {PHASES[converged]}, {evaluation}",
+                    f"update: {particles} particles, {PHASES[converged]}",
                     scan,
                     scene,
-                    lambda evaluation=evaluation: sum_of_gaussians(scan, scene, evaluation=evaluation),
-                    75,
+                    lambda: sum_of_gaussians(scan, scene),
+                    particles,
                     converged,
-                    updates=100,
-                    exact=exact,
+                    updates=300 if particles < 10_000 else 100,
+                    limit="<= 300" if particles == 75 and converged else None,
                     floor=floor,
                 )
             )
@@ -174,7 +146,7 @@ def maps() -> list[dict[str, Any]]:
     rows = []
     for pairs, tiles in TILES.items():
         scan, scene = bump_scan(tiles), bump_scene(tiles)
-        exact, floor = sum_of_gaussians(scan, scene, evaluation="exact"), floor_us(scan)
+        floor = floor_us(scan)
         for converged in (False, True):
             rows.append(
                 measured(
@@ -185,7 +157,6 @@ def maps() -> list[dict[str, Any]]:
                     75,
                     converged,
                     updates=300 if converged or pairs == PAIRS else 30,
-                    exact=exact,
                     shift=middle(tiles),
                     floor=floor,
                 )
@@ -230,15 +201,11 @@ def models() -> list[dict[str, Any]]:
         "gaussian": lambda: Gaussian(scan, scene),
         "gaussian_independent": lambda: Gaussian(scan, scene, independent=True),
     }
-    exact: dict[str, MeasurementModel] = {
-        "sum_of_gaussians": sum_of_gaussians(scan, scene, evaluation="exact"),
-        "featureless": Featureless(scan, scene, POSITION_STD, STRAIN_STD, evaluation="exact"),
-    }
     rows = []
     for converged in (False, True):
         for name, make in build.items():
             title = f"model: {name}, 75 particles, {PHASES[converged]}"
-            rows.append(measured(title, scan, scene, make, 75, converged, exact=exact.get(name), floor=floor))
+            rows.append(measured(title, scan, scene, make, 75, converged, floor=floor))
     for name in ("gaussian", "gaussian_independent"):
         ratio = max(
             _median(rows, f"model: {name}, 75 particles, {phase}")
@@ -346,10 +313,7 @@ def _scene_row(
     def build() -> ParticleFilter:
         return ParticleFilter(scene, np.random.default_rng(0), 75, resample_below=1.0)
 
-    model, exact = (
-        SumOfGaussians(scan, scene, **options),
-        SumOfGaussians(scan, scene, **options, evaluation="exact"),
-    )
+    model = SumOfGaussians(scan, scene, **options)
     particles = build()
     times = []
     for number in range(205):
@@ -360,13 +324,6 @@ def _scene_row(
         weight(particles, model, strain, present)
         if number >= 5:
             times.append(time.perf_counter() - begin)
-    worst = 0.0
-    for number in range(0, len(strains), len(strains) // 10):
-        states = scene.lower + rng.random((75, dimension)) * scene.extent
-        a, b = (
-            np.exp(v - v.max()) for v in (m.log_likelihood(states, strains[number]) for m in (model, exact))
-        )
-        worst = max(worst, 0.5 * float(np.abs(a / a.sum() - b / b.sum()).sum()))
     median = 1e6 * float(np.median(times))
     part = replace(scan, strain=strains, phalanges=scan.phalanges[:phalanges])
     return row(
@@ -379,7 +336,6 @@ def _scene_row(
         p99_us=1e6 * float(np.quantile(times, 0.99)),
         peak_mb=peak_mb(lambda: weight(build(), SumOfGaussians(scan, scene, **options), strains[0], present)),
         ratio_to_floor=median / floor_us(part),
-        tv_to_exact=worst,
     )
 
 

@@ -2,7 +2,7 @@
 
     scripts/in_env python benchmarks/tradeoff.py [--budget-us US] [--target-mm MM] [RECORDING ... --scan SCAN]
 
-Candidates vary model, filter, particles, cells, precision and travel between updates. They are tried on
+Candidates vary model, filter, particles, cells and travel between updates. They are tried on
 simulated bump, snap and grommet (9 test sweeps each), or on recordings. It prints tables with the Pareto
 front and writes report.html, tradeoff.json and tradeoff.png into out/tradeoff. With a budget or a target it
 prints the configuration to use instead, with status 1 where none meets the request. Results of tasks are kept

@@ -147,7 +147,7 @@ def test_numbers_may_be_text(tmp_path: Path) -> None:
         axes: {x: {bounds: [-5e-3, .5], motion_std: 3e-3}, yaw: {bounds: [-pi, pi], motion_std: pi/180}}
         phalanges: {index: {offset: {x: 1e-2, yaw: -pi/2}}, thumb: {}}
         feature: {yaw: [-.inf, 0.25*pi]}
-        measurement: {position_std: [3e-3, .1], strain_std: 2e-2, neighbours: 8, interpolate: true}
+        measurement: {position_std: [3e-3, .1], strain_std: 2e-2, neighbours: 8}
         """
     )
     scene = load_scene(path)
@@ -157,7 +157,7 @@ def test_numbers_may_be_text(tmp_path: Path) -> None:
     assert scene.phalanges[0].offset == (0.01, -math.pi / 2)
     assert scene.feature == Region((-math.inf, -math.inf), (math.inf, 0.25 * math.pi))
     assert scene.measurement == {
-        "position_std": [0.003, 0.1], "strain_std": 0.02, "neighbours": 8, "interpolate": True
+        "position_std": [0.003, 0.1], "strain_std": 0.02, "neighbours": 8
     }  # fmt: skip
 
 
@@ -171,7 +171,6 @@ def test_numbers_may_be_text(tmp_path: Path) -> None:
         ("position_std: 1e300", "measurement position_std: expected 1e-12 to 1000"),
         ("neighbours: 2.5", "measurement neighbours: expected a whole number, got 2.5"),
         ("neighbours: 0", "measurement neighbours: expected 1 to 10000, got 0"),
-        ("interpolate: 1", "measurement interpolate: expected true or false, got 1"),
         ("wide: 1", "measurement 'wide': expected one of position_std"),
     ],
 )

@@ -25,7 +25,6 @@ PAPER_PARAMETERS = {
     "position_std": math.sqrt(0.0075 * _SQUARE_INCH),
     "strain_std": math.sqrt(0.001),
     "correlation_length": Configuration().update_distance,
-    "interpolate": False,
 }
 """The paper's hand-set widths (III-C), m and V; no tempering, no interpolation."""
 

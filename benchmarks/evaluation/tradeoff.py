@@ -59,7 +59,6 @@ class Candidate:
         own, default = self.configuration, Configuration()
         parts = [f"{self.preset}:"] if self.preset else []
         parts += [own.model, f"grid {own.cell:g}" if own.filter == "grid" else f"particle {own.particles}"]
-        parts += [str(getattr(own, n)) for n in ("evaluation", "precision") if n in self.changes]
         step = own.update_distance
         parts += [f"{step * 1e3:g} mm"] if step != default.update_distance else []
         return " ".join(parts)
@@ -89,7 +88,7 @@ class Trade:
 
 
 def candidates() -> list[Candidate]:
-    """Candidates with different models, filters, particles, cells, precisions and travel between updates."""
+    """Candidates with different models, filters, particles, cells and travel between updates."""
     found = [Candidate(Configuration(), preset=DEFAULT)]
     found += [Candidate(load_configuration(preset), preset=preset) for preset in PRESETS]
     found += [Candidate(configuration) for configuration in _configurations()]
@@ -109,7 +108,6 @@ def _configurations() -> Iterator[Configuration]:
             yield replace(particle, particles=particles, update_distance=step)
     few = replace(particle, model="sum_of_gaussians", particles=75)
     yield few
-    yield replace(few, precision="float64")
     for model in ("sum_of_gaussians", "featureless"):
         yield replace(grid, model=model)
     for model in ("featureless", "gaussian", "gaussian_independent"):

@@ -10,7 +10,6 @@ from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import add_scan_arguments, scan_from_arguments
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
-from tactile_localizer.core.calibration.neighbours import search_neighbours
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.parameters import ModelParameters
@@ -19,7 +18,6 @@ from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.offline.reports.learned import (
     learned_table,
-    neighbours_table,
     noise_table,
     widths_table,
 )
@@ -51,13 +49,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"{args.scan}: stored for the next start of replay and of the filter node")
     if args.output is None:
         return 0
-    with progress_bars() as progress:
-        progress("choosing kernel widths", 0.0)
-        chosen = choose_kernel_widths(scan, scene, ModelParameters())
-        by_neighbours = search_neighbours(scan, scene, progress)
-    best = max(by_neighbours, key=lambda trial: trial.score)
-    print_tables([widths_table(scene, chosen, unit), neighbours_table(by_neighbours, best)])
-    chosen = replace(chosen, neighbours=best.neighbours)
+    chosen = choose_kernel_widths(scan, scene, ModelParameters())
+    print_tables([widths_table(scene, chosen, unit)])
     save_scene(replace(scene, measurement=chosen.to_mapping()), args.output)
     print(args.output)
     return 0

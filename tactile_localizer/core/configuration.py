@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactile_localizer.core.filters.resampling import RESAMPLERS
-from tactile_localizer.core.likelihood.kernels import EVALUATIONS, PRECISIONS
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.quantity import is_number, number, whole_number
@@ -22,8 +21,6 @@ FILTERS = ("grid", "particle")
 
 _CHOICES = {
     "filter": FILTERS,
-    "evaluation": EVALUATIONS,
-    "precision": PRECISIONS,
     "resampling": tuple(RESAMPLERS),
 }
 
@@ -55,8 +52,6 @@ class Configuration:
     max_particles : number of particles of a wide belief, if larger; the paper always has 75
     cell : size of the grid's cells in line spacings of the scan; on one axis cells are 0.5 mm, on three so
         large that there are at most 25,000
-    evaluation : of kernel sums (:mod:`.kernels.sums`)
-    precision : of kernel sums, ``float64`` or ``float32``
     conditional : whether the sum of Gaussians is in conditional form, or in the paper's joint form
     resampling : scheme (:mod:`.resampling`)
     resample_below : fraction of the particles below which the effective sample size leads to resampling; 1:
@@ -80,8 +75,6 @@ class Configuration:
     particles: int = 300
     max_particles: int = 1500
     cell: float = 0.3
-    evaluation: str = "field"
-    precision: str = "float32"
     conditional: bool = True
     resampling: str = "systematic"
     resample_below: float = 0.5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -125,20 +124,16 @@ def build_model(
     from tactile_localizer.core.likelihood.featureless import Featureless
     from tactile_localizer.core.likelihood.gaussian import Gaussian
     from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
-    from tactile_localizer.core.scan.between_sweeps import with_interpolated_sweeps
 
     if SEPARATOR in configuration.model:
         return build_own_model(configuration.model, scan, scene, parameters)
     if configuration.model in ("gaussian", "gaussian_independent"):
         independent = configuration.model == "gaussian_independent"
         return Gaussian(scan, scene, parameters.neighbours, independent=independent)
-    if parameters.interpolate is not False:
-        scan = with_interpolated_sweeps(scan, scene)
-    common: dict[str, Any] = {"evaluation": configuration.evaluation, "precision": configuration.precision}
     widths = (parameters.position_std, parameters.strain_std)
     if configuration.model == "featureless":
-        return Featureless(scan, scene, *widths, **common)
-    return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional, **common)
+        return Featureless(scan, scene, *widths)
+    return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional)
 
 
 def _silent(_doing: str, _done: float) -> None:

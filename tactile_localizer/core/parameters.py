@@ -21,8 +21,6 @@ _LARGEST = {
     "correlation_length": LARGEST_POSITION,
 }
 _MOST_NEIGHBOURS = 10_000
-_RETIRED = ("correlation_change", "sweep_offset")
-"""Parameters of earlier versions, which are ignored in old scan files."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +33,12 @@ class ModelParameters:
         the paper's S_x
     strain_std : kernel width in strain, one number or one per channel, V; the square root of the paper's S_z
     correlation_length : m of travel per independent measurement
-    interpolate : whether pairs are interpolated between the sweeps for the kernel models; ``None``: if the
-        sweeps are sparse
     neighbours : number of nearest pairs of the Gaussian models; 8 in the paper
     """
 
     position_std: Any = None
     strain_std: Any = None
     correlation_length: float | None = None
-    interpolate: bool | None = None
     neighbours: int = 8
 
     @classmethod
@@ -59,15 +54,9 @@ class ModelParameters:
         checked: dict[str, Any] = {}
         for name, value in values.items():
             what = f"measurement {name}"
-            if name in _RETIRED:
-                continue
             if name not in names:
                 raise ParameterError(f"measurement {name!r}: expected one of {', '.join(names)}")
-            if name == "interpolate":
-                if not isinstance(value, bool):
-                    raise ParameterError(f"{what}: expected true or false, got {value!r}")
-                checked[name] = value
-            elif name == "neighbours":
+            if name == "neighbours":
                 checked[name] = whole_number(value, what, lower=1, upper=_MOST_NEIGHBOURS)
             else:
                 checked[name] = _positive(value, what, _LARGEST[name])

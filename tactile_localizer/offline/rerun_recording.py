@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
-from tactile_localizer.core.filters.resampling import evenly
+from tactile_localizer.core.filters.resampling import representative
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import axis_scale
@@ -163,7 +163,7 @@ class ReplayView:
     def _draw(self, sweep: RecordedSweep, row: int, estimate: Estimate, localizer: Localizer) -> None:
         rr, log = self._rr, self._record.log
         states, weights = localizer.hypotheses()
-        drawn = self._places(states[evenly(weights, _SHOWN)])
+        drawn = self._places(states[representative(weights, _SHOWN)])
         log("material/belief", rr.Points2D(drawn, colors=_BELIEF, radii=0.4))
         colour = _CONVERGED if estimate.converged else _UNCONVERGED
         mean, region = self._places(estimate.mean[None]), self._region(estimate)

@@ -9,27 +9,12 @@ import pytest
 from support.sweeps import scene_of
 
 from tactile_localizer.cli import main
-from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.offline.reports.learned import neighbours_table, noise_table, widths_table
+from tactile_localizer.offline.reports.learned import noise_table, widths_table
 from tactile_localizer.sim import simulate_scan
-
-NEIGHBOURS = [
-    NeighbourTrial(4, 0.9, 1.0),
-    NeighbourTrial(8, 0.8, 1.6),
-    NeighbourTrial(17, 0.5, 1.2),
-]
-
-
-def test_the_neighbours_of_the_best_score_are_marked() -> None:
-    assert [tuple(row) for row in neighbours_table(NEIGHBOURS, NEIGHBOURS[1]).rows] == [
-        ("", "4", "0.90", "1.00"),
-        ("*", "8", "0.80", "1.60"),
-        ("", "17", "0.50", "1.20"),
-    ]
 
 
 def test_noise_is_smaller_than_the_strain_on_each_phalanx() -> None:

@@ -66,8 +66,7 @@ def test_an_invalid_model_parameter_is_refused(values: dict[str, Any]) -> None:
 
 
 def test_parameters_are_written_with_four_digits() -> None:
-    written = ModelParameters([0.07 * 3, 1 / 3], 0.1 + 0.2, 0.004, interpolate=True).to_mapping()
+    written = ModelParameters([0.07 * 3, 1 / 3], 0.1 + 0.2, 0.004).to_mapping()
     assert written["position_std"] == [0.21, 0.3333]
     assert written["strain_std"] == 0.3
-    assert written["interpolate"] is True
     assert written["neighbours"] == 8

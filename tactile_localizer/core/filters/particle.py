@@ -7,22 +7,22 @@ import math
 import numpy as np
 
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.filters.resampling import resampler
+from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.motion import YAW_LEVER, MotionModel
+from tactile_localizer.core.geometry.motion import MotionModel, levers
 from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 
-_BIN = 0.002
-"""Size of the bins whose number measures how wide a belief is, m (yaw: by its lever). By judgement; tried on
-three simulated features, seeds 11 and 12."""
+_BIN_M = 0.002
+"""Size of the bins whose number measures how wide a belief is, m of travel. By judgement; tried on three
+simulated features, seeds 11 and 12."""
 _CONVERGED_BINS = 15
 """Bins that a converged belief occupies; a wider one has more particles in proportion. By judgement, as
 above."""
-_OCCUPIED = 1e-3
+_MIN_RELATIVE_WEIGHT = 1e-3
 """Weight of a particle, relative to the largest, below which its bin does not count."""
-_SURPLUS = 1.3
+_MAX_SURPLUS = 1.3
 """Times as many particles as a belief needs, above which it is resampled to fewer."""
 
 
@@ -64,16 +64,18 @@ class ParticleFilter:
             raise ParameterError(f"resample_below: expected a fraction in (0, 1], got {resample_below}")
         if not 0 <= random_particles < particles:
             raise ParameterError(f"random_particles: expected 0 to {particles - 1}, got {random_particles}")
+        if resampling not in RESAMPLERS:
+            raise ParameterError(f"resampling {resampling!r}: expected one of {', '.join(RESAMPLERS)}")
         self._motion = MotionModel(scene)
         self._rng = rng
         self._least, self._most = particles, max(particles, max_particles or particles)
-        lever = [YAW_LEVER if axis.name == "yaw" else 1.0 for axis in scene.axes]
-        self._bin = _BIN / np.array(lever)
-        self._resample = resampler(resampling)
+        self._bin = _BIN_M / levers(scene)
+        self._resample = RESAMPLERS[resampling]
         self._resample_below = resample_below
         self._random = random_particles
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
-        self._bounds = Region(tuple(self._lower), tuple(self._upper))
+        unbounded = np.where(self._wraps, math.inf, 0.0)
+        self._bounds = Region(tuple(self._lower - unbounded), tuple(self._upper + unbounded))
         self._states: np.ndarray
         self._log_weights: np.ndarray
         self._ancestors: np.ndarray
@@ -170,7 +172,7 @@ class ParticleFilter:
         effective = effective_sample_size(self._log_weights) / len(weights)
         count = self._needed(weights)
         enough = self._resample_below < 1.0 and effective >= self._resample_below
-        if enough and len(weights) <= _SURPLUS * count:
+        if enough and len(weights) <= _MAX_SURPLUS * count:
             return
         spread = self._regularization(weights, effective, count)
         ancestors = self._resample(weights, count, self._rng)
@@ -183,7 +185,7 @@ class ParticleFilter:
         """Number of particles for a belief as wide as this one."""
         if self._least == self._most:
             return self._least
-        occupying = self._states[weights > _OCCUPIED * weights.max()]
+        occupying = self._states[weights > _MIN_RELATIVE_WEIGHT * weights.max()]
         index = ((occupying - self._lower) / self._bin).astype(np.int64)
         strides = np.cumprod([1, *(index.max(axis=0)[:-1] + 1)])
         bins = len(np.unique(index @ strides))
@@ -191,11 +193,12 @@ class ParticleFilter:
 
     def _reflected(self, states: np.ndarray) -> np.ndarray:
         """States (P, d) with those beyond a bound mirrored at it: nothing leaves the scene by jitter."""
-        lower = np.where(self._wraps, -math.inf, self._lower)
-        upper = np.where(self._wraps, math.inf, self._upper)
-        mirrored = np.where(states < lower, 2.0 * lower - states, states)
+        beyond = ~self._bounds.contains(states)
+        lower, upper = np.array(self._bounds.lower), np.array(self._bounds.upper)
+        mirrored = np.where(states[beyond] < lower, 2.0 * lower - states[beyond], states[beyond])
         mirrored = np.where(mirrored > upper, 2.0 * upper - mirrored, mirrored)
-        return np.where(self._wraps, states, np.clip(mirrored, self._lower, self._upper))
+        states[beyond] = np.clip(mirrored, lower, upper)
+        return states
 
     def _regularization(self, weights: np.ndarray, effective: float, count: int) -> np.ndarray:
         """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.

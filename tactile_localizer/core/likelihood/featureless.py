@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive, training_pairs
-from tactile_localizer.core.likelihood.kernels.density import KernelDensity
-from tactile_localizer.core.likelihood.kernels.normal import Normal
+from tactile_localizer.core.likelihood.gaussian import ridge
+from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import Phalanx, Scene
@@ -30,23 +32,16 @@ class Featureless(MeasurementModel):
     ----------
     scan, scene : training pairs and scene, which gives the feature's region
     position_std, strain_std : kernel widths, one number or one per axis (m, yaw: rad) and one per channel (V)
-    evaluation, precision : as for :class:`~.sum_of_gaussians.SumOfGaussians`
 
     Raises
     ------
+    ParameterError
+        A width that is not positive, or a lattice too large for the memory.
     SceneError
         The scene gives no region, or all pairs of a phalanx are on one side of it.
     """
 
-    def __init__(
-        self,
-        scan: Scan,
-        scene: Scene,
-        position_std: Any,
-        strain_std: Any,
-        evaluation: str = "field",
-        precision: str = "float64",
-    ) -> None:
+    def __init__(self, scan: Scan, scene: Scene, position_std: Any, strain_std: Any) -> None:
         if scene.feature is None:
             raise SceneError(
                 f"scene {scene.name}: expected a feature region for the model featureless, found none"
@@ -56,16 +51,7 @@ class Featureless(MeasurementModel):
         strain_std = positive("strain_std", strain_std, strain.shape[1])
         self._layout = scene.layout
         self._phalanges = [
-            _PhalanxModel(
-                scene,
-                phalanx,
-                positions,
-                strain[:, columns],
-                position_std,
-                strain_std[columns],
-                evaluation=evaluation,
-                precision=precision,
-            )
+            _PhalanxModel(scene, phalanx, positions, strain[:, columns], position_std, strain_std[columns])
             for phalanx, columns in zip(scene.phalanges, self._layout.slices, strict=True)
         ]
 
@@ -94,26 +80,27 @@ class _PhalanxModel:
         strain: np.ndarray,
         position_std: np.ndarray,
         strain_std: np.ndarray,
-        **options: Any,
     ) -> None:
         assert scene.feature is not None
         self._scene, self._phalanx, self._region = scene, phalanx, scene.feature
         positions = phalanx_positions(scene, phalanx, palms)
-        off = ~scene.feature.contains(positions)
-        if off.all() or np.count_nonzero(off) <= strain.shape[1]:
-            side = "inside" if not off.all() else "outside"
+        off = strain[~scene.feature.contains(positions)]
+        if len(off) == len(strain) or len(off) <= strain.shape[1]:
+            side = "outside" if len(off) == len(strain) else "inside"
             raise SceneError(
                 f"scene {scene.name}: expected pairs of phalanx {phalanx.name} on both sides of the feature "
                 f"region, all are {side}"
             )
-        self._off = Normal(strain[off], strain_std)
+        self._mean, covariance = off.mean(axis=0), np.atleast_2d(np.cov(off.T, bias=True))
+        self._factor = np.linalg.cholesky(covariance + ridge(covariance, off) + np.diag(strain_std**2))
+        self._log_constant = -0.5 * len(covariance) * math.log(2.0 * math.pi)
+        self._log_constant -= float(np.log(np.diag(self._factor)).sum())
         layout = ChannelLayout((phalanx.channels,))
-        self._kernels = KernelDensity(
-            positions, strain, position_std, strain_std, scene.wraps, layout, **options
-        )
+        self._kernels = KernelDensity(positions, strain, position_std, strain_std, scene.wraps, layout)
 
     def log_likelihood(self, states: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        off = np.array([self._off.log_density(strain)])
+        white = solve_triangular(self._factor, strain - self._mean, lower=True)
+        off = np.array([self._log_constant - 0.5 * white @ white])
         total = np.repeat(self._kernels.background.mixed(off, strain, self._PRESENT), len(states))
         positions = phalanx_positions(self._scene, self._phalanx, states)
         on = self._region.contains(positions)

@@ -10,10 +10,9 @@ from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 from scipy.special import chdtri
 
+from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.likelihood.background import Background
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
-from tactile_localizer.core.likelihood.kernels.background import Background
-from tactile_localizer.core.likelihood.kernels.normal import ridge
-from tactile_localizer.core.likelihood.kernels.sums import unroll
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
@@ -22,6 +21,8 @@ _INTENSITIES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
 """Candidates for the intensity of the shrinkage."""
 _HELD_OUT = 600
 """Held-out strains by which the shrinkage is chosen."""
+_RIDGE = 1e-3
+"""Fraction of a channel's variance that is added to the diagonal, so that no direction has zero variance."""
 
 
 class Shrinkage(NamedTuple):
@@ -45,9 +46,8 @@ class Shrinkage(NamedTuple):
 class Gaussian(MeasurementModel):
     """N(z; mean, covariance) over the k training pairs nearest to the state.
 
-    Distances between states are Euclidean in the scene's axes divided by their extents. With k at or below
-    the number of channels the sample covariance is singular, and just above it far too small. It is shrunk
-    towards the covariance of held-out residuals (:class:`Shrinkage`).
+    With k at or below the number of channels the sample covariance is singular, and just above it far too
+    small. It is shrunk towards the covariance of held-out residuals (:class:`Shrinkage`).
 
     Parameters
     ----------
@@ -68,11 +68,13 @@ class Gaussian(MeasurementModel):
         self._layout = scene.layout
         self._neighbours = min(neighbours, len(positions))
         self._independent = independent
-        self._extent = scene.extent
-        index, unrolled = unroll(positions, scene.wraps, 0.5 * self._extent)
-        self._strain, self._index = strain, index
-        self._tree = cKDTree(unrolled / self._extent)
-        residual, rows, held_out = self._held_out(positions, strain, scan.sweep)
+        self._levers, self._lower = levers(scene), scene.lower
+        # The tree takes the period of each axis, zero for none, and places from zero up to it.
+        self._period = np.where(scene.wraps, scene.extent * self._levers, 0.0)
+        self._strain = strain
+        places = self._places(positions)
+        self._tree = cKDTree(places, boxsize=self._period)
+        residual, rows, held_out = self._held_out(places, strain, scan.sweep)
         target = residual.T @ residual / len(residual)
         target += ridge(target, strain)
         self._target = target
@@ -84,14 +86,22 @@ class Gaussian(MeasurementModel):
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood`."""
         strain, present = checked(strain, self._layout, present)
-        _, nearest = self._tree.query(states / self._extent, k=self._neighbours)
-        rows = self._index[nearest.reshape(len(states), self._neighbours)]
+        rows = self._nearest(self._tree, self._places(states))
         total = np.zeros(len(states))
         for columns in self._factors(present):
             squared, log_determinant = self._distance(rows, strain, columns, self.shrinkage.intensity)
             total -= 0.5 * (squared / self.shrinkage.scale + log_determinant)
             total -= 0.5 * len(columns) * math.log(2.0 * math.pi * self.shrinkage.scale)
         return self._background.mixed(total, strain, present)
+
+    def _places(self, states: np.ndarray) -> np.ndarray:
+        """States (P, d) in metres of travel from the lower bounds, on full-turn axes within a period."""
+        places = (states - self._lower) * self._levers
+        return np.where(self._period > 0.0, places % np.maximum(self._period, 1e-300), places)
+
+    def _nearest(self, tree: cKDTree, places: np.ndarray) -> np.ndarray:
+        """Indices (P, k) of the k points of a tree that are nearest to ``places`` (P, d)."""
+        return tree.query(places, k=np.arange(1, self._neighbours + 1))[1]
 
     def _factors(self, present: np.ndarray) -> list[np.ndarray]:
         """Channels of each factor of the density: those of each present phalanx, or of all together."""
@@ -105,48 +115,35 @@ class Gaussian(MeasurementModel):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Squared Mahalanobis distance and log-determinant, (P,) each and unscaled, for neighbours (P, k).
 
-        ``strain`` is one vector (C,), or one per row (P, C). In channels whitened by the target T the
-        covariance is lambda I plus a matrix of rank k, so k x k systems suffice (Woodbury).
+        ``strain`` is one vector (C,), or one per row (P, C).
         """
         factor = np.linalg.cholesky(self._target[np.ix_(columns, columns)])
         inverse = solve_triangular(factor, np.eye(len(columns)), lower=True)
         samples = self._strain[rows[..., None], columns] @ inverse.T
         mean = samples.mean(axis=1)
         deviation = np.atleast_2d(strain)[:, columns] @ inverse.T - mean
-        k = rows.shape[1]
-        spread = (samples - mean[:, None, :]) * math.sqrt((1.0 - intensity) / k)
-        if k > len(columns):
-            covariance = np.swapaxes(spread, 1, 2) @ spread + intensity * np.eye(len(columns))
-            lower = np.linalg.cholesky(covariance)
-            white = np.linalg.solve(lower, deviation[..., None])[..., 0]
-            squared = np.einsum("pc,pc->p", white, white)
-            log_determinant = 2.0 * np.log(np.einsum("pcc->pc", lower)).sum(axis=1)
-        else:
-            lower = np.linalg.cholesky(spread @ np.swapaxes(spread, 1, 2) + intensity * np.eye(k))
-            projected = np.linalg.solve(lower, (spread @ deviation[..., None]))[..., 0]
-            inner = np.einsum("pc,pc->p", deviation, deviation) - np.einsum("pk,pk->p", projected, projected)
-            squared = np.maximum(inner, 0.0) / intensity
-            log_determinant = 2.0 * np.log(np.einsum("pkk->pk", lower)).sum(axis=1)
-            log_determinant += (len(columns) - k) * math.log(intensity)
-        return squared, log_determinant + 2.0 * float(np.log(np.diag(factor)).sum())
+        spread = (samples - mean[:, None, :]) * math.sqrt((1.0 - intensity) / rows.shape[1])
+        covariance = np.swapaxes(spread, 1, 2) @ spread + intensity * np.eye(len(columns))
+        lower = np.linalg.cholesky(covariance)
+        white = np.linalg.solve(lower, deviation[..., None])[..., 0]
+        log_determinant = np.log(np.einsum("pcc->pc", lower)).sum(axis=1) + np.log(np.diag(factor)).sum()
+        return np.einsum("pc,pc->p", white, white), 2.0 * log_determinant
 
     def _held_out(
-        self, positions: np.ndarray, strain: np.ndarray, sweep: np.ndarray
+        self, places: np.ndarray, strain: np.ndarray, sweep: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Residuals (M, C) of held-out strains, their neighbours (M, k) in other sweeps, and the strains."""
         if len(np.unique(sweep)) == 1:
             sweep = np.arange(len(sweep)) * 8 // len(sweep)
-        chosen = np.unique(np.linspace(0, len(positions) - 1, _HELD_OUT).astype(int))
+        chosen = np.unique(np.linspace(0, len(places) - 1, _HELD_OUT).astype(int))
         rows, samples = [], []
         for number in np.unique(sweep[chosen]):
             own = chosen[sweep[chosen] == number]
             others = np.flatnonzero(sweep != number)
             if len(others) < self._neighbours:
-                others = np.arange(len(positions))
-            _, nearest = cKDTree(positions[others] / self._extent).query(
-                positions[own] / self._extent, k=self._neighbours
-            )
-            rows.append(others[nearest.reshape(len(own), self._neighbours)])
+                others = np.arange(len(places))
+            tree = cKDTree(places[others], boxsize=self._period)
+            rows.append(others[self._nearest(tree, places[own])])
             samples.append(strain[own])
         neighbours, held_out = np.concatenate(rows), np.concatenate(samples)
         return held_out - strain[neighbours].mean(axis=1), neighbours, held_out
@@ -165,3 +162,9 @@ class Gaussian(MeasurementModel):
             return float(score), Shrinkage(intensity, scale)
 
         return max(map(evaluate, _INTENSITIES), key=lambda scored: scored[0])[1]
+
+
+def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Diagonal (D, D) that makes ``covariance`` positive definite, even for a channel that never varies."""
+    size = np.abs(samples).max(axis=0)
+    return np.diag(_RIDGE * np.diag(covariance) + (1e-6 * size) ** 2 + 1e-24)

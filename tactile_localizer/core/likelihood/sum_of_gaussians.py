@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive, training_pairs
-from tactile_localizer.core.likelihood.kernels.density import KernelDensity
+from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
@@ -22,26 +22,17 @@ class SumOfGaussians(MeasurementModel):
     strain_std : square root of the diagonal of Sigma_z, one number or one per channel, V
     conditional : divide by the density of the scan in x, correct for an uneven scan; ``False``: the
         paper's joint form with constant P(x)
-    evaluation : ``field``, ``truncated`` or ``exact`` (:mod:`.kernels.sums`)
-    precision : ``float64`` or ``float32``
 
     Raises
     ------
     ParameterError
-        A width that is not positive, or an unknown evaluation or precision.
+        A width that is not positive, or a lattice too large for the memory.
     SceneError
         The scene names a phalanx that the scan does not have.
     """
 
     def __init__(
-        self,
-        scan: Scan,
-        scene: Scene,
-        position_std: Any,
-        strain_std: Any,
-        conditional: bool = True,
-        evaluation: str = "field",
-        precision: str = "float64",
+        self, scan: Scan, scene: Scene, position_std: Any, strain_std: Any, conditional: bool = True
     ) -> None:
         positions, strain = training_pairs(scan, scene)
         self._layout = scene.layout
@@ -53,8 +44,6 @@ class SumOfGaussians(MeasurementModel):
             scene.wraps,
             self._layout,
             conditional=conditional,
-            evaluation=evaluation,
-            precision=precision,
         )
 
     def log_likelihood(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tactile_localizer.core.calibration.held_out import Calibration
@@ -14,9 +11,6 @@ from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.table import Table
 from tactile_localizer.scene import Scene
-
-if TYPE_CHECKING:
-    from tactile_localizer.core.calibration.neighbours import NeighbourTrial
 
 FEATURELESS, TEXTURED = "featureless between features", "textured everywhere"
 """Kinds of material."""
@@ -100,27 +94,8 @@ def widths_table(scene: Scene, parameters: ModelParameters, unit: str = "V") -> 
         (f"strain, {phalanx.name}", f"{_median(strains[channels])} {unit}")
         for phalanx, channels in zip(scene.phalanges, scene.layout.slices, strict=True)
     ]
-    note = "Standard deviations, of the median channel; chosen by the likelihood of held-out sweeps."
+    note = "Standard deviations, of the median channel."
     return Table("Kernel widths", ("", "width"), rows, note)
-
-
-def neighbours_table(trials: Sequence[NeighbourTrial], best: NeighbourTrial) -> Table:
-    """Scores of the Gaussian models by number of neighbours; the chosen one is marked."""
-    rows = [
-        (
-            "*" if trial is best else "",
-            str(trial.neighbours),
-            f"{trial.shrinkage:.2f}",
-            f"{trial.score:.2f}",
-        )
-        for trial in trials
-    ]
-    columns = ("", "k", "shrinkage", "score, nats per measurement")
-    note = (
-        "Of the Gaussian models. Shrinkage: fraction of the covariance taken from held-out residuals; "
-        "score: log-likelihood of held-out strains; *: chosen."
-    )
-    return Table("Neighbours", columns, rows, note)
 
 
 def _median(values: np.ndarray) -> str:

@@ -12,7 +12,6 @@ from tactile_localizer.core.configuration import (
     Configuration,
 )
 from tactile_localizer.core.filters.resampling import RESAMPLERS
-from tactile_localizer.core.likelihood.kernels import EVALUATIONS, PRECISIONS
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.parameters import palm_pose
 
@@ -52,12 +51,6 @@ CONFIGURATION = (
         "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis use "
         "0.5 mm instead, with three at most 25,000 cells",
     ),
-    _choice(
-        "evaluation",
-        "Evaluation of kernel sums, for models sum_of_gaussians and featureless",
-        EVALUATIONS,
-    ),
-    _choice("precision", "Precision of kernel sums, for models sum_of_gaussians and featureless", PRECISIONS),
     _plain(
         "conditional",
         "Conditional form of model sum_of_gaussians; false for the joint form of the paper",

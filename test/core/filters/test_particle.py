@@ -144,7 +144,7 @@ def test_when_no_state_explains_the_strain_nothing_is_learned():
 def test_any_number_of_particles_keeps_weights_that_sum_to_one(count, seed):
     model = linear(std=0.01)
     particles = ParticleFilter(
-        scene(), np.random.default_rng(seed), count, "systematic" if count % 2 else "residual"
+        scene(), np.random.default_rng(seed), count, "systematic" if count % 2 else "multinomial"
     )
     for step, travel, strain in sweep(model, 5, seed):
         particles.predict(step, travel)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.kernels.background import Background
+from tactile_localizer.core.likelihood.background import Background
 
 BOTH = np.ones(2, bool)
 RNG = np.random.default_rng(0)

@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.special import logsumexp
 from support import densities
-from support.scans import scan, scene, strain_at
+from support.scans import scan, scene
 
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
@@ -23,30 +21,10 @@ def setting(dimension=2, phalanges=2, pairs=150):
     return of, scan(np.random.default_rng(1), of, pairs)
 
 
-@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
-@pytest.mark.parametrize("conditional", [True, False])
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_the_density_is_the_sum_over_pairs(evaluation, conditional, dimension):
-    of, made = setting(dimension)
-    position_std = WIDTHS[0][:dimension]
-    model = SumOfGaussians(made, of, position_std, WIDTHS[1], conditional, evaluation)
-    rng = np.random.default_rng(2)
-    states = of.lower + rng.random((12, dimension)) * (of.upper - of.lower)
-    measured = strain_at(states[:1])[0] + 0.02 * rng.standard_normal(16)
-    expected = [
-        densities.sum_of_gaussians(
-            made.states, made.strain, position_std, WIDTHS[1], state, measured, conditional
-        )
-        for state in states
-    ]
-    tolerance = 1e-6 if evaluation == "exact" else 0.02
-    np.testing.assert_allclose(model.log_likelihood(states, measured), expected, atol=tolerance)
-
-
 @pytest.mark.parametrize("place", [(0.02, 0.03), (0.0, 0.0), (-1.0, 5.0)])
 def test_the_conditional_form_integrates_to_one(place):
     of, made = setting()
-    model, state = SumOfGaussians(made, of, *widths(), evaluation="exact"), np.array(place)
+    model, state = SumOfGaussians(made, of, *widths()), np.array(place)
     log_near = -0.5 * np.sum(((made.states - state) / widths()[0]) ** 2, axis=1)
     shares = np.exp(log_near - logsumexp(log_near))
 
@@ -92,43 +70,18 @@ def test_the_conditional_form_does_not_prefer_densely_scanned_places():
     assert joint[0] > joint[-1]
 
 
-@given(seed=st.integers(0, 2**32 - 1))
-def test_sum_of_gaussians_drops_an_absent_phalanx(seed):
-    of, made = setting()
-    alone = Scene("alone", of.axes, of.phalanges[1:], of.feature)
-    rng = np.random.default_rng(seed)
-    states = of.lower + rng.random((10, 2)) * 0.05
-    measured = rng.standard_normal(16) * 0.3
-    both = SumOfGaussians(made, of, *widths(), evaluation="exact")
-    measured[:8] = rng.choice([np.nan, np.inf, 0.0, 1e300])
-    found = both.log_likelihood(states, measured, np.array([False, True]))
-    only = SumOfGaussians(made, alone, *widths(), evaluation="exact")
-    np.testing.assert_allclose(found, only.log_likelihood(states, measured[8:]), atol=1e-9)
-
-
-@pytest.mark.parametrize("evaluation", ["exact", "truncated", "field"])
-def test_a_full_turn_axis_is_periodic(evaluation):
-    of = scene(3, full_turn=True)
-    made = scan(np.random.default_rng(1), of, 500)
-    model = SumOfGaussians(made, of, *widths(3), evaluation=evaluation)
-    states = np.array([[0.02, 0.03, yaw] for yaw in np.linspace(-3.1, 3.1, 20)])
-    measured = strain_at(np.array([[0.02, 0.03, math.pi]]))[0]
-    turned = states + np.array([0.0, 0.0, 2 * math.pi])
-    np.testing.assert_allclose(
-        model.log_likelihood(turned, measured), model.log_likelihood(states, measured), atol=0.02
-    )
-
-
-def test_pairs_beyond_a_turn_are_wrapped():
+def test_poses_a_turn_away_are_the_same():
     of = scene(3, full_turn=True)
     made = scan(np.random.default_rng(1), of, 300)
     turned = Scan(
         made.states + np.array([0, 0, 4 * math.pi]), made.strain, made.sweep, made.axes, made.phalanges
     )
-    states, measured = made.states[:5], made.strain[0]
-    one, other = (SumOfGaussians(s, of, *widths(3), evaluation="exact") for s in (made, turned))
+    states, measured = made.states[:20], made.strain[0]
+    one, other = (SumOfGaussians(s, of, *widths(3)) for s in (made, turned))
     np.testing.assert_allclose(
-        one.log_likelihood(states, measured), other.log_likelihood(states, measured), atol=1e-6
+        one.log_likelihood(states, measured),
+        other.log_likelihood(states + np.array([0, 0, 2 * math.pi]), measured),
+        atol=1e-3,
     )
 
 
@@ -143,18 +96,6 @@ def test_unnamed_axes_and_phalanges_do_not_matter():
     )
 
 
-def test_many_states_are_interpolated_and_agree_with_few():
-    of, made = setting(pairs=2000)
-    model = SumOfGaussians(made, of, *widths())
-    states = of.lower + np.random.default_rng(0).random((20_000, 2)) * 0.05
-    measured = strain_at(states[:1])[0]
-    many = model.log_likelihood(states, measured)
-    few = np.concatenate([model.log_likelihood(part, measured) for part in np.split(states, 500)])
-    near = few > few.max() - 5
-    assert np.abs(many - few)[near].max() < 0.02
-    assert np.abs(many - few).max() < 1.0
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -163,8 +104,6 @@ def test_many_states_are_interpolated_and_agree_with_few():
         ({"strain_std": -1.0}, "strain_std: expected one or 16 positive numbers, got -1.0"),
         ({"strain_std": math.nan}, "strain_std"),
         ({"strain_std": "wide"}, "strain_std: expected numbers, got 'wide'"),
-        ({"evaluation": "fast"}, "evaluation 'fast'"),
-        ({"precision": "float16"}, "precision 'float16': expected one of float64, float32"),
     ],
 )
 def test_an_invalid_parameter_is_named(wrong, message):
