@@ -19,7 +19,8 @@ from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.tracks import PITCH, Track, evenly, neighbours
+from tactile_localizer.core.scan.lines import neighbours
+from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
 INFORMATION_LENGTHS = (0.0017, 0.005)

@@ -1,4 +1,4 @@
-"""Kernel widths of the paper's models, from the distance between lines and the difference of their strains.
+"""Kernel widths of the paper's models, in position the spacing of the lines, in strain from their difference.
 
 The paper sets S_x and S_z by hand (III-C).
 """
@@ -12,38 +12,30 @@ import numpy as np
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan.lines import neighbours_on_other_lines
+from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import tracks_of
 from tactile_localizer.scene import Scene
 
-_POSITION_PER_DISTANCE = 1.0
-"""Kernel width in position, in median distances to the next line. Of 0.5, 0.7 and 1 with 0.5 and 0.7 of the
-next, the best pair on three simulated features, two seeds each."""
-_STRAIN_PER_DIFFERENCE = 0.7
-"""Kernel width in strain, in median differences between the strains of neighbouring lines."""
+_STRAIN_PER_DIFFERENCE = 0.75
+"""Kernel width in strain, in median differences between the strains of neighbouring lines. With 0.5, and with
+0.5 and 0.7 of the spacing in position, errors on three simulated features, two seeds each, were larger."""
 _MIN_POSITION_STD = 0.001
-"""m: least width in position, for sweeps that run over each other."""
+"""m: least width in position, for sweeps over one line."""
 _MAX_RATIO = 8.0
 """Ratio of a given width to the one chosen here, or its inverse, above which the given one is reported: a
 variance in place of a standard deviation, or millimetres, are off by more. By judgement."""
 
 
 def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> ModelParameters:
-    """Complete the given parameters by the widths that are ``None``.
-
-    Raises
-    ------
-    ScanError
-        The scan is a single pair.
-    """
-    own, nearest, distance = neighbours_on_other_lines(scan, scene)
-    strain = scan.strain_on(scene)
-    difference = np.median(np.abs(strain[own] - strain[nearest]), axis=0)
+    """Complete the given parameters by the widths that are ``None``."""
+    tracks, strain = tracks_of(scan, scene), scan.strain_on(scene)
+    differences = differences_between_lines(tracks, scene)
+    difference = np.median(differences, axis=0) if len(differences) else np.zeros(strain.shape[1])
     # A positive width also for a channel in which most sweeps agree exactly.
     least = 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30
-    position_std = max(_POSITION_PER_DISTANCE * float(np.median(distance)), _MIN_POSITION_STD)
     widths = {
-        "position_std": position_std / levers(scene),
+        "position_std": max(line_spacing(tracks, scene), _MIN_POSITION_STD) / levers(scene),
         "strain_std": _STRAIN_PER_DIFFERENCE * np.maximum(difference, least),
     }
     return replace(given, **{name: width for name, width in widths.items() if getattr(given, name) is None})

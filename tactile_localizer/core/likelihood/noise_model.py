@@ -14,6 +14,7 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.student_t import scatter
+from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
     PAIRS,
@@ -22,7 +23,6 @@ from tactile_localizer.core.scan.tracks import (
     Track,
     evenly,
     expectation,
-    line_spacing,
     tracks_of,
 )
 from tactile_localizer.scene import Scene

@@ -1,41 +1,80 @@
-"""Neighbouring lines of a scan: their distance, and the difference of the strains on them."""
+"""Lines of a scan, each of one or more sweeps: spacing, neighbours, and differences of their strains."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError
+from tactile_localizer.core.scan.tracks import PITCH, NearestPoints, Track, evenly
 from tactile_localizer.scene import Scene
 
-_MAX_SAMPLES = 4000
-"""Pairs from which neighbours are sought, spread over the scan."""
+_MAX_TRACKS, _MAX_POINTS = 50, 20
+"""Tracks, spread over the scan, and points of each, from which the line spacing is computed."""
+_MAX_REPEATS = 8
+"""Sweeps over one line that are recognized as such."""
+_JUMP = 3.0
+"""Ratio of the distances to the next two tracks from which the nearer one repeats a line: at most two in
+parallel lines."""
 
 
-def neighbours_on_other_lines(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nearest neighbours in another sweep of pairs spread over the scan; a single sweep counts as two.
+def line_spacing(tracks: Sequence[Track], scene: Scene) -> float:
+    """Median distance from a point to the nearest track of another line, m; on one axis near zero."""
+    if len(tracks) < 2:
+        return 0.0
+    nearest = []
+    for index in evenly(len(tracks), _MAX_TRACKS):
+        distances = _distances(tracks, scene, index)
+        distances[:, _on_line(distances, index)] = np.inf
+        nearest.append(distances.min(axis=1))
+    return float(np.median(np.concatenate(nearest)))
 
-    Returns
-    -------
-    own, nearest : (M,) indices of the pairs and of their neighbours
-    distance : (M,) between them, m
 
-    Raises
-    ------
-    ScanError
-        The scan is a single pair.
+def neighbours(tracks: Sequence[Track], scene: Scene, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Tracks on the line of one of them, itself included, and those on the nearest other line, (S,) bool."""
+    distances = _distances(tracks, scene, index)
+    own = _on_line(distances, index)
+    nearest = int(np.where(own, np.inf, np.median(distances, axis=0)).argmin())
+    return own, _on_line(_distances(tracks, scene, nearest), nearest) & ~own
+
+
+def differences_between_lines(tracks: Sequence[Track], scene: Scene) -> np.ndarray:
+    """Magnitudes of the differences (n, C), V, between strains at neighbouring places of two lines.
+
+    On one axis, between two sweeps; of a single sweep, between one point and the next.
     """
-    if len(scan) < 2:
-        raise ScanError(f"scan: expected at least 2 pairs, found {len(scan)}")
-    places = scan.positions_on(scene) * levers(scene)
-    sweep = scan.sweep if len(scan.sweep_numbers) > 1 else np.arange(len(scan)) % 2
-    found = []
-    for number in np.unique(sweep):
-        own = np.flatnonzero(sweep == number)[:: max(1, len(sweep) // _MAX_SAMPLES)]
-        others = np.flatnonzero(sweep != number)
-        distance, nearest = cKDTree(places[others]).query(places[own])
-        found.append((own, others[nearest], distance))
-    own, nearest, distance = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return own, nearest, distance
+    if len(tracks) == 1:
+        return np.abs(np.diff(tracks[0].strain, axis=0))
+    differences = []
+    for index in evenly(len(tracks), _MAX_TRACKS):
+        own = _on_line(_distances(tracks, scene, index), index)
+        others = [track for track, same in zip(tracks, own, strict=True) if not same]
+        places, strain = (np.concatenate(parts) for parts in zip(*others, strict=True))
+        near = NearestPoints(tracks[index].positions * levers(scene)).among(places * levers(scene))[1]
+        differences.append(np.abs(tracks[index].strain - strain[near]))
+    return np.concatenate(differences)
+
+
+def _on_line(distances: np.ndarray, index: int) -> np.ndarray:
+    """Tracks (S,) bool that repeat the line of one of them, itself included, by ``distances`` (n, S) from it.
+
+    On one axis, where all tracks do, it is that one alone.
+    """
+    away = np.maximum(np.median(distances, axis=0), PITCH)
+    away[index] = 0.0
+    order = np.argsort(away, kind="stable")[: _MAX_REPEATS + 1]
+    jumps = np.flatnonzero(away[order[2:]] > _JUMP * away[order[1:-1]])
+    own = np.zeros(len(away), dtype=bool)
+    own[order[: jumps[-1] + 2 if len(jumps) else 1]] = True
+    return own
+
+
+def _distances(tracks: Sequence[Track], scene: Scene, index: int) -> np.ndarray:
+    """Distances (n, S) from points spread over a track to each of the tracks, m."""
+    scale = levers(scene)
+    points = [track.positions * scale for track in tracks]
+    own = points[index][:: max(1, len(points[index]) // _MAX_POINTS)]
+    joined, starts = np.concatenate(points), np.cumsum([0, *map(len, points[:-1])])
+    squared = [np.minimum.reduceat(np.square(joined - point).sum(axis=1), starts) for point in own]
+    return np.sqrt(np.array(squared))

@@ -31,13 +31,6 @@ _PENALTY_OUTSIDE = 16.0
 """nats by which the prior of a pair falls at one line spacing outside of it, squared with the distance."""
 _PLACES_AT_ONCE = 2048
 """Neighbouring places interpolated together, which bounds memory."""
-_TRACKS_FOR_SPACING = 50
-"""Tracks, spread over the scan, from which the line spacing is computed."""
-_POINTS_FOR_SPACING = 20
-"""Points of each of these tracks, evenly spread."""
-_JUMP = 3.0
-"""Ratio of the distances to the next two tracks from which the nearer one repeats a line: at most two in
-parallel lines."""
 _DISTANCES_AT_ONCE = 2**17
 """Distances computed at a time: a megabyte, which fits the processor's cache."""
 
@@ -84,50 +77,6 @@ def tracks_of(scan: Scan, scene: Scene) -> list[Track]:
         ]
         tracks.append(Track(means[0] / levers(scene), means[1]))
     return tracks
-
-
-def line_spacing(tracks: Sequence[Track], scene: Scene) -> float:
-    """Median distance from a point to the nearest track of another line, m; on one axis near zero."""
-    if len(tracks) < 2:
-        return 0.0
-    nearest = []
-    for index in evenly(len(tracks), _TRACKS_FOR_SPACING):
-        distances = _distances(tracks, scene, index)
-        distances[:, _on_line(distances, index)] = np.inf
-        nearest.append(distances.min(axis=1))
-    return float(np.median(np.concatenate(nearest)))
-
-
-def neighbours(tracks: Sequence[Track], scene: Scene, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Tracks on the line of one of them, itself included, and those on the nearest other line, (S,) bool."""
-    distances = _distances(tracks, scene, index)
-    own = _on_line(distances, index)
-    nearest = int(np.where(own, np.inf, np.median(distances, axis=0)).argmin())
-    return own, _on_line(_distances(tracks, scene, nearest), nearest) & ~own
-
-
-def _on_line(distances: np.ndarray, index: int) -> np.ndarray:
-    """Tracks (S,) bool that repeat the line of one of them, itself included, by ``distances`` (n, S) from it.
-
-    On one axis, where all tracks do, it is that one alone.
-    """
-    away = np.maximum(np.median(distances, axis=0), PITCH)
-    away[index] = 0.0
-    order = np.argsort(away, kind="stable")[: _NEAREST + 1]
-    jumps = np.flatnonzero(away[order[2:]] > _JUMP * away[order[1:-1]])
-    own = np.zeros(len(away), dtype=bool)
-    own[order[: jumps[-1] + 2 if len(jumps) else 1]] = True
-    return own
-
-
-def _distances(tracks: Sequence[Track], scene: Scene, index: int) -> np.ndarray:
-    """Distances (n, S) from points spread over a track to each of the tracks, m."""
-    scale = levers(scene)
-    points = [track.positions * scale for track in tracks]
-    own = points[index][:: max(1, len(points[index]) // _POINTS_FOR_SPACING)]
-    joined, starts = np.concatenate(points), np.cumsum([0, *map(len, points[:-1])])
-    squared = [np.minimum.reduceat(np.square(joined - point).sum(axis=1), starts) for point in own]
-    return np.sqrt(np.array(squared))
 
 
 def evenly(count: int, most: int) -> list[int]:

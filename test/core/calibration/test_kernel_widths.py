@@ -7,9 +7,7 @@ import pytest
 
 from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths, describe_unfit_widths
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.core.scan.lines import neighbours_on_other_lines
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene("plane", (Axis("x", 0.0, 0.06), Axis("y", 0.0, 0.02)), (Phalanx("index", (0.0, 0.0)),))
@@ -24,24 +22,19 @@ def lines(noise: float = 0.05, volts: float = 1.0, pairs: int = 240) -> Scan:
     return Scan(np.stack([x, y], 1), volts * strain, np.repeat(np.arange(5), pairs), ("x", "y"), ("index",))
 
 
-def test_neighbours_are_on_other_lines() -> None:
+@pytest.mark.parametrize("pairs", [1, 50])
+def test_a_single_sweep_has_positive_widths(pairs: int) -> None:
     scan = lines()
-    own, nearest, distance = neighbours_on_other_lines(scan, SCENE)
-    assert (scan.sweep[own] != scan.sweep[nearest]).all()
-    np.testing.assert_allclose(distance, SPACING)
-
-
-def test_a_single_sweep_counts_as_two_and_a_single_pair_is_refused() -> None:
-    scan = lines()
-    own, nearest, _ = neighbours_on_other_lines(scan.select(scan.sweep == 2), SCENE)
-    assert ((own - nearest) % 2 == 1).all()
-    with pytest.raises(ScanError, match="expected at least 2 pairs, found 1"):
-        neighbours_on_other_lines(scan.select(np.array([0])), SCENE)
+    chosen = choose_kernel_widths(
+        scan.select(scan.sweep == 2).select(np.arange(pairs)), SCENE, ModelParameters()
+    )
+    assert (chosen.position_std > 0).all()
+    assert (chosen.strain_std > 0).all()
 
 
 def test_widths_follow_the_distance_of_the_lines_and_the_noise() -> None:
     quiet, noisy = (choose_kernel_widths(lines(noise), SCENE, ModelParameters()) for noise in (0.05, 0.3))
-    np.testing.assert_allclose(quiet.position_std, SPACING)
+    np.testing.assert_allclose(quiet.position_std, SPACING, rtol=0.01)
     assert np.mean(noisy.strain_std) == pytest.approx(6.0 * np.mean(quiet.strain_std), rel=0.1)
 
 

@@ -15,8 +15,9 @@ from tactile_localizer.core.likelihood.strain_map import (
     cell_size,
     fit_variance,
 )
+from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import PITCH, expectation, line_spacing, tracks_of
+from tactile_localizer.core.scan.tracks import PITCH, expectation, tracks_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SIDE, SPACING = 0.03, 0.003

@@ -12,8 +12,6 @@ from tactile_localizer.core.scan.tracks import (
     NearestPoints,
     Track,
     expectation,
-    line_spacing,
-    neighbours,
     tracks_of,
 )
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -54,31 +52,6 @@ def test_a_hand_at_rest_adds_no_points() -> None:
     np.testing.assert_allclose(rested, moved, atol=PITCH)
     still = scan.select(np.zeros(30, dtype=int))
     assert len(tracks_of(still, PLANE)[0].positions) == 1
-
-
-def test_line_spacing() -> None:
-    assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
-    assert line_spacing(tracks_of(lines(), PLANE)[:1], PLANE) == 0.0
-
-
-@pytest.mark.parametrize("passes", [2, 3])
-def test_repeated_lines_do_not_reduce_the_spacing(passes: int) -> None:
-    once = lines(0.0003)
-    states = [once.states + np.array([0.0, 0.0001 * number]) for number in range(passes)]
-    sweep = [once.sweep + 100 * number for number in range(passes)]
-    scan = Scan(
-        np.concatenate(states),
-        np.tile(once.strain, (passes, 1)),
-        np.concatenate(sweep),
-        ("x", "y"),
-        ("index",),
-    )
-    tracks = tracks_of(scan, PLANE)
-    assert line_spacing(tracks, PLANE) == pytest.approx(SPACING, rel=0.1)
-    count = len(tracks) // passes
-    own, beside = neighbours(tracks, PLANE, 0)
-    assert np.flatnonzero(own).tolist() == [count * number for number in range(passes)]
-    assert np.flatnonzero(beside).tolist() == [count * number + 1 for number in range(passes)]
 
 
 def test_linear_strains_are_interpolated_exactly() -> None:

@@ -1,0 +1,58 @@
+"""Lines of a scan: spacing, neighbours, differences of their strains."""
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, neighbours
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import tracks_of
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SIDE, SPACING = 0.03, 0.003
+PLANE = Scene("plane", (Axis("x", 0.0, SIDE), Axis("y", 0.0, SIDE)), (Phalanx("index", (0.0, 0.0), 2),))
+
+
+def lines(step: float = 0.0003) -> Scan:
+    """Lines along x, whose strains are their x and y in millimetres."""
+    along, across = np.arange(0.0, SIDE, step), np.arange(0.0, SIDE, SPACING)
+    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
+    sweep = np.repeat(np.arange(len(across)), len(along))
+    return Scan(states, 1e3 * states, sweep, ("x", "y"), ("index",), (2,))
+
+
+def test_line_spacing() -> None:
+    assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
+    assert line_spacing(tracks_of(lines(), PLANE)[:1], PLANE) == 0.0
+
+
+@pytest.mark.parametrize("passes", [2, 3])
+def test_repeated_lines_do_not_reduce_the_spacing(passes: int) -> None:
+    once = lines()
+    states = [once.states + np.array([0.0, 0.0001 * number]) for number in range(passes)]
+    sweep = [once.sweep + 100 * number for number in range(passes)]
+    scan = Scan(
+        np.concatenate(states),
+        np.tile(once.strain, (passes, 1)),
+        np.concatenate(sweep),
+        ("x", "y"),
+        ("index",),
+        (2,),
+    )
+    tracks = tracks_of(scan, PLANE)
+    assert line_spacing(tracks, PLANE) == pytest.approx(SPACING, rel=0.1)
+    count = len(tracks) // passes
+    own, beside = neighbours(tracks, PLANE, 0)
+    assert np.flatnonzero(own).tolist() == [count * number for number in range(passes)]
+    assert np.flatnonzero(beside).tolist() == [count * number + 1 for number in range(passes)]
+
+
+def test_strains_are_compared_at_neighbouring_places_of_two_lines() -> None:
+    along, across = np.median(differences_between_lines(tracks_of(lines(), PLANE), PLANE), axis=0)
+    assert along == pytest.approx(0.0, abs=1e-9)
+    assert across == pytest.approx(1e3 * SPACING)
+
+
+def test_a_single_sweep_is_compared_with_itself_one_point_later() -> None:
+    scan = lines()
+    differences = differences_between_lines(tracks_of(scan.select(scan.sweep == 0), PLANE), PLANE)
+    assert 0.0 < np.median(differences[:, 0]) < 1.0
