@@ -20,7 +20,7 @@ from support.reruns import (
     pytest_terminal_summary as pytest_terminal_summary,  # prints why a test was repeated
 )
 
-from tactile_localizer.demo.domain import own_domain
+from tactile_localizer.demo.nodes import own_domain
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")

@@ -6,13 +6,13 @@ Neither program is needed: the pictures are drawings, not screenshots.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
 import textwrap
-import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +30,8 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Empty, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from tactile_localizer.demo.domain import own_domain
-from tactile_localizer.demo.processes import NodeProcesses, shipped
-from tactile_localizer.demo.watcher import Watcher
+from tactile_localizer.demo.nodes import Nodes, own_domain
+from tactile_localizer.demo.show import Watcher
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import Posterior
@@ -62,14 +61,6 @@ _COLUMNS = 48
 Messages = dict[str, list[Any]]
 
 
-def wait(condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> None:
-    """Wait until a condition is true."""
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, f"waited {timeout_s:g} s for {what}"
-        time.sleep(0.02)
-
-
 def write_scan(path: Path) -> None:
     """Write a simulated training scan of the bump, with the shipped scene."""
     scan = simulate_scan("bump", 1)
@@ -87,31 +78,30 @@ def listen() -> Messages:
         folder = Path(name)
         os.environ.update(domain.environment)
         write_scan(folder / "scan.db")
-        bus = {
-            "interface": "udp_multicast",
-            "channel": "239.74.163.2",
-            "bus_options": [f"port={domain.can_port}"],
-        }
         simulated = {"mode": "localize", "seed": 2, "speed": 2.0, "load_cell_rate_hz": 40.0}
-        with NodeProcesses(folder, domain.environment) as nodes, Watcher(domain.number) as watcher:
-            nodes.start("simulator", "simulator_node", shipped("simulator") | simulated | bus)
-            tare = {"tare_file": str(folder / "tare.yaml")}
-            nodes.start("driver", "driver_node", shipped("driver") | bus | tare)
-            nodes.start("filter", "filter_node", shipped("filter") | {"scan_file": str(folder / "scan.db")})
+        with (
+            Nodes(folder, domain.environment) as nodes,
+            contextlib.closing(Watcher(domain.number)) as watcher,
+        ):
+            nodes.start("simulator", domain.bus | simulated)
+            nodes.start("driver", domain.bus | {"tare_file": str(folder / "tare.yaml")})
+            nodes.start("filter", {"scan_file": str(folder / "scan.db")})
             for topic, (kind, quality) in TOPICS.items():
                 watcher.listen(kind, topic, quality, messages[topic].append)
-            wait(lambda: messages["/filter/posterior"] and messages["/filter/map"], "the filter")
+            watcher.until(lambda: messages["/filter/posterior"] and messages["/filter/map"], "the filter")
             posteriors = messages["/filter/posterior"]
             watcher.call(Trigger, "simulator/prepare")
             watcher.call(Empty, "filter/reinitialize_global_localization")
             count = len(posteriors)
-            wait(lambda: len(posteriors) > count + 10, "the uniform belief")
+            watcher.until(lambda: len(posteriors) > count + 10, "the uniform belief")
             for topic in ("/filter/posterior", "/simulator/ground_truth"):
                 messages[topic].clear()
             watcher.call(Trigger, "simulator/sweep")
-            wait(lambda: posteriors and posteriors[-1].travel > TRAVEL_M, "the hand to slide")
+            watcher.until(lambda: posteriors and posteriors[-1].travel > TRAVEL_M, "the hand to slide")
             messages["/diagnostics"].clear()
-            wait(lambda: {"filter", "driver"} <= senders(messages["/diagnostics"]), "the diagnostics")
+            watcher.until(
+                lambda: {"filter", "driver"} <= senders(messages["/diagnostics"]), "the diagnostics"
+            )
             return {topic: list(received) for topic, received in messages.items()}
 
 

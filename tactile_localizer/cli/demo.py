@@ -7,7 +7,7 @@ import importlib.util
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.box import SIMPLE
 from rich.console import Console
@@ -22,9 +22,6 @@ from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_pair
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.material import SIMULATED_FEATURES
-
-if TYPE_CHECKING:
-    from tactile_localizer.demo.live_sweep import LiveSweep
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,31 +42,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration, print its summary, and write it with figures."""
     _check(args)
-    from tactile_localizer.demo.live_sweep import LIMIT_M, summarize
-    from tactile_localizer.demo.run import SCAN_SWEEPS, DemoSettings, run_demo
-    from tactile_localizer.demo.view import demo_view
+    from tactile_localizer.demo.show import (
+        LIMIT_M,
+        SCAN_SWEEPS,
+        DemoSettings,
+        View,
+        run_demo,
+        summarize,
+    )
 
     begun_s = time.monotonic()
     end_as_by_interrupt()
     console = Console(markup=False, emoji=False)
     scene = load_scene(resource_path(f"config/scenes/{args.feature}.yaml"))
     settings = DemoSettings(args.feature, args.out, args.seed, args.speed, args.sweeps)
-    title = f"{args.feature}: from CAN frames and palm poses to a converged position"
-    with demo_view(console, scene, title) as view:
-        result = run_demo(settings, view)
-        view.phase("drawing")
+    console.print(f"{args.feature}: from CAN frames and palm poses to a converged position")
+    with View(console, scene) as view:
+        sweeps, counts = run_demo(settings, view)
     summary = {
         "feature": args.feature,
         "seed": args.seed,
         "speed": args.speed,
         "training_sweeps": SCAN_SWEEPS,
         "limit_mm": LIMIT_M * 1e3,
-        "frames_dropped": result.frames_dropped,
-        **{name: float(result.filter[name]) for name in ("update_median_us", "update_p99_us")},
-        "messages": result.received,
-        **summarize(result.sweeps),
+        **counts,
+        **summarize(sweeps),
     }
-    _draw(args.out, args.feature, result.sweeps)
+    with ScanStore.open(settings.scan) as store:
+        map_pair(DrawnScan(store.load(), store.scene)).savefig(args.out / "map.png", dpi=110)
     summary["duration_s"] = round(time.monotonic() - begun_s, 1)
     write_json(args.out / "summary.json", summary, rows="sweeps")
     _print(console, summary, args.out)
@@ -83,22 +83,6 @@ def _check(args: argparse.Namespace) -> None:
         raise ParameterError(f"--speed: expected 0.1 to 100, got {args.speed:g}")
     if args.sweeps < 1:
         raise ParameterError(f"--sweeps: expected at least 1, got {args.sweeps}")
-
-
-def _draw(folder: Path, feature: str, sweeps: list[LiveSweep]) -> None:
-    """Draw the map (paper, Fig. 3) and the error along the sweep (Fig. 5)."""
-    from tactile_localizer.demo.figures import error_along_the_sweep
-
-    with ScanStore.open(folder / "scan.db") as store:
-        scan, scene = store.load(), store.scene
-    figures = {
-        "map": map_pair(DrawnScan(scan, scene)),
-        "error": error_along_the_sweep(
-            sweeps, f"{feature}: localizing {len(sweeps)} sweeps from unknown starts"
-        ),
-    }
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=110)
 
 
 def _print(console: Console, summary: Mapping[str, Any], folder: Path) -> None:

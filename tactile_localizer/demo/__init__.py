@@ -1,1 +1,1 @@
-"""Demonstration of the whole system: runs the nodes as processes, records them and shows the result."""
+"""The demonstration: all nodes scan a simulated feature, then localize new sweeps on the scan."""

@@ -10,7 +10,7 @@ from evaluation.conditions import SimulatedCondition, recording_of
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
-from tactile_localizer.demo.live_sweep import contact_of
+from tactile_localizer.demo.show import contact_of
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import NO_CONTACT
 from tactile_localizer.io.scene_file import load_scene
@@ -33,7 +33,7 @@ def test_a_simulated_recording_has_the_simulators_contact(tmp_path: Path) -> Non
         assert of_condition.sweeps[number].contact == expected
         live = contact_of("bump", 1, number, SPEED_MPS, RATE_HZ)
         assert live is not None
-        assert live.first == test.truth[part][expected[0], 0]
+        assert live[0] == test.truth[part][expected[0], 0]
 
 
 def test_a_blank_sweep_has_no_contact() -> None:

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from support.forked_nodes import ForkedNode
-from support.orphans import end_with_parent
 from support.waiting import Deadline, children, wait_until
+
+from tactile_localizer.demo.nodes import end_with_parent, node_executable
 
 
 class Process:
@@ -114,18 +115,6 @@ class Process:
         self._reader.join(5)
         if self._popen.stdout is not None:
             self._popen.stdout.close()
-
-
-def node_executable(name: str) -> Path:
-    """Path of an installed node."""
-    prefixes = [
-        Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
-    ]
-    places = [prefix / "lib" / "tactile_localizer" / name for prefix in prefixes]
-    for place in places:
-        if place.exists():
-            return place
-    raise AssertionError(f"{name}: expected below AMENT_PREFIX_PATH, found in none of {len(places)} places")
 
 
 def node_command(
