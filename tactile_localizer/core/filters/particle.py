@@ -45,7 +45,7 @@ class ParticleFilter:
     Raises
     ------
     ParameterError
-        A count or fraction out of its range.
+        As many random particles as there are particles, or more.
     """
 
     def __init__(
@@ -58,14 +58,8 @@ class ParticleFilter:
         random_particles: int = 0,
         max_particles: int | None = None,
     ) -> None:
-        if particles < 1:
-            raise ParameterError(f"particles: expected at least 1, got {particles}")
-        if not 0.0 < resample_below <= 1.0:
-            raise ParameterError(f"resample_below: expected a fraction in (0, 1], got {resample_below}")
         if not 0 <= random_particles < particles:
             raise ParameterError(f"random_particles: expected 0 to {particles - 1}, got {random_particles}")
-        if resampling not in RESAMPLERS:
-            raise ParameterError(f"resampling {resampling!r}: expected one of {', '.join(RESAMPLERS)}")
         self._motion = MotionModel(scene)
         self._rng = rng
         self._least, self._most = particles, max(particles, max_particles or particles)

@@ -44,8 +44,3 @@ def phalanges_on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
         for index, phalanx in enumerate(scene.phalanges):
             on[:, index] = scene.feature.contains(phalanx_positions(scene, phalanx, states))
     return on
-
-
-def on_feature(scene: Scene, states: np.ndarray) -> np.ndarray:
-    """Whether any phalanx is in the feature's region at palm ``states`` (P, d): (P,) bool."""
-    return np.logical_or.reduce(phalanges_on_feature(scene, states).T)

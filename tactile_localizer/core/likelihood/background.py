@@ -13,7 +13,6 @@ FLOOR = 0.01
 """Weight of the background in a mixture with a model, relative to the model."""
 _DEGREES_OF_FREEDOM = 3.0
 _SPREAD = 2.0
-_ROWS = 2**12
 
 
 class Background:
@@ -33,33 +32,20 @@ class Background:
     def __init__(self, strain: np.ndarray, strain_std: np.ndarray, layout: ChannelLayout) -> None:
         self.layout = layout
         self._mean = strain.mean(axis=0)
-        self._scale = _SPREAD * np.hypot(_standard_deviation(strain, self._mean), strain_std)
+        self._scale = _SPREAD * np.hypot(strain.std(axis=0), strain_std)
         nu = _DEGREES_OF_FREEDOM
         channels = layout.widths
         self._halves = (nu + channels) / 2
         constant = gammaln(self._halves) - math.lgamma(nu / 2) - channels / 2 * math.log(nu * math.pi)
         self._constants = constant - self.layout.sum(np.log(self._scale))
 
-    def log_densities(self, strain: np.ndarray) -> np.ndarray:
-        """Log-densities (F,) of the phalanges' strains in a strain vector (C,), V."""
-        scaled = (strain - self._mean) / self._scale
-        return self._constants - self._halves * np.log1p(self.layout.sum(scaled**2) / _DEGREES_OF_FREEDOM)
-
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
-        """Log-density of the strain (C,) of the phalanges that are ``present`` (F,) bool."""
-        if not present.all():
-            strain = np.where(self.layout.expand(present), strain, 0.0)
-        return float(self.log_densities(strain)[present].sum())
+        """Log-density of a strain (C,), V, zero for absent phalanges, of those ``present`` (F,) bool."""
+        squared = self.layout.sum(((strain - self._mean) / self._scale) ** 2)
+        log_densities = self._constants - self._halves * np.log1p(squared / _DEGREES_OF_FREEDOM)
+        return float(log_densities[present].sum())
 
     def mixed(self, log_density: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Log-densities (P,) of a model, mixed with the background by :data:`FLOOR`."""
         background = math.log(FLOOR) + self.log_density(strain, present)
         return np.logaddexp(log_density, background) - math.log1p(FLOOR)
-
-
-def _standard_deviation(strain: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Standard deviations (C,) of (N, C), some rows at a time: a large scan is not copied."""
-    total = np.zeros(strain.shape[1])
-    for start in range(0, len(strain), _ROWS):
-        total += np.sum((strain[start : start + _ROWS] - mean) ** 2, axis=0)
-    return np.sqrt(total / len(strain))

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 from scipy.special import chdtri
 
@@ -117,17 +116,15 @@ class Gaussian(MeasurementModel):
 
         ``strain`` is one vector (C,), or one per row (P, C).
         """
-        factor = np.linalg.cholesky(self._target[np.ix_(columns, columns)])
-        inverse = solve_triangular(factor, np.eye(len(columns)), lower=True)
-        samples = self._strain[rows[..., None], columns] @ inverse.T
+        samples = self._strain[rows[..., None], columns]
         mean = samples.mean(axis=1)
-        deviation = np.atleast_2d(strain)[:, columns] @ inverse.T - mean
-        spread = (samples - mean[:, None, :]) * math.sqrt((1.0 - intensity) / rows.shape[1])
-        covariance = np.swapaxes(spread, 1, 2) @ spread + intensity * np.eye(len(columns))
-        lower = np.linalg.cholesky(covariance)
-        white = np.linalg.solve(lower, deviation[..., None])[..., 0]
-        log_determinant = np.log(np.einsum("pcc->pc", lower)).sum(axis=1) + np.log(np.diag(factor)).sum()
-        return np.einsum("pc,pc->p", white, white), 2.0 * log_determinant
+        spread = samples - mean[:, None, :]
+        covariance = np.swapaxes(spread, 1, 2) @ spread * ((1.0 - intensity) / rows.shape[1])
+        covariance += intensity * self._target[np.ix_(columns, columns)]
+        factor = np.linalg.cholesky(covariance)
+        white = np.linalg.solve(factor, (np.atleast_2d(strain)[:, columns] - mean)[..., None])[..., 0]
+        log_determinant = 2.0 * np.log(np.einsum("pcc->pc", factor)).sum(axis=1)
+        return np.einsum("pc,pc->p", white, white), log_determinant
 
     def _held_out(
         self, places: np.ndarray, strain: np.ndarray, sweep: np.ndarray
