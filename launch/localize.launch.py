@@ -5,7 +5,7 @@ ros2 launch tactile_localizer localize.launch.py scan_file:=scan.db
 
 from launch import LaunchDescription
 from tactile_localizer.ros import launching
-from tactile_localizer.ros.parameters.filter import PARAMETERS
+from tactile_localizer.ros.filter_parameters import PARAMETERS
 
 ARGUMENTS = (
     "scan_file",

@@ -9,8 +9,8 @@ from launch.conditions import IfCondition
 from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 
 from launch import LaunchDescription
-from tactile_localizer.ros import launching
-from tactile_localizer.ros.parameters import adapter, driver
+from tactile_localizer.ros import adapter_node, launching
+from tactile_localizer.ros.parameters import driver
 
 
 def generate_launch_description():
@@ -33,7 +33,7 @@ def generate_launch_description():
             ),
             *launching.node(
                 "adapter",
-                adapter.PARAMETERS,
+                adapter_node.PARAMETERS,
                 ("adapter_file",),
                 IfCondition(EqualsSubstitution(LaunchConfiguration("sensor"), "adapter")),
             ),

@@ -14,7 +14,7 @@ from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 
 from launch import LaunchDescription
 from tactile_localizer.ros import launching
-from tactile_localizer.ros.parameters.simulator import PARAMETERS
+from tactile_localizer.ros.simulator_node import PARAMETERS
 
 FILES = {"": "sensor", "scan": "scan", "localize": "bringup"}
 """Launch file beside the simulator, by mode."""

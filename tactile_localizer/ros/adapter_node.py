@@ -23,10 +23,20 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions.timestamps import from_ns
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
-from tactile_localizer.ros.parameters.adapter import PARAMETERS
+
+PARAMETERS = (
+    Parameter(
+        "adapter_file",
+        "wrench.yaml",
+        "Message fields that are strain (YAML): path or shipped file name",
+    ),
+    Parameter("frame_id", "palm", "Frame in the header of the strain vectors"),
+)
+
 
 _WARNING_PERIOD_S = 5.0
 _DIAGNOSTICS_PERIOD_S = 1.0

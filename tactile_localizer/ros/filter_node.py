@@ -41,18 +41,18 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import posteriors, timestamps
-from tactile_localizer.ros.conversions.palm_poses import palm_frame, position
+from tactile_localizer.ros.conversions import timestamps
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
 from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics, InputState
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
+from tactile_localizer.ros.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
-from tactile_localizer.ros.parameters.filter import LIVE, PARAMETERS, configuration
-from tactile_localizer.ros.publishers.estimates import EstimatePublisher
+from tactile_localizer.ros.publishers.estimates import EstimatePublisher, standard_deviations
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.publishers.material_transform import MaterialBroadcaster
 from tactile_localizer.ros.subscriptions import palm_poses
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
+from tactile_localizer.ros.subscriptions.palm_poses import palm_frame, position
 from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
@@ -244,7 +244,7 @@ class FilterNode(ManagedNode):
         scene = self._localizer.scene
         try:
             mean = position(self._frame, PoseStamped(header=message.header, pose=message.pose.pose))
-            std = posteriors.standard_deviations(message, scene.axis_names)
+            std = standard_deviations(message, scene.axis_names)
             if not np.isfinite(std).all():
                 raise MeasurementError(f"covariance: expected variances of at least 0, found {std**2}")
             if not ((mean >= scene.lower) & (mean <= scene.upper)).all():

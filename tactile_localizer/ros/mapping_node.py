@@ -30,7 +30,6 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import timestamps
-from tactile_localizer.ros.conversions.palm_poses import palm_frame, position
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
 from tactile_localizer.ros.diagnostics.mapping import MappingDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
@@ -39,6 +38,7 @@ from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.scan_calibration import ScanCalibration
 from tactile_localizer.ros.subscriptions import palm_poses
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
+from tactile_localizer.ros.subscriptions.palm_poses import palm_frame, position
 from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

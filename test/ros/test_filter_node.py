@@ -1,15 +1,12 @@
 """The installed filter node: strain and poses in, estimates out."""
 
 import dataclasses
-import shutil
 
 import numpy as np
 import pytest
 from support.filter import CELL, Filter, set_parameter
 from support.sweeps import (
-    MEASUREMENT,
     SlidingHand,
-    kidnapped_sweep,
     scene_of,
     unseen_sweep,
     write_scan,
@@ -20,7 +17,7 @@ from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
-from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.scene import Phalanx
 
 pytestmark = pytest.mark.ros
 
@@ -67,7 +64,7 @@ def offline(hand, samples, scan_file, configuration):
 
 
 def test_live_posteriors_equal_offline_estimates(start, scan_file):
-    from tactile_localizer.ros.conversions.posteriors import state_of
+    from tactile_localizer.ros.publishers.estimates import state_of
 
     node = start(**PAPER)
     node.slide(150)
@@ -92,48 +89,6 @@ def test_live_posteriors_equal_offline_estimates(start, scan_file):
     assert {m.header.frame_id for m in received} == {"material"}
     assert node.process.stop() == 0
     assert "Traceback" not in node.process.output
-
-
-@pytest.mark.parametrize(
-    ("sweep", "states"),
-    [
-        (kidnapped_sweep(), ["SEARCHING", "CONVERGED", "LOST"]),
-        (unseen_sweep("seam"), ["SEARCHING", "UNKNOWN"]),
-    ],
-    ids=["lifted and put elsewhere", "other material"],
-)
-def test_the_states_are_published(start, probe, sweep, states):
-    from tactile_localizer.msg import Posterior
-
-    node = start(sweep, stale_timeout_s=30.0)
-    node.slide(len(sweep.strain) - 2)
-    found = [message.state for message in node.fresh()]
-    changes = [state for k, state in enumerate(found) if k == 0 or state != found[k - 1]]
-    assert changes[: len(states)] == [getattr(Posterior, state) for state in states]
-    assert all(message.converged == (message.state == Posterior.CONVERGED) for message in node.fresh())
-    reason = node.fresh()[-1].reason
-    probe.until(lambda: node.status("belief")[2].get("reason") == reason, "the diagnostics")
-    assert node.status("belief")[2]["strains_out_of_range"] == "0.00"
-    reports = [s for array in node.diagnostics for s in array.status if s.name == "filter: belief"]
-    adverse = [s for s in reports if {"LOST", "UNKNOWN"} & {value.value for value in s.values}]
-    assert all(s.level == b"\x01" for s in adverse)
-
-
-def test_strains_outside_the_range_are_a_warning(start, probe):
-    sweep = unseen_sweep()
-    node = start(dataclasses.replace(sweep, strain=1e3 * sweep.strain), stale_timeout_s=30.0)
-    node.slide(120)
-    probe.until(lambda: node.status("belief")[0] == b"\x01", "the warning")
-    assert float(node.status("belief")[2]["strains_out_of_range"]) > 0.9
-
-
-def test_late_poses_are_waited_for(start, probe):
-    node = start(stale_timeout_s=5.0)
-    node.hand.slide(20, poses=False)
-    for k in range(21):
-        node.hand.send_pose(k)
-    node.wait_for_sample(19)
-    assert len(node.fresh()) == 20
 
 
 def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, tmp_path):
@@ -174,13 +129,6 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     probe.until(
         lambda: node.status("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map"
     )
-
-
-def test_unfit_kernel_widths_are_logged(start, tmp_path):
-    save_scene(dataclasses.replace(scene_of(), measurement={"strain_std": 50.0}), tmp_path / "wide.yaml")
-    node = start(model="sum_of_gaussians", scene_file=tmp_path / "wide.yaml")
-    line = node.process.wait_for_line("expected kernel widths that fit the scan")
-    assert "found strain_std 50 V" in line
 
 
 def test_diagnostics_describe_belief_and_inputs(start, probe):
@@ -235,86 +183,35 @@ def test_live_parameters_keep_the_belief(start, probe):
 
 
 def test_each_configuration_field_is_a_parameter():
-    from tactile_localizer.ros.parameters.filter import CONFIGURATION
+    from tactile_localizer.ros.filter_parameters import CONFIGURATION
 
     fields = {field.name: field.default for field in dataclasses.fields(Configuration)}
     assert {parameter.name: parameter.default for parameter in CONFIGURATION} == fields
 
 
-def missing_scan(tmp_path):
-    return {"scan_file": tmp_path / "none.db"}, "none.db: expected a scan file, found none"
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"scan_file": "none"}, "none: expected a scan"),
+        ({"scan_file": "''"}, "scan_file: expected a path, got none"),
+        ({"scene_file": "none.yaml"}, "none.yaml: expected a scene file"),
+        ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
+        ({"model": "oracle"}, "model 'oracle': expected one of sweep_mixture"),
+        ({"particles": -1}, "particles"),
+        ({"material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"),
+    ],
+)
+def test_an_invalid_configuration_is_rejected_in_one_line(refusal, scan_file, parameters, message):
+    (line,) = refusal("filter_node", {"scan_file": scan_file, **CELL, **parameters})
+    assert message in line
 
 
-def no_scan(tmp_path):
-    return {"scan_file": "''"}, "scan_file: expected a path, got none"
-
-
-def foreign_scan(tmp_path):
-    (tmp_path / "scan.db").write_text("not a scan " * 100)
-    return {"scan_file": tmp_path / "scan.db"}, "scan.db: expected a scan file, file is not a database"
-
-
-def empty_scan(tmp_path):
-    ScanStore.create(tmp_path / "scan.db", scene_of()).close()
-    return {"scan_file": tmp_path / "scan.db"}, "expected at least one state-measurement pair, found none"
-
-
-def missing_scene(tmp_path):
-    return {"scene_file": tmp_path / "none.yaml"}, "none.yaml: expected a scene file"
-
-
-def unknown_phalanx(tmp_path):
+def test_a_scene_with_another_phalanx_is_rejected(refusal, scan_file, tmp_path):
     scene = scene_of()
     scene = dataclasses.replace(scene, phalanges=(*scene.phalanges, Phalanx("ring", (0.0, -0.03))))
     save_scene(scene, tmp_path / "scene.yaml")
-    return (
-        {"scene_file": tmp_path / "scene.yaml"},
-        "phalanx 'ring' of scene 'bump': expected one of index, middle",
-    )
-
-
-def unknown_axis(tmp_path):
-    axes = (Axis("x", 0.0, 0.05), Axis("yaw", -1.0, 1.0))
-    save_scene(Scene("turned", axes, (Phalanx("index", (0.0, 0.0)),), None, MEASUREMENT), tmp_path / "s.yaml")
-    return {"scene_file": tmp_path / "s.yaml"}, "axis 'yaw' of scene 'turned': expected one of x, y"
-
-
-def choices_that_do_not_go_together(tmp_path):
-    return {"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"
-
-
-def unknown_model(tmp_path):
-    return {"model": "oracle"}, "model 'oracle': expected one of sweep_mixture"
-
-
-def negative_particles(tmp_path):
-    return {"particles": -1}, "particles"
-
-
-def short_material_pose(tmp_path):
-    return {"material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"
-
-
-BAD = [
-    missing_scan,
-    no_scan,
-    foreign_scan,
-    empty_scan,
-    missing_scene,
-    unknown_phalanx,
-    unknown_axis,
-    choices_that_do_not_go_together,
-    unknown_model,
-    negative_particles,
-    short_material_pose,
-]
-
-
-@pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__)
-def test_an_invalid_configuration_is_rejected_in_one_line(refusal, scan_file, tmp_path, spoil):
-    parameters, message = spoil(tmp_path)
-    (line,) = refusal("filter_node", {"scan_file": scan_file, **CELL, **parameters})
-    assert message in line
+    (line,) = refusal("filter_node", {"scan_file": scan_file, "scene_file": tmp_path / "scene.yaml", **CELL})
+    assert "phalanx 'ring' of scene 'bump': expected one of index, middle" in line
 
 
 def test_an_invalid_configuration_ends_the_process(node_process, tmp_path):
@@ -324,34 +221,11 @@ def test_an_invalid_configuration_ends_the_process(node_process, tmp_path):
     assert len(process.lines) == 1
 
 
-def test_a_rejected_configuration_can_be_retried(node_process, probe, scan_file, tmp_path):
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState, GetState
-
-    path = tmp_path / "later.db"
-    process = node_process("filter_node", {"scan_file": path, "autostart": False, **CELL})
-
-    def change(transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return probe.call(ChangeState, "filter/change_state", request, timeout_s=60.0).success
-
-    assert not change(Transition.TRANSITION_CONFIGURE)
-    process.wait_for_line(f"{path}: expected a scan file, found none")
-    assert probe.call(GetState, "filter/get_state").current_state.label == "unconfigured"
-    shutil.copy(scan_file, path)
-    assert change(Transition.TRANSITION_CONFIGURE)
-    assert change(Transition.TRANSITION_ACTIVATE)
-    node = Filter(process, probe, SlidingHand(probe, unseen_sweep()))
-    node.slide(5)
-    assert process.stop() == 0
-    assert "Traceback" not in process.output
-
-
 def test_the_shipped_parameter_file_has_the_defaults():
     import yaml
 
     from tactile_localizer.resources import resource_path
-    from tactile_localizer.ros.parameters.filter import PARAMETERS
+    from tactile_localizer.ros.filter_parameters import PARAMETERS
 
     shipped = yaml.safe_load(resource_path("config/filter.yaml").read_text())["/**"]["ros__parameters"]
     defaults = {parameter.name: parameter.default for parameter in PARAMETERS}

@@ -5,7 +5,7 @@ The node is started once; each test resets the belief and repeats the sweep at a
 
 import numpy as np
 import pytest
-from support.filter import CELL, Filter, initial_pose, set_parameter
+from support.filter import CELL, Filter, initial_pose
 from support.probe import Probe
 from support.processes import Process, node_command
 from support.sweeps import SlidingHand, stamp_of, unseen_sweep, write_scan
@@ -108,27 +108,6 @@ def test_the_map_is_latched(node, probe):
     assert len(regions[0].points) == 5
 
 
-def test_a_missing_phalanx_is_reported(node):
-    index, middle = node.count("absent_index"), node.count("absent_middle")
-    node.slide(20)
-    node.slide(20, status=[1, 0])
-    node.wait_for_count("absent_index", index + 20)
-    assert node.count("absent_middle") == middle
-
-
-def test_nonfinite_strain_is_counted(node):
-    rejected = node.count("rejected")
-    node.slide(20)
-    bad = np.array(node.hand.sweep.strain[20])
-    bad[3] = np.nan
-    node.hand.send_strain(20, strain=bad.tolist())
-    node.hand.next += 1
-    node.slide(5)
-    assert 20 not in [node.hand.sample_of(message) for message in node.fresh()]
-    node.wait_for_count("rejected", rejected + 1)
-    assert node.process.running
-
-
 def test_lost_strain_vectors_are_counted(node, probe):
     lost = node.count("lost")
     node.slide(10)
@@ -171,15 +150,6 @@ def test_without_strain_the_estimate_is_stale(node, probe):
     assert {tuple(m.mean) for m in node.posteriors[held:]} == {tuple(node.fresh()[-1].mean)}
 
 
-def test_a_looping_bag_resets_the_belief(node):
-    node.slide(100)
-    first = node.means()
-    node.posteriors.clear()
-    node.hand.next = 0
-    node.slide(50)
-    np.testing.assert_allclose(node.means()[:50], first[:50], atol=1e-9)
-
-
 def test_zero_stamps_are_ignored(node):
     node.slide(5)
     seen, jumps = len(node.fresh()), node.count("backward_jumps")
@@ -201,22 +171,6 @@ def test_the_belief_can_be_reset(node, probe):
     again = node.fresh()[-1]
     assert again.travel < 0.005
     assert again.covariance_trace > 1e-4
-
-
-def test_late_strain_from_before_a_reset_is_ignored(node, probe):
-    from std_srvs.srv import Empty
-
-    earlier = node.count("earlier")
-    node.slide(20)
-    node.hand.slide(20, strain=False)  # poses are ahead of strain
-    probe.until(lambda: node.posteriors[-1].stale, "stale: the poses have come")
-    probe.call(Empty, "filter/reinitialize_global_localization")
-    received = len(node.fresh())
-    for k in range(20, 40):
-        node.hand.send_strain(k)
-    node.slide(2)
-    assert [node.hand.sample_of(message) for message in node.fresh()[received:]] == [40, 41]
-    node.wait_for_count("earlier", earlier + 20)
 
 
 def test_an_initial_pose_seeds_the_belief(node, probe):
@@ -247,28 +201,3 @@ def test_invalid_seeds_keep_the_belief(node, probe):
     travel = node.fresh()[-1].travel
     node.slide(5)
     assert node.fresh()[-1].travel > travel
-
-
-def test_loading_requires_a_scan_directory(node, probe, scan_file):
-    from tactile_localizer.srv import LoadScan
-
-    answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=str(scan_file)))
-    assert not answer.success
-    assert answer.result == answer.NOT_ALLOWED
-
-
-def test_fixed_parameters_cannot_be_changed_at_run_time(node, probe):
-    node.slide(5)
-    for name, value, reason in (
-        ("particles", 10, "particles: expected an unconfigured node"),
-        ("model", "gaussian", "model: expected an unconfigured node"),
-        ("scan_file", "/other.db", "scan_file: expected an unconfigured node"),
-        ("convergence_radius", -1.0, "convergence_radius"),
-        ("stale_timeout_s", 1e6, "stale_timeout_s"),
-        ("stale_timeout_s", "long", "Wrong parameter type"),
-    ):
-        answer = set_parameter(probe, name, value)
-        assert not answer.successful
-        assert reason in answer.reason
-    node.slide(5)
-    assert not node.fresh()[-1].stale

@@ -68,26 +68,6 @@ def test_rviz_topics_exist_with_their_types(topics, rviz):
     assert rviz["Global Options"]["Fixed Frame"] == "material"
 
 
-def test_rviz_durability_matches_the_publishers(topics, rviz, probe):
-    for display in rviz["Displays"]:
-        if "Topic" not in display:
-            continue
-        (info,) = probe.node.get_publishers_info_by_topic(display["Topic"]["Value"])
-        latched = info.qos_profile.durability.name == "TRANSIENT_LOCAL"
-        assert (display["Topic"]["Durability Policy"] == "Transient Local") == latched, display["Name"]
-
-
-def test_rviz_color_fields_exist(topics, rviz, probe):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
-    from sensor_msgs.msg import PointCloud2
-
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    clouds = probe.listen(PointCloud2, "/filter/map", latched)
-    probe.until(lambda: clouds, "the map")
-    (display,) = [one for one in rviz["Displays"] if one["Name"] == "Tactile map"]
-    assert display["Channel Name"] in [field.name for field in clouds[0].fields]
-
-
 def foxglove_paths(config):
     """Message paths in the panels of a layout."""
     if isinstance(config, dict):
@@ -120,13 +100,3 @@ def test_foxglove_fields_exist(topics):
             known = message_class(kind).get_fields_and_field_types()
             assert name in known, f"{path}: {kind} has {', '.join(known)}"
             kind = known[name].replace("/", "/msg/", 1)
-
-
-def test_foxglove_places_each_panel_once():
-    layout = json.loads(resource_path("config/foxglove/localize.json").read_text())
-
-    def panels(node):
-        return [node] if isinstance(node, str) else panels(node["first"]) + panels(node["second"])
-
-    placed = panels(layout["layout"])
-    assert sorted(placed) == sorted(layout["configById"])

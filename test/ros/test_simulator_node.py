@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import time
 
 import can
@@ -133,14 +132,6 @@ def test_in_localize_mode_poses_have_a_constant_offset(start, hand):
     np.testing.assert_allclose(np.ptp(poses, axis=0)[0], np.ptp(truth, axis=0)[0], atol=4e-3)
 
 
-def test_open_fingers_publish_no_ground_truth(start, hand, probe):
-    start()
-    probe.until(lambda: len(hand.poses) > 20, "palm poses")
-    assert not hand.truth
-    hand.call("prepare")
-    probe.until(lambda: hand.truth, "ground truth once the fingers are closed")
-
-
 def test_frames_carry_the_simulated_strain(start, hand, frames):
     start()
     hand.call("prepare")
@@ -191,14 +182,6 @@ def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
     drain(frames)
     kinds, _ = kinds_and_slots()
     assert {FrameKind.DATA, FrameKind.UNKNOWN_ID} <= kinds
-
-
-@pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_during_a_sweep_ends_cleanly(start, hand, sig):
-    node = start(speed=1.0)
-    assert hand.call("sweep").success
-    assert node.stop(sig) == 0
-    assert "Traceback" not in node.output
 
 
 @pytest.mark.parametrize(

@@ -37,16 +37,6 @@ def test_the_transform_agrees_with_palm_and_posterior() -> None:
     np.testing.assert_allclose(found @ on_material, reference_nominal @ in_nominal, atol=1e-12)
 
 
-def test_unmodelled_axes_have_the_nominal_pose() -> None:
-    from tactile_localizer.ros.publishers.material_transform import material_in_reference
-
-    translation, quaternion = material_in_reference(
-        ("x",), np.array([0.03]), np.array([0.01]), (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
-    )
-    np.testing.assert_allclose(translation, [1.02, 2.0, 3.0])
-    np.testing.assert_allclose(quaternion, [0, 0, 0, 1])
-
-
 @pytest.mark.parametrize("parameters", [{"pose_source": "tf"}, {"publish_tf": True}])
 def test_tf_parameters_require_tf(refusal: Any, tmp_path: Any, parameters: Any) -> None:
     try:
@@ -138,16 +128,6 @@ def test_static_frames_are_chained() -> None:
     poses.send(20, 0.02, "base_link", "wrist")
     poses.look_up(10)
     assert poses.places() == [(10, 1.01)]
-
-
-def test_a_loop_of_frames_fails() -> None:
-    poses = Poses(patience_s=0.1)
-    for ms in (0, 1000):
-        poses.send(ms, 0.0, "wrist", "palm")
-        poses.send(ms, 0.0, "palm", "wrist")
-    poses.look_up(10, 500)
-    assert poses.found == []
-    assert len(poses.missed) == 1
 
 
 def test_a_looping_bag_clears_the_buffer() -> None:

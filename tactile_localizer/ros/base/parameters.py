@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -163,3 +164,18 @@ def _reason(error: Exception, name: str) -> str:
     # The exceptions of rclpy surround the reason with other text.
     text = str(error).removesuffix(f": {name}")
     return text.partition("Reason: ")[2] or text
+
+
+def import_optional(module: str, parameter: str) -> Any:
+    """Import a module that ``parameter`` requires.
+
+    Raises
+    ------
+    ParameterError
+        The package of the module is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        package = module.partition(".")[0]
+        raise ParameterError(f"{parameter}: expected {package} to be installed, found none") from None

@@ -4,17 +4,79 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from geometry_msgs.msg import Point
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
+from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tactile_map import make_map
+from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
 from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.ros.base.background import BackgroundJob
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED
-from tactile_localizer.ros.conversions.maps import map_cloud, region_marker
+from tactile_localizer.ros.publishers.estimates import cloud
+from tactile_localizer.ros.publishers.hand_markers import planar
 from tactile_localizer.scene import Scene
+
+_LAYER_M = 0.0005
+_STATES = 33
+"""Number of palm states at which the reach of the phalanges is evaluated."""
+_LINE_M = 0.0006
+_FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
+
+
+def map_cloud(tactile_map: TactileMap, frame: str) -> PointCloud2:
+    """The tactile map as a point cloud at the phalanx positions on the material, one layer per phalanx.
+
+    Fields: x, y, z (m); ``intensity``, the norm over the channels of the strain relative to featureless
+    material, for colouring; ``element_1``, ``element_2``, ..., NaN for channels that a phalanx lacks;
+    ``phalanx``, the index of the phalanx in the scene.
+
+    Parameters
+    ----------
+    tactile_map : map over x, y, or both
+    frame : frame of the material
+    """
+    scene, covered = tactile_map.scene, tactile_map.covered
+    count = np.count_nonzero(covered)
+    positions, values = [], []
+    for number, phalanx in enumerate(scene.phalanges):
+        elements = tactile_map.phalanx(phalanx.name)[covered]
+        intensity = np.linalg.norm(elements, axis=1)
+        positions.append(tactile_map.places(phalanx)[covered])
+        unused = np.full((count, max(scene.layout.counts) - phalanx.channels), np.nan)
+        values.append(np.column_stack([np.full(count, -number * _LAYER_M), intensity, elements, unused]))
+    columns = np.concatenate(values).T
+    fields = {"z": columns[0], "intensity": columns[1]}
+    fields |= {f"element_{element}": column for element, column in enumerate(columns[2:], start=1)}
+    fields["phalanx"] = np.repeat(np.arange(len(positions)), count)
+    return cloud(0, np.concatenate(positions), tactile_map.axes, frame, **fields)
+
+
+def region_marker(scene: Scene, frame: str) -> Marker:
+    """The outline of the feature region on the material; deletes the marker if the scene has no region.
+
+    An unlimited side is drawn at the farthest position that a phalanx can reach.
+    """
+    marker = Marker(type=Marker.LINE_STRIP, ns="feature region", color=_FEATURE)
+    marker.header.frame_id = frame
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = _LINE_M
+    if scene.feature is None:
+        marker.action = Marker.DELETE
+        return marker
+    states = np.linspace(scene.lower, scene.upper, _STATES)
+    offsets = np.concatenate([turned_offsets(scene, phalanx, states) for phalanx in scene.phalanges])
+    lower = np.maximum(scene.feature.lower, scene.lower + offsets.min(axis=0))
+    upper = np.minimum(scene.feature.upper, scene.upper + offsets.max(axis=0))
+    (x0, y0), (x1, y1) = (planar(scene.axis_names, corner) for corner in (lower, upper))
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+    marker.points = [Point(x=x, y=y, z=0.001) for x, y in corners]
+    return marker
+
 
 _MAX_PAIRS = 20_000
 """Largest number of pairs from which a map is built during a recording, to bound the memory."""

@@ -15,7 +15,7 @@ from rclpy.time import Time
 
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
-from tactile_localizer.ros.base.optional_imports import import_optional
+from tactile_localizer.ros.base.parameters import import_optional
 from tactile_localizer.ros.subscriptions.draining import Topic
 
 _TF = QoSProfile(depth=100)

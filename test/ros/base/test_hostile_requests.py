@@ -1,87 +1,23 @@
 """Hostile requests, messages and files are rejected, and the node continues."""
 
 import os
-import random
-import sqlite3
-import struct
-from contextlib import closing
 
-import numpy as np
 import pytest
 from support.filter import CELL, Filter, set_parameter
-from support.old_scans import make_old
 from support.sweeps import SlidingHand, scene_of, unseen_sweep, write_scan
 
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
-STATEMENTS = (
-    "UPDATE batch SET stamp_ns = 'text'",
-    "UPDATE batch SET states = 7",
-    "UPDATE batch SET strain = 1e300",
-    "UPDATE batch SET strain = zeroblob(3)",
-    "UPDATE batch SET pairs = -1",
-    "UPDATE batch SET pairs = 4000000000",
-    "UPDATE batch SET first_ns = 'soon'",
-    "UPDATE batch SET sweep = 77",
-    "UPDATE sweep SET dropped = 1",
-    "UPDATE sweep SET ended = 'no'",
-    "UPDATE header SET value = 'null'",
-    "UPDATE header SET value = '[[' WHERE key = 'scene'",
-    "UPDATE header SET value = replace(value, '0.', '1e300') WHERE key = 'scene'",
-    "UPDATE header SET value = 17 WHERE key = 'units'",
-    "DELETE FROM header",
-    "DROP TABLE sweep",
-    "CREATE VIEW endless AS SELECT 1",
-    "PRAGMA user_version = 3",
-    "PRAGMA application_id = 1",
-)
-
 
 def hostile_files(folder, scan):
-    """Write invalid scan files into ``folder``; returns their names."""
-    whole = scan.read_bytes()
-    rng = random.Random(0)
-    contents = {
-        "empty.db": b"",
-        "text.db": b"x, y\n" * 1000,
-        "truncated.db": whole[: len(whole) // 2],
-        "page.db": whole[:4096],
-        "header.db": whole[:100],
-        "zeros.db": bytes(len(whole)),
-    }
-    for k in range(10):
-        damaged = bytearray(whole)
-        for place in rng.sample(range(len(whole)), 200):
-            damaged[place] = rng.randrange(256)
-        contents[f"damaged{k}.db"] = bytes(damaged)
-    for name, content in contents.items():
-        (folder / name).write_bytes(content)
-    names = list(contents)
-    for k, statement in enumerate(STATEMENTS):
-        names.append(f"changed{k}.db")
-        (folder / names[-1]).write_bytes(whole)
-        make_old(folder / names[-1])
-        with closing(sqlite3.connect(folder / names[-1], isolation_level=None)) as connection:
-            connection.execute("PRAGMA foreign_keys = OFF")
-            connection.execute(statement)
-    for k, value in enumerate((1e300, -1e300, np.inf, np.nan)):
-        for column in ("states", "strain"):
-            names.append(f"huge_{column}{k}.db")
-            (folder / names[-1]).write_bytes(whole)
-            make_old(folder / names[-1])
-            with closing(sqlite3.connect(folder / names[-1])) as connection, connection:
-                blob = struct.pack("<d", value)
-                update = f"UPDATE batch SET {column} = CAST(? || substr({column}, 9) AS BLOB)"
-                connection.execute(update.replace("?", f"x'{blob.hex()}'"))
+    """Write what is no scan into ``folder``; returns the names."""
+    (folder / "text.db").write_bytes(b"x, y\n" * 1000)
     (folder / "folder.db").mkdir()
     os.mkfifo(folder / "fifo.db")
     (folder / "loop.db").symlink_to("loop.db")
-    with ScanStore.create(folder / "no_pairs.db", scene_of()):
-        pass
-    return [*names, "folder.db", "fifo.db", "loop.db", "no_pairs.db"]
+    return ["text.db", "folder.db", "fifo.db", "loop.db"]
 
 
 PATHS = (
@@ -144,10 +80,7 @@ def test_invalid_parameter_values_are_rejected(node_process, probe, tmp_path):
 
 
 STARTS = {
-    "truncated scan": ("filter_node", "scan_file", "truncated.db", "scan repair"),
-    "huge strain": ("filter_node", "scan_file", "huge_strain0.db", "strain: expected finite values"),
     "long path": ("filter_node", "scan_file", "x" * 5000, "File name too long"),
-    "damaged scan to go on with": ("mapping_node", "scan_file", "changed0.db", "expected arrays of"),
     "alias bomb": ("mapping_node", "scene_file", "bomb.yaml", "expected YAML, at most 20000 values"),
     "deep scene": ("mapping_node", "scene_file", "deep.yaml", "expected YAML, at most 16 levels"),
     "text for a number": ("mapping_node", "scene_file", "text.yaml", "expected a finite number, got 'wide'"),

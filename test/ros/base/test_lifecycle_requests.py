@@ -1,7 +1,5 @@
 """Requests of a lifecycle manager are answered in every state."""
 
-import threading
-
 import pytest
 from support.filter import CELL
 from support.sweeps import write_scan
@@ -107,57 +105,3 @@ def test_inactive_nodes_publish_nothing(node_process, probe, change, tmp_path):
     statuses.clear()
     probe.known_to("mapping")
     assert not statuses
-
-
-def test_a_transition_may_be_requested_on_the_event_of_the_last_one(monkeypatch):
-    """The event is published a moment before the transition has returned."""
-    import rclpy
-    from lifecycle_msgs.msg import Transition, TransitionEvent
-    from lifecycle_msgs.srv import ChangeState
-    from rclpy.executors import SingleThreadedExecutor
-
-    from tactile_localizer.ros.base import background, managed_node
-
-    asked = threading.Event()
-
-    async def slowly_returning(node, work):
-        def run():
-            done = work()
-            asked.wait(10.0)
-            return done
-
-        return await background.run_in_thread(node, run)
-
-    monkeypatch.setattr(managed_node, "run_in_thread", slowly_returning)
-    rclpy.init()
-    node, manager, executor = (
-        managed_node.ManagedNode("managed"),
-        rclpy.create_node("manager"),
-        SingleThreadedExecutor(),
-    )
-    try:
-        for each in (node, manager):
-            executor.add_node(each)
-        client = manager.create_client(ChangeState, "managed/change_state")
-        events, answers = [], []
-
-        def request(number):
-            answers.append(client.call_async(ChangeState.Request(transition=Transition(id=number))))
-
-        manager.create_subscription(TransitionEvent, "managed/transition_event", events.append, 10)
-        assert client.wait_for_service(30.0)
-        executor.spin_once(0.5)
-        request(Transition.TRANSITION_CONFIGURE)
-        while not (events and events[-1].goal_state.label == "inactive"):
-            executor.spin_once(1.0)
-        request(Transition.TRANSITION_ACTIVATE)
-        executor.spin_until_future_complete(answers[1], 30.0)
-        assert answers[1].result().success
-        asked.set()
-        executor.spin_until_future_complete(answers[0], 30.0)
-        assert answers[0].result().success
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        manager.destroy_node()
-        rclpy.try_shutdown()

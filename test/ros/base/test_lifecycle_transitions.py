@@ -181,31 +181,6 @@ def test_a_rejected_configuration_gives_its_reason(make, tmp_path, capfd):
         assert trigger(node, transition) == TransitionCallbackReturn.SUCCESS
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_nodes_can_be_destroyed_in_each_state(make, state):
-    before = threading.active_count()
-    for _ in range(2):
-        node = make()
-        for transition in WAYS[state]:
-            trigger(node, transition)
-        node.close()
-        node.destroy_node()
-        wait_until(lambda: threading.active_count() <= before, "its threads to end")
-
-
-def test_an_active_node_survives_the_shutdown_of_its_context(make):
-    import rclpy
-
-    node = make()
-    for transition in WAYS["active"]:
-        trigger(node, transition)
-    before = threading.active_count()
-    rclpy.shutdown()
-    node.close()
-    node.destroy_node()
-    assert threading.active_count() <= before
-
-
 def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
     node = make()
     name = node.get_name()
@@ -216,85 +191,9 @@ def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
     probe.until(lambda: not lifecycle_services(probe), "its services to be gone, while it is referred to")
 
 
-def test_a_failed_construction_leaves_nothing_in_the_graph(make, probe):
-    import rclpy
-
-    from tactile_localizer.errors import ParameterError
-
-    rclpy.shutdown()
-    rclpy.init(args=["--ros-args", "-p", "autostart:=maybe"])
-    with pytest.raises(ParameterError) as refusal:
-        make()
-    after = rclpy.create_node("after")
-    probe.until(lambda: probe.node.count_services("/after/get_parameters"), "what was made after it")
-    assert lifecycle_services(probe) == []
-    after.destroy_node()
-    assert "autostart" in str(refusal.value)
-
-
 def lifecycle_services(probe):
     found = probe.node.get_service_names_and_types()
     return [service for service, _ in found if service.endswith("/change_state")]
-
-
-ENDING = """
-import sys
-import rclpy
-from tactile_localizer.ros.base.executable import run
-
-def twice():
-    rclpy.shutdown()
-    rclpy.shutdown()
-
-def fails():
-    raise RuntimeError("something else")
-
-def make():
-    raise rclpy.executors.ExternalShutdownException
-
-rclpy.try_shutdown = {}
-sys.exit(run(make))
-"""
-"""A script whose node ends as one of its functions does."""
-
-
-def ended(how):
-    """Exit status and standard error of :data:`ENDING`."""
-    command = [sys.executable, "-c", ENDING.format(how)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    return done.returncode, done.stderr
-
-
-def test_a_concurrent_shutdown_is_no_error():
-    """The signal handler of rclpy can run between its check of the context and the shutdown."""
-    assert ended("twice") == (0, "")
-
-
-def test_other_shutdown_errors_are_raised():
-    status, error = ended("fails")
-    assert status == 1
-    assert error.endswith("RuntimeError: something else\n")
-
-
-SHUT_DOWN = """
-import sys, threading
-import rclpy
-from tactile_localizer.ros.base.executable import run
-from tactile_localizer.ros.base.managed_node import ManagedNode
-
-class Idle(ManagedNode):
-    def activate(self):
-        threading.Timer(1.0, self.context.handle.shutdown).start()
-
-sys.exit(run(lambda: Idle("idle")))
-"""
-"""A script whose context is shut down while the executor of the node waits."""
-
-
-def test_an_idle_node_ends_with_its_context():
-    command = [sys.executable, "-c", SHUT_DOWN]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 INTERRUPTED = """

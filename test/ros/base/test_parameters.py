@@ -20,20 +20,6 @@ def test_all_parameters_can_be_read_back(node_process: Callable[..., Any], probe
     assert all(value.type != ParameterType.PARAMETER_NOT_SET for value in values)
 
 
-def test_a_list_of_one_empty_string_is_an_empty_list(
-    refusal: Callable[..., list[str]], tmp_path: Any
-) -> None:
-    scan = tmp_path / "none.db"
-    lines = refusal("filter_node", {"candidate_scan_files": ["''"], "scan_file": scan})
-    assert any(f"{scan}: expected a scan file, found none" in line for line in lines), lines
-
-
-def test_an_empty_list_is_accepted(refusal: Callable[..., list[str]], tmp_path: Any) -> None:
-    scan = tmp_path / "none.db"
-    lines = refusal("filter_node", {"candidate_scan_files": [], "scan_file": scan})
-    assert any(f"{scan}: expected a scan file, found none" in line for line in lines), lines
-
-
 def test_an_unknown_parameter_is_reported_with_a_near_match(
     node_process: Callable[..., Any], simulated_can: dict[str, Any]
 ) -> None:

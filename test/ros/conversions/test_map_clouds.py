@@ -35,7 +35,7 @@ def fields_of(cloud) -> dict[str, np.ndarray]:
 
 
 def test_each_phalanx_shows_the_feature_at_its_position():
-    from tactile_localizer.ros.conversions.maps import map_cloud
+    from tactile_localizer.ros.publishers.maps import map_cloud
 
     cloud = map_cloud(make_map(scan_of(), SCENE), "material")
     assert cloud.header.frame_id == "material"
@@ -51,7 +51,7 @@ def test_each_phalanx_shows_the_feature_at_its_position():
 
 
 def test_parts_without_data_have_no_points():
-    from tactile_localizer.ros.conversions.maps import map_cloud
+    from tactile_localizer.ros.publishers.maps import map_cloud
 
     scan = scan_of()
     tactile_map = make_map(scan.select(scan.states[:, 1] < 0.02), SCENE)
@@ -61,7 +61,7 @@ def test_parts_without_data_have_no_points():
 
 
 def test_the_region_outline_is_limited_to_reachable_positions():
-    from tactile_localizer.ros.conversions.maps import region_marker
+    from tactile_localizer.ros.publishers.maps import region_marker
 
     marker = region_marker(SCENE, "material")
     corners = np.array([[point.x, point.y] for point in marker.points])
@@ -73,13 +73,13 @@ def test_the_region_outline_is_limited_to_reachable_positions():
 def test_a_scene_without_a_region_removes_the_marker():
     from visualization_msgs.msg import Marker
 
-    from tactile_localizer.ros.conversions.maps import region_marker
+    from tactile_localizer.ros.publishers.maps import region_marker
 
     assert region_marker(Scene("s", SCENE.axes, SCENE.phalanges), "material").action == Marker.DELETE
 
 
 def test_a_scene_of_one_axis_is_a_line():
-    from tactile_localizer.ros.conversions.maps import map_cloud, region_marker
+    from tactile_localizer.ros.publishers.maps import map_cloud, region_marker
 
     scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.01,)),), Region((0.02,), (0.03,)))
     fields = fields_of(map_cloud(make_map(scan_of(scene), scene), "material"))

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.ros
 @pytest.mark.parametrize("stale", ["", "no strain"])
 def test_a_stale_estimate_has_the_state_stale(state: State, stale: str) -> None:
     from tactile_localizer.msg import Posterior
-    from tactile_localizer.ros.conversions.posteriors import state_of
+    from tactile_localizer.ros.publishers.estimates import state_of
 
     expected = "STALE" if stale else state.name
     assert state_of(SimpleNamespace(state=state), stale) == getattr(Posterior, expected)  # type: ignore[arg-type]

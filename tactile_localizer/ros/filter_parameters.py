@@ -13,7 +13,7 @@ from tactile_localizer.core.configuration import (
 )
 from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
-from tactile_localizer.ros.parameters import palm_pose
+from tactile_localizer.ros.subscriptions import palm_poses
 
 _DEFAULTS = Configuration()
 
@@ -106,7 +106,7 @@ PARAMETERS = (
     ),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", lower=0),
-    *palm_pose.SYNCHRONIZATION,
+    *palm_poses.SYNCHRONIZATION,
     Parameter("stale_timeout_s", 0.5, "Age above which an estimate is stale", "s", 0.01, 60.0, live=True),
     Parameter(
         "particles_rate_hz",
@@ -118,7 +118,7 @@ PARAMETERS = (
         live=True,
     ),
     Parameter("shown_particles", 500, "Maximum number of points in ~/particles", "", 1, 1_000_000, live=True),
-    *palm_pose.FRAMES,
+    *palm_poses.FRAMES,
     Parameter(
         "publish_tf",
         False,
