@@ -9,7 +9,7 @@ from launch.actions import IncludeLaunchDescription
 
 from launch import LaunchDescription
 from tactile_localizer.ros import launching
-from tactile_localizer.ros.parameters.mapping import PARAMETERS
+from tactile_localizer.ros.mapping_parameters import PARAMETERS
 
 ARGUMENTS = ("scan_file", "scene_file", "pose_source", "palm_frame", "reference_frame", "material_frame")
 

@@ -10,7 +10,7 @@ from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 
 from launch import LaunchDescription
 from tactile_localizer.ros import adapter_node, launching
-from tactile_localizer.ros.parameters import driver
+from tactile_localizer.ros.driver_parameters import PARAMETERS as DRIVER
 
 
 def generate_launch_description():
@@ -27,7 +27,7 @@ def generate_launch_description():
             ),
             *launching.node(
                 "driver",
-                driver.PARAMETERS,
+                DRIVER,
                 buses,
                 IfCondition(EqualsSubstitution(LaunchConfiguration("sensor"), "driver")),
             ),

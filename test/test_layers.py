@@ -56,14 +56,12 @@ MAY_IMPORT_FOLDERS: dict[str, dict[str, set[str]]] = {
     "ros": {
         "base": set(),
         "conversions": {"base"},
-        "parameters": {"base"},
         "subscriptions": {"base", "conversions"},
         "publishers": {"base", "conversions"},
         "diagnostics": {"base", ""},
         "": {
             "base",
             "conversions",
-            "parameters",
             "subscriptions",
             "publishers",
             "diagnostics",

@@ -33,7 +33,7 @@ from tactile_localizer.ros.base.qos import LATCHED, STRAIN
 from tactile_localizer.ros.conversions.timestamps import from_ns
 from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
-from tactile_localizer.ros.parameters.driver import PARAMETERS, messages_of
+from tactile_localizer.ros.driver_parameters import PARAMETERS, messages_of
 
 _DIAGNOSTICS_PERIOD_S = 1.0
 

@@ -33,7 +33,7 @@ from tactile_localizer.ros.conversions import timestamps
 from tactile_localizer.ros.conversions.strain_vectors import StrainReader
 from tactile_localizer.ros.diagnostics.mapping import MappingDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
-from tactile_localizer.ros.parameters.mapping import PARAMETERS
+from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.scan_calibration import ScanCalibration
 from tactile_localizer.ros.subscriptions import palm_poses

@@ -1,1 +1,0 @@
-"""Declared parameters of each node: name, default, description, unit, range."""
