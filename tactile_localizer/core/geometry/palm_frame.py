@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.scene import Axis
@@ -44,7 +45,7 @@ class PalmFrame:
         identity = (np.eye(3), np.zeros(3))
         self._from = {material_frame: identity}
         if reference_frame and reference_frame != material_frame:
-            rotation = _rotation(*material_pose[3:]).T
+            rotation = Rotation.from_euler("xyz", material_pose[3:]).as_matrix().T
             self._from[reference_frame] = (rotation, -rotation @ np.asarray(material_pose[:3]))
 
     def position(self, frame: str, translation: Sequence[float], quaternion: Sequence[float]) -> np.ndarray:
@@ -93,15 +94,3 @@ def _yaw(rotation: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
     axis = np.stack([w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
     heading = axis @ rotation.T
     return np.where(quaternions.any(axis=1), np.arctan2(heading[:, 1], heading[:, 0]), math.nan)
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Rotation by roll, pitch and yaw about the fixed x, y and z axes (REP 103), (3, 3)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )

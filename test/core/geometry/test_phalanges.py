@@ -7,7 +7,6 @@ import pytest
 from support.turned import REGION, SCENE, YAWS, bump_strength, turned_scan
 
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature, phalanx_positions
-from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 
@@ -72,16 +71,3 @@ def test_a_turned_hand_senses_nothing_outside_the_region(yaw: float) -> None:
     for number in range(len(SCENE.phalanges)):
         strength = bump_strength(scan, number)
         assert strength[~on[:, number]].max() < 0.25 * strength.max()
-
-
-def test_the_map_of_a_turned_hand_agrees_with_that_of_a_straight_one() -> None:
-    turned, straight = (make_map(turned_scan(yaws), SCENE) for yaws in (YAWS, (0.0,)))
-    for phalanx in SCENE.phalanges:
-        found = [
-            centre(
-                np.nan_to_num(np.linalg.norm(each.phalanx(phalanx.name), axis=-1)),
-                each.places(phalanx),
-            )
-            for each in (turned, straight)
-        ]
-        np.testing.assert_allclose(found[0], found[1], atol=0.4e-3)

@@ -4,10 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tactile_localizer.core.geometry.pose_buffer import PoseBuffer, interpolate_poses, near_bounds
+from tactile_localizer.core.geometry.pose_buffer import PoseBuffer, near_bounds
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 
@@ -78,27 +76,6 @@ def test_an_invalid_pose_is_refused(position):
     assert len(buffer) == 1
 
 
-@given(
-    steps=st.lists(st.integers(1, 200_000_000), min_size=1, max_size=20),
-    queries=st.lists(st.integers(0, 4 * SECOND), min_size=1, max_size=20),
-    seed=st.integers(0, 1000),
-)
-def test_live_and_recorded_interpolation_agree_to_the_last_bit(steps, queries, seed):
-    axes = (X, YAW)
-    pose_ns = SECOND + np.cumsum(steps)
-    poses = np.random.default_rng(seed).uniform(-4, 4, (len(steps), 2))
-    buffer = PoseBuffer(axes, length_s=1000.0)
-    for stamp, pose in zip(pose_ns, poses, strict=True):
-        buffer.add(int(stamp), pose)
-    positions, found = interpolate_poses(axes, pose_ns, poses, np.array(queries))
-    for query, position, ok in zip(queries, positions, found, strict=True):
-        live = buffer.at(query)
-        assert (live is not None) == ok
-        if ok:
-            np.testing.assert_array_equal(live, position)
-            assert abs(position[1]) <= math.pi + 1e-12
-
-
 def test_near_bounds_moves_yaw_by_whole_turns():
     axes = (X, Axis("yaw", -0.5, 0.5))
     given_positions = np.array([[0.1, 6.0], [0.2, -6.5], [0.3, 0.4]])
@@ -106,9 +83,3 @@ def test_near_bounds_moves_yaw_by_whole_turns():
     np.testing.assert_allclose(moved[:, 1], [6.0 - math.tau, -6.5 + math.tau, 0.4])
     np.testing.assert_array_equal(given_positions[:, 1], [6.0, -6.5, 0.4])
     assert near_bounds((X,), given_positions) is given_positions
-
-
-def test_no_position_without_poses():
-    positions, found = interpolate_poses((X,), np.array([], np.int64), np.empty((0, 1)), np.array([SECOND]))
-    assert np.isnan(positions).all()
-    assert not found.any()

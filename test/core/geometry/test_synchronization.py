@@ -118,10 +118,3 @@ def test_pairs_do_not_depend_on_the_order_of_arrival(order, pose_steps, strain_s
     for pair, position in zip(pairs, expected, strict=True):
         if pair.position is not None:
             np.testing.assert_array_equal(pair.position, position)
-
-
-def test_stamp_of_the_newest_strain_vector():
-    pairing = Pairing(AXES)
-    assert pairing.newest_ns is None
-    strain(pairing, 105)
-    assert pairing.newest_ns == 105 * MS

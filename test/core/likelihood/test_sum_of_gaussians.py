@@ -11,7 +11,6 @@ from support.scans import scan, scene
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError, SceneError
-from tactile_localizer.scene import Axis, Phalanx, Scene
 
 WIDTHS = (np.array([0.003, 0.004, 0.15]), 0.05)
 
@@ -82,17 +81,6 @@ def test_poses_a_turn_away_are_the_same():
         one.log_likelihood(states, measured),
         other.log_likelihood(states + np.array([0, 0, 2 * math.pi]), measured),
         atol=1e-3,
-    )
-
-
-def test_unnamed_axes_and_phalanges_do_not_matter():
-    _, made = setting(3, 3)
-    part = Scene("part", (Axis("y", 0.0, 0.05),), (Phalanx("ring", (0.0,)),))
-    by_hand = Scan(made.states[:, [1]], made.strain[:, 16:], made.sweep, ("y",), ("ring",))
-    states, measured = np.linspace(0, 0.05, 9)[:, None], made.strain[3, 16:]
-    one, other = (SumOfGaussians(s, part, 0.003, 0.05) for s in (made, by_hand))
-    np.testing.assert_allclose(
-        one.log_likelihood(states, measured), other.log_likelihood(states, measured), atol=1e-9
     )
 
 
