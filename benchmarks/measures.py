@@ -79,12 +79,19 @@ def ever_converged(tracks: Sequence[Track]) -> int:
     return sum(bool(track.converged.any()) for track in tracks)
 
 
-def update_us(tracks: Sequence[Track], converged: bool) -> float | None:
-    """Median time of a measurement update whose estimate is converged, or is not, µs."""
-    seconds = np.concatenate(
-        [track.seconds[track.updated & (track.converged == converged)] for track in tracks]
-    )
-    return 1e6 * float(np.median(seconds)) if len(seconds) else None
+def update_times(tracks: Sequence[Track], read: float) -> Row:
+    """Median times of measurement updates that are converged, and that are not, µs and in units of ``read``.
+
+    Updates that do not occur have no time.
+    """
+    row: Row = {}
+    for name, converged in (("update", True), ("update_open", False)):
+        times = [track.seconds[track.updated & (track.converged == converged)] for track in tracks]
+        seconds = np.concatenate(times)
+        median = 1e6 * float(np.median(seconds)) if len(seconds) else None
+        row[f"{name}_us"] = median
+        row[f"{name}_reads"] = None if median is None else median / read
+    return row
 
 
 def _from_contact(track: Track) -> np.ndarray:

@@ -1,484 +1,318 @@
 """The paper's figures and findings, checked on its measurement models and on the default.
 
-    scripts/in_env python benchmarks/paper.py [--seeds N] [--sweeps N] [--jobs N] [--out DIR]
+    scripts/in_env python benchmarks/paper.py [--seeds 1 2 3] [--sweeps 18] [--out DIR]
 
-For bump, snap and grommet and each seed (5) it localizes on 18 test sweeps and 18 sweeps that end before the
+For bump, snap and grommet and each seed it localizes on test sweeps and on sweeps that end before the
 feature, with the default, the paper's four models as the paper has them (75 particles, 10 of them random at
-each update, its hand-set widths) and the same models with the exact filter. It prints the false alarms of
-the paper's plain convergence criteria (III-D) and its qualitative findings, each *held*, *not held*, or
-*open* where the 95 % confidence interval over sweeps allows both, and draws the paper's Fig. 5 and 8 into DIR
-(out/paper). Results of tasks are kept there; an interrupted run resumes.
+each update, its hand-set widths) and two of these with the exact filter. It prints the paper's qualitative
+findings, each *held*, *not held*, or *open* where the 95 % confidence interval over sweeps allows both, with
+the false alarms of its plain convergence criteria (III-D), and draws its Fig. 5 and 8 into DIR (out/paper).
 """
 
 from __future__ import annotations
 
+import os
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 import argparse
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from evaluation.comparison import Results, as_array, evaluate
-from evaluation.conditions import SimulatedCondition
-from evaluation.confidence_interval import Interval, mean_interval
-from evaluation.jobs import Workers
-from evaluation.methods import exact_form, paper_form, standard_methods
-from evaluation.report import save_figures
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from paper_outcome import TRAVEL_BINS_M, localize
+from rich.console import Console
+from rows import Row, in_parallel
+from simulated import recording_of, shipped_scene
 
-from tactile_localizer.cli.interrupts import end_as_by_interrupt
-from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.tables import print_tables
-from tactile_localizer.offline.axes import MM, display_units, label_axis, literal
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.offline.metrics import position_error, travel_from_contact
+from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.offline.table import Table
+from tactile_localizer.offline.tradeoff import BINS, bin_centres
+from tactile_localizer.scene import Scene
+from tactile_localizer.sim import simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
+PAPER_PARAMETERS = {
+    "position_std": 0.0254 * float(np.sqrt(0.0075)),
+    "strain_std": float(np.sqrt(0.001)),
+    "correlation_length": Configuration().update_distance,
+}
+"""The paper's hand-set widths (III-C), m and V; no tempering."""
+
+GAUSSIAN, INDEPENDENT, SUM, FEATURELESS = (
+    "gaussian",
+    "gaussian_independent",
+    "sum_of_gaussians",
+    "featureless",
+)
+EXACT = " exact"
+"""Ending of the name of a method with the exact filter."""
+
+_PAPER_FILTER = Configuration(
+    filter="particle",
+    particles=75,
+    max_particles=75,
+    random_particles=10,
+    resample_below=1.0,
+    conditional=False,
+)
+METHODS = {
+    "default": Configuration(),
+    **{model: replace(_PAPER_FILTER, model=model) for model in (GAUSSIAN, INDEPENDENT, SUM, FEATURELESS)},
+    **{model + EXACT: Configuration(model=model, conditional=False) for model in (SUM, FEATURELESS)},
+}
 TENTH_INCH = 0.00254
 """m, the paper's mean error on contact."""
 
-HELD, NOT_HELD, OPEN = "held", "not held", "open"
-
-SUM, FEATURELESS = paper_form("sum_of_gaussians"), paper_form("featureless")
-SUM_EXACT, FEATURELESS_EXACT = exact_form("sum_of_gaussians"), exact_form("featureless")
-GAUSSIAN, INDEPENDENT = paper_form("gaussian"), paper_form("gaussian_independent")
-
-_SIZE = (4.8, 3.4)
-_STYLES = {
-    GAUSSIAN: ("Gaussian", "tab:red"),
-    INDEPENDENT: ("Gaussian, fingers apart", "tab:orange"),
-    SUM: ("sum of Gaussians", "tab:blue"),
-    FEATURELESS: ("featureless apart", "tab:green"),
-    "default": ("default", "black"),
-}
-_FIG_5 = {GAUSSIAN: ":", INDEPENDENT: "--", SUM: "-"}
-_FIG_8 = {FEATURELESS: "-", SUM: "--"}
-"""Lines as the paper draws them."""
-
-_MIN_FRACTION = 1 / 3
-"""Fraction of the sweeps that must cross a stretch for their mean to be drawn."""
+STRETCHES_M = np.arange(0.0, 0.0201, 0.0025)
+"""Edges of the stretches after contact, m."""
 
 _ALIKE = 0.25
-"""Share of the error up to which two methods count as alike."""
-
+"""Fraction of the error up to which two methods count as alike."""
 _DETECTED = 0.95
-"""Share of the sweeps over a feature in which a likelihood has to be reached to count as high."""
+"""Fraction of the sweeps over a feature in which a likelihood has to be reached to count as high."""
+_FIGURES = {
+    "fig5": ("error_along", {GAUSSIAN: ":", INDEPENDENT: "--", SUM: "-"}, "mean error, mm", 1e3),
+    "fig8a": ("error_along", {FEATURELESS: "-", SUM: "--"}, "mean error, mm", 1e3),
+    "fig8b": ("trace_along", {FEATURELESS: "-", SUM: "--"}, "mean covariance trace, mm²", 1e6),
+}
+"""Values, methods and lines, as the paper draws them."""
 
 
-@dataclass(frozen=True)
-class Finding:
-    """A statement of the paper, checked on the results.
-
-    ``verdict`` is :data:`HELD`, :data:`NOT_HELD`, or :data:`OPEN` where the confidence interval allows both.
-    """
-
-    statement: str
-    source: str
-    verdict: str
-    numbers: str
-
-
-def check_findings(results: Results) -> list[Finding]:
-    """Every finding that the methods in the results allow to check."""
-    checks: list[tuple[Callable[[Results], Finding], tuple[str, ...]]] = [
-        (_within_a_tenth_of_an_inch, ("default",)),
-        (_gaussians_alike_before_contact, (GAUSSIAN, INDEPENDENT)),
-        (_zero_covariance_is_better, (GAUSSIAN, INDEPENDENT)),
-        (_gaussian_error_grows_past_the_edge, (GAUSSIAN,)),
-        (_sum_alike_at_first_contact, (SUM, GAUSSIAN)),
-        (_sum_better_past_the_edge, (SUM, GAUSSIAN)),
-        (_plain_criteria_fire_falsely, (GAUSSIAN, INDEPENDENT, SUM)),
-        (_featureless_no_worse, (SUM, FEATURELESS)),
-        (_featureless_broader_before_contact, (SUM, FEATURELESS)),
-        (_featureless_broader_before_contact_exactly, (SUM_EXACT, FEATURELESS_EXACT)),
-        (_probability_does_not_fire_falsely, ("default",)),
-        (_motion_alone_past_the_feature, ("default",)),
-        (_injection_forgets_past_the_feature, (SUM,)),
-    ]
-    have = set(results.methods)
-    return [check(results) for check, needs in checks if have.issuperset(needs)]
-
-
-@dataclass(frozen=True)
-class FalseAlarms:
-    """How often a criterion fires before it may.
+class Finding(NamedTuple):
+    """A statement of the paper.
 
     Parameters
     ----------
-    threshold : m2 of the trace, nats of the likelihood; NaN: built in
-    before : share of the sweeps over a feature in which it fires before contact
-    blank : share of the sweeps that never reach a feature in which it fires; NaN without such sweeps
+    statement, section : what the paper says, and where
+    measured : what the difference is
+    difference : of each sweep; the statement holds where its mean is above zero
+    reference : error (m) a quarter of which is the margin; then the statement holds where the mean of the
+        difference is within it; ``None`` otherwise
+    scale : from the unit of the difference to millimetres
     """
 
-    threshold: float
-    before: float
-    blank: float
+    statement: str
+    section: str
+    measured: str
+    difference: np.ndarray
+    reference: np.ndarray | None = None
+    scale: float = 1e3
+
+    def row(self) -> tuple[str, ...]:
+        """Verdict, statement, section, and the mean of the difference with its confidence interval."""
+        known = self.scale * self.difference[np.isfinite(self.difference)]
+        half = 1.96 * known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.inf
+        low, high = known.mean() - half, known.mean() + half
+        if self.reference is None:
+            held, failed = low > 0, high < 0
+        else:
+            margin = _ALIKE * self.scale * float(np.nanmean(self.reference))
+            held, failed = -margin <= low and high <= margin, low > margin or high < -margin
+        verdict = "held" if held else "not held" if failed else "open"
+        numbers = f"{self.measured}: {known.mean():+.2f} ({low:+.2f} to {high:+.2f})"
+        return verdict, self.statement, self.section, numbers
 
 
-def plain_criteria(results: Results, method: str) -> dict[str, FalseAlarms]:
-    """The paper's plain criteria (III-D): low trace alone, and high marginal likelihood alone.
+def localize(feature: str, seed: int, sweeps: int) -> list[Row]:
+    """A row for each method and sweep over the feature, or sweep that ends before it."""
+    scene, scan = shipped_scene(feature), simulate_scan(feature, seed).to_scan()
+    calibration = learn(scan, replace(scene, measurement={}))
+    rows = []
+    for method, configuration in METHODS.items():
+        parameters = {} if method == "default" else PAPER_PARAMETERS
+        own = replace(scene, measurement=parameters)
+        rng = np.random.default_rng(seed)
+        localizer = build_localizer(scan, own, configuration, rng, calibration=calibration)
+        for reach in (True, False):
+            test = simulate_scan(feature, seed, "test", sweeps=sweeps, reach_feature=reach)
+            for track in replay(localizer, recording_of(test)):
+                rows.append({"feature": feature, "method": method, "blank": not reach, **outcome(own, track)})
+    return rows
 
-    The trace has to fall to what convergence asks for; the likelihood to rise to what it reaches after
-    contact in 95 % of the sweeps.
-    """
-    narrow = float(results.tasks[method][0]["narrow_trace_m2"])
-    reached = results.values(method, "highest_marginal_contact")
-    likely = float(np.nanquantile(reached, 1.0 - _DETECTED)) if np.isfinite(reached).any() else np.inf
-    traces = [results.values(method, "lowest_trace_before_m2"), _of_blanks(results, method, "lowest_trace")]
-    heights = [
-        results.values(method, "highest_marginal_before"),
-        _of_blanks(results, method, "highest_marginal"),
-    ]
+
+def outcome(scene: Scene, track: Track) -> Row:
+    """Values of one sweep, m and m²; NaN where a part of the sweep has no estimate."""
+    before = track.row < track.contact[0] if track.contact[0] >= 0 else np.ones(len(track), dtype=bool)
+    error, trace, travel = position_error(scene, track), track.trace, travel_from_contact(track)
+    on_feature = track.on_contact
+    assert track.truth is not None
+    place = np.digitize(track.truth[:, 0], np.linspace(scene.lower[0], scene.upper[0], BINS + 1)) - 1
+    stretch = np.where(track.row <= track.contact[1], np.digitize(travel, STRETCHES_M) - 1, -1)
     return {
-        "low trace": FalseAlarms(narrow, *(_share(trace <= narrow) for trace in traces)),
-        "high likelihood": FalseAlarms(likely, *(_share(height >= likely) for height in heights)),
+        "error_before": _mean(error[before]),
+        "error": _mean(error[on_feature]),
+        "trace_before": _mean(trace[before]),
+        "after_contact": [_mean(error[stretch == index]) for index in range(len(STRETCHES_M) - 1)],
+        "error_along": [_mean(error[place == index]) for index in range(BINS)],
+        "trace_along": [_mean(trace[place == index]) for index in range(BINS)],
+        "lowest_trace": trace[before & track.updated].min(initial=np.inf),
+        "likelihood_before": track.log_marginal[before & track.updated].max(initial=-np.inf),
+        "likelihood": track.log_marginal[on_feature & track.updated].max(initial=-np.inf),
+        "converged_before": bool(track.converged[before].any()),
     }
 
 
-def _of_blanks(results: Results, method: str, name: str) -> np.ndarray:
-    ending = "_m2" if name == "lowest_trace" else ""
-    return as_array([blank[f"{name}_blank{ending}"] for blank in results.blanks(method)])
+def findings(values: Callable[..., np.ndarray]) -> list[Finding]:
+    """The findings; ``values(method, name)`` are those of the sweeps over a feature."""
+
+    def less(first: str, second: str, name: str) -> np.ndarray:
+        return values(first, name) - values(second, name)
+
+    def after(method: str, stretches: slice) -> np.ndarray:
+        return np.nanmean(values(method, "after_contact")[:, stretches], axis=1)
+
+    first, then = slice(0, 1), slice(2, None)
+    error = "error_before"
+    return [
+        Finding(
+            "The feature is localized to within one tenth of an inch on contact.",
+            "Abstract",
+            "2.54 mm less the default's error from contact to the feature's end, mm",
+            TENTH_INCH - values("default", "error"),
+        ),
+        Finding(
+            "Before contact, both Gaussian models perform about equally well.",
+            "III-B, Fig. 5",
+            "error before contact, fingers apart less full covariance, mm",
+            less(INDEPENDENT, GAUSSIAN, error),
+            values(GAUSSIAN, error),
+        ),
+        Finding(
+            "After contact there is a small advantage to no covariance between the fingers.",
+            "III-B, Fig. 5",
+            "error after contact, full covariance less fingers apart, mm",
+            less(GAUSSIAN, INDEPENDENT, "error"),
+        ),
+        Finding(
+            "The Gaussian model's error grows again once the edge of the feature is passed.",
+            "III-B, Fig. 5",
+            "error 15 to 20 mm after contact less that 5 to 7.5 mm after, mm",
+            after(GAUSSIAN, slice(6, 8)) - after(GAUSSIAN, slice(2, 3)),
+        ),
+        Finding(
+            "Just at contact there is little advantage to the sum of Gaussians.",
+            "III-C, Fig. 5",
+            "error over the first 2.5 mm, sum of Gaussians less Gaussian, mm",
+            after(SUM, first) - after(GAUSSIAN, first),
+            after(GAUSSIAN, first),
+        ),
+        Finding(
+            "After that, the sum of Gaussians localizes better than the Gaussian model.",
+            "III-C, Fig. 5",
+            "error from 5 mm after contact on, Gaussian less sum of Gaussians, mm",
+            after(GAUSSIAN, then) - after(SUM, then),
+        ),
+        Finding(
+            "Modelling featureless regions apart leaves the error about the same.",
+            "III-D, Fig. 8a",
+            "error after contact, featureless less sum of Gaussians, mm",
+            less(FEATURELESS, SUM, "error"),
+            values(SUM, "error"),
+        ),
+        *(
+            Finding(
+                f"Modelling featureless regions apart keeps the belief broader before contact{note}.",
+                "III-D, Fig. 8b",
+                "trace before contact, featureless less sum of Gaussians, mm²",
+                less(FEATURELESS + ending, SUM + ending, "trace_before"),
+                scale=1e6,
+            )
+            for ending, note in (("", ""), (EXACT, " (exact filter)"))
+        ),
+    ]
 
 
-def own_criterion(results: Results, method: str) -> FalseAlarms:
-    """False alarms of the package's own criterion: a probability, held over a distance."""
-    before = results.values(method, "converged_before")
-    return FalseAlarms(np.nan, _share(before), _share([b["converged"] for b in results.blanks(method)]))
+def false_alarms(rows: Sequence[Row], method: str) -> tuple[str, ...]:
+    """How often the paper's plain criteria and the package's own fire before contact or in blank sweeps.
+
+    The trace has to fall to that of a belief as narrow as convergence requires; the likelihood to rise to
+    what it reaches after contact in 95 % of the sweeps.
+    """
+    own = [row for row in rows if row["method"] == method]
+    narrow = 2 * Configuration().convergence_radius ** 2 / 9.21  # chi-square, two degrees of freedom, 0.99
+    reached = [row["likelihood"] for row in own if not row["blank"]]
+    likely = float(np.quantile(reached, 1.0 - _DETECTED))
+    shares = [
+        np.mean([row["lowest_trace"] <= narrow for row in own]),
+        np.mean([row["likelihood_before"] >= likely for row in own]),
+        np.mean([row["converged_before"] for row in own]),
+    ]
+    return method, *(f"{share:.1%}" for share in shares)
 
 
-def _share(flags: object) -> float:
-    array = np.asarray(flags, dtype=float)
-    return float(array.mean()) if len(array) else float("nan")
-
-
-def _within_a_tenth_of_an_inch(results: Results) -> Finding:
-    return _greater(
-        "The feature is localised to within one tenth of an inch on contact.",
-        "Abstract",
-        TENTH_INCH - results.values("default", "error_contact_m"),
-        "2.54 mm less the mean error from contact to the feature's end, default",
-    )
-
-
-def _gaussians_alike_before_contact(results: Results) -> Finding:
-    return _alike(
-        "Before contact, both Gaussian models perform about equally well.",
-        "III-B, Fig. 5",
-        results.values(INDEPENDENT, "error_before_m"),
-        results.values(GAUSSIAN, "error_before_m"),
-        "error before contact, no covariance between fingers less full covariance",
-    )
-
-
-def _zero_covariance_is_better(results: Results) -> Finding:
-    return _greater(
-        "After contact there is a small advantage to no covariance between the fingers.",
-        "III-B, Fig. 5",
-        results.values(GAUSSIAN, "error_contact_m") - results.values(INDEPENDENT, "error_contact_m"),
-        "error after contact, full covariance less none between fingers",
-    )
-
-
-def _gaussian_error_grows_past_the_edge(results: Results) -> Finding:
-    curves = _after_contact(results, GAUSSIAN)
-    return _greater(
-        "The Gaussian model's error grows again once the edge of the feature is passed.",
-        "III-B, Fig. 5",
-        _mean_of_known(curves[:, 6:8]) - curves[:, 2],
-        "error 15 to 20 mm after contact less that 5 to 7.5 mm after",
-    )
-
-
-def _sum_alike_at_first_contact(results: Results) -> Finding:
-    return _alike(
-        "Just at contact there is little advantage to the sum of Gaussians.",
-        "III-C, Fig. 5",
-        _after_contact(results, SUM)[:, 0],
-        _after_contact(results, GAUSSIAN)[:, 0],
-        "error over the first 2.5 mm after contact, sum of Gaussians less Gaussian",
-    )
-
-
-def _sum_better_past_the_edge(results: Results) -> Finding:
-    gaussian, of_sum = (_mean_of_known(_after_contact(results, method)[:, 2:]) for method in (GAUSSIAN, SUM))
-    return _greater(
-        "After that, the sum of Gaussians localises better than the Gaussian model.",
-        "III-C, Fig. 5",
-        gaussian - of_sum,
-        "error from 5 mm after contact on, Gaussian less sum of Gaussians",
-    )
-
-
-def _plain_criteria_fire_falsely(results: Results) -> Finding:
-    worst: dict[str, float] = {}
-    shares = []
-    for method in (GAUSSIAN, INDEPENDENT, SUM):
-        for name, alarms in plain_criteria(results, method).items():
-            share = float(np.nanmax([alarms.before, alarms.blank]))
-            worst[name] = max(worst.get(name, 0.0), share)
-            shares.append(f"{name}, {method}: {share:.0%}")
-    return Finding(
-        "Low covariance alone or high likelihood alone falsely signal convergence before contact.",
-        "III-D",
-        HELD if min(worst.values()) > 0 else NOT_HELD,
-        f"sweeps in which it fires before contact, or blank ones: {'; '.join(shares)}",
-    )
-
-
-def _featureless_no_worse(results: Results) -> Finding:
-    return _alike(
-        "Modelling featureless regions apart leaves the error about the same.",
-        "III-D, Fig. 8a",
-        results.values(FEATURELESS, "error_contact_m"),
-        results.values(SUM, "error_contact_m"),
-        "error after contact, featureless less sum of Gaussians",
-    )
-
-
-def _featureless_broader_before_contact(results: Results) -> Finding:
-    return _broader(results, FEATURELESS, SUM, "")
-
-
-def _featureless_broader_before_contact_exactly(results: Results) -> Finding:
-    return _broader(results, FEATURELESS_EXACT, SUM_EXACT, " (exact filter, nothing injected)")
-
-
-def _broader(results: Results, featureless: str, other: str, how: str) -> Finding:
-    return _greater(
-        f"Modelling featureless regions apart keeps the belief broader before contact{how}.",
-        "III-D, Fig. 8b",
-        results.values(featureless, "trace_before_m2") - results.values(other, "trace_before_m2"),
-        "covariance trace before contact, featureless less sum of Gaussians",
-        unit="mm2",
-    )
-
-
-def _probability_does_not_fire_falsely(results: Results) -> Finding:
-    alarms = own_criterion(results, "default")
-    blanks = len(results.blanks("default"))
-    held = blanks > 0 and alarms.blank == 0.0
-    in_blanks = f"in {alarms.blank:.1%} of {blanks} blank sweeps and " if blanks else ""
-    return Finding(
-        "Convergence is recognized without false alarms where no feature is (this package's criterion).",
-        "III-D, aim",
-        HELD if held else OPEN if not blanks else NOT_HELD,
-        f"fires {in_blanks}in {alarms.before:.1%} of sweeps before contact",
-    )
-
-
-def _motion_alone_past_the_feature(results: Results) -> Finding:
-    return _greater(
-        "Past the feature the error grows no faster than the motion noise (default).",
-        "III, motivation",
-        _below_motion(results, "default"),
-        "what motion alone makes of the error at the feature's end, less the error past it",
-    )
-
-
-def _injection_forgets_past_the_feature(results: Results) -> Finding:
-    return _greater(
-        "Past the feature constant injection forgets faster than the motion noise (the paper's form).",
-        "III-B",
-        -_below_motion(results, SUM),
-        "the error past the feature, less what motion alone makes of that at its end",
-    )
-
-
-def _below_motion(results: Results, method: str) -> np.ndarray:
-    """How much smaller than by motion alone the error is past the feature, one a sweep, m."""
-    sweeps = results.sweeps(method)
-    error, motion = (
-        np.array([as_array(sweep[name]) for sweep in sweeps]) for name in ("error_past_m", "motion_past_m")
-    )
-    return _mean_of_known(motion - error)
-
-
-def _after_contact(results: Results, method: str) -> np.ndarray:
-    return np.array([as_array(sweep["error_after_contact_m"]) for sweep in results.sweeps(method)])
-
-
-def _mean_of_known(rows: np.ndarray) -> np.ndarray:
-    """Mean of the finite entries of each row; NaN for a row without."""
-    known = np.isfinite(rows)
-    with np.errstate(invalid="ignore"):
-        return np.where(known, rows, 0.0).sum(axis=1) / known.sum(axis=1)
-
-
-def _greater(statement: str, source: str, difference: np.ndarray, what: str, unit: str = "mm") -> Finding:
-    interval = mean_interval(difference)
-    verdict = (
-        OPEN if interval is None else HELD if interval.low > 0 else NOT_HELD if interval.high < 0 else OPEN
-    )
-    return Finding(statement, source, verdict, f"{what}: {_mm(interval, unit)}")
-
-
-def _alike(statement: str, source: str, first: np.ndarray, second: np.ndarray, what: str) -> Finding:
-    """Alike when the mean difference is surely within a quarter of the second's mean."""
-    interval = mean_interval(first - second)
-    if interval is None:
-        return Finding(statement, source, OPEN, f"{what}: not known")
-    margin = _ALIKE * float(np.nanmean(second))
-    if -margin <= interval.low and interval.high <= margin:
-        verdict = HELD
-    else:
-        verdict = NOT_HELD if interval.low > margin or interval.high < -margin else OPEN
-    return Finding(
-        statement, source, verdict, f"{what}: {_mm(interval)}; alike is within {margin * 1e3:.2f} mm"
-    )
-
-
-def _mm(interval: Interval | None, unit: str = "mm") -> str:
-    if interval is None:
-        return "not known"
-    scale = 1e6 if unit == "mm2" else 1e3
-    mean, low, high = (value * scale for value in interval)
-    return f"{mean:+.2f} {unit} (95 %: {low:+.2f} to {high:+.2f})"
-
-
-def error_along_sweep(results: Results, condition: str) -> Figure:
-    """Error as a function of the position on the sweep axis, averaged over the sweeps (paper, Fig. 5)."""
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    plot = figure.add_subplot()
-    _draw_curves(plot, results, condition, _FIG_5, "error_curve_m", MM)
-    _label(plot, results, condition, "mean error, mm")
-    figure.suptitle(f"{literal(condition)}: error along the sweep", fontsize=10)
+def paper_figure(rows: Sequence[Row], feature: str) -> Figure:
+    """Fig. 5 and 8 of the paper on one feature."""
+    figure = Figure(figsize=(13.0, 3.8), layout="constrained")
+    place = 1e3 * bin_centres(shipped_scene(feature), 0)
+    for plot, (title, (name, lines, label, scale)) in zip(
+        figure.subplots(1, len(_FIGURES)), _FIGURES.items(), strict=True
+    ):
+        for method, style in lines.items():
+            own = [
+                row
+                for row in rows
+                if (row["feature"], row["method"], row["blank"]) == (feature, method, False)
+            ]
+            curves = np.array([row[name] for row in own])
+            known = np.isfinite(curves).mean(axis=0) > 1 / 3
+            plot.plot(place[known], scale * np.nanmean(curves[:, known], axis=0), style, label=method)
+        plot.set_title(f"{feature}, {title}", size=10)
+        plot.set_ylim(bottom=0)
+        plot.set_xlabel("x, mm")
+        plot.set_ylabel(label)
+        plot.grid(color="0.9")
+        plot.legend(fontsize=8)
     return figure
 
 
-def error_and_trace(results: Results, condition: str) -> Figure:
-    """Error and covariance trace, with and without featureless regions apart (paper, Fig. 8)."""
-    figure = Figure(figsize=(_SIZE[0], 1.6 * _SIZE[1]), layout="constrained")
-    error, trace = figure.subplots(2, 1, sharex=True)
-    for plot, name, scale in ((error, "error_curve_m", MM), (trace, "trace_curve_m2", MM**2)):
-        _draw_curves(plot, results, condition, _FIG_8, name, scale)
-    _label(error, results, condition, "mean error, mm", named=False)
-    _label(trace, results, condition, "mean covariance trace, mm²", inches=False)
-    figure.suptitle(f"{literal(condition)}: featureless regions apart", fontsize=10)
-    return figure
-
-
-def error_past_feature(results: Results) -> Figure:
-    """Error over the travel since the feature's end, beside what motion alone makes of that at its end."""
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    plot = figure.add_subplot()
-    along = (TRAVEL_BINS_M[:-1] + TRAVEL_BINS_M[1:]) / 2 * MM
-    for method, label in (("default", "default"), (SUM, "constant injection (paper's form)")):
-        if method not in results.methods:
-            continue
-        colour = _STYLES[method][1]
-        for name, style, what in (("error_past_m", "o-", label), ("motion_past_m", ":", "by motion alone")):
-            curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method)])
-            drawn, mean = _mean_curve(curves)
-            plot.plot(along[drawn], MM * mean, style, ms=4, color=colour, label=what)
-    plot.set_xlim(left=0)
-    plot.set_ylim(bottom=0)
-    plot.set_xlabel("travel since the feature's end, mm")
-    plot.set_ylabel("mean error, mm")
-    plot.grid(color="0.9")
-    plot.legend(fontsize=8)
-    return figure
-
-
-def _draw_curves(
-    plot: Axes, results: Results, condition: str, lines: Mapping[str, str], name: str, scale: float
-) -> None:
-    axis, centres = sweep_axis(results, condition)
-    for method, style in lines.items():
-        curves = np.array([as_array(sweep[name]) for sweep in results.sweeps(method, condition)])
-        drawn, mean = _mean_curve(curves)
-        label, colour = _STYLES[method]
-        plot.plot(display_units(axis, centres[drawn]), scale * mean, style, color=colour, label=label)
-    sweeps = results.sweeps(next(iter(lines)), condition)
-    contacts = [sweep["contact_m"] for sweep in sweeps if sweep["contact_m"] is not None]
-    if contacts:
-        first, last = display_units(axis, np.mean(contacts, axis=0))
-        plot.axvspan(first, last, color="0.93", zorder=0, label="feature felt (mean)")
-
-
-def sweep_axis(results: Results, condition: str) -> tuple[str, np.ndarray]:
-    """Axis of a condition's sweeps, and the centres of the bins of the curves along it."""
-    first = next(i for i, tried in enumerate(results.conditions) if tried.name == condition)
-    task = results.tasks[next(iter(results.methods))][first]
-    edges = np.array(task["edges_m"])
-    return task["axis"], (edges[:-1] + edges[1:]) / 2
-
-
-def _mean_curve(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which stretches enough of the sweeps (n, stretches) are in, and their means there."""
-    counts = np.isfinite(curves).sum(axis=0)
-    drawn = counts >= max(1.0, _MIN_FRACTION * len(curves))
-    return drawn, np.nansum(curves[:, drawn], axis=0) / counts[drawn]
-
-
-def _label(
-    plot: Axes, results: Results, condition: str, what: str, *, inches: bool = True, named: bool = True
-) -> None:
-    label_axis(plot, "x", sweep_axis(results, condition)[0], inches=inches, label=named)
-    plot.set_ylim(bottom=0)
-    plot.set_ylabel(what)
-    plot.grid(color="0.9")
-    plot.legend(fontsize=7)
-
-
-def paper_figures(results: Results) -> dict[str, Figure]:
-    """Fig. 5 and 8 of every condition, and the error past the feature, by the names of their files."""
-    figures = {}
-    for condition in results.condition_names:
-        figures[f"fig5_{condition}"] = error_along_sweep(results, condition)
-        figures[f"fig8_{condition}"] = error_and_trace(results, condition)
-    return {**figures, "past": error_past_feature(results)}
-
-
-def criteria_table(results: Results) -> Table:
-    """False alarms of the paper's plain criteria beside those of the default criterion."""
-    rows = []
-    for method in results.methods:
-        own = own_criterion(results, method)
-        rows.append((method, "probability", "", _percent(own.before), _percent(own.blank)))
-        for name, alarms in plain_criteria(results, method).items():
-            low_trace = name == "low trace"
-            threshold = f"{alarms.threshold * 1e6:.3g} mm²" if low_trace else f"{alarms.threshold:.3g} nats"
-            rows.append(("", name, threshold, _percent(alarms.before), _percent(alarms.blank)))
-    note = (
-        "Low trace: as small as convergence requires. High likelihood: the highest threshold that is reached "
-        "after contact in 95 % of the sweeps."
-    )
-    columns = ("method", "criterion", "threshold", "before contact", "blank sweeps")
-    return Table("False alarms", columns, rows, note)
-
-
-def findings_table(results: Results) -> Table:
-    """The verdict on each finding."""
-    rows = [(f.verdict, f.statement, f.source, f.numbers) for f in check_findings(results)]
-    note = "Judged by the 95 % confidence interval over sweeps; open: it allows both."
-    return Table("Findings of the paper", ("verdict", "statement", "section", "numbers"), rows, note)
-
-
-def _percent(fraction: float) -> str:
-    return f"{fraction * 100:.1f} %" if np.isfinite(fraction) else ""
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else np.nan
 
 
 def main() -> None:
-    """Evaluate, print the tables and draw the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5)
+    """Localize, print the tables and draw the figures."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--features", nargs="+", choices=SIMULATED_FEATURES, default=SIMULATED_FEATURES)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--sweeps", type=int, default=18)
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--out", type=Path, default=Path("out/paper"))
-    args = parser.parse_args()
-    end_as_by_interrupt()
-    conditions = [
-        SimulatedCondition(name, seed, args.sweeps, args.sweeps)
-        for name in SIMULATED_FEATURES
-        for seed in range(1, args.seeds + 1)
+    given = parser.parse_args()
+    calls = [(feature, seed, given.sweeps) for feature in given.features for seed in given.seeds]
+    rows: list[dict[str, Any]] = [
+        row for own in in_parallel(localize, calls, given.jobs, "scans") for row in own
     ]
-    methods = [own for name, own in standard_methods().items() if name == "default" or "-paper" in name]
-    with progress_bars() as progress:
-        results = evaluate(conditions, methods, args.out / "tasks", Workers(args.jobs), progress, localize)
-    print_tables([criteria_table(results), findings_table(results)])
-    save_figures(paper_figures(results), args.out)
-    print(f"{args.out}: {', '.join(paper_figures(results))}")
+    # Sweeps of all methods in the same order, so that differences are between the same sweeps.
+    rows.sort(key=lambda row: given.features.index(row["feature"]))
+
+    def values(method: str, name: str) -> np.ndarray:
+        return np.array([row[name] for row in rows if row["method"] == method and not row["blank"]])
+
+    with np.errstate(invalid="ignore"):
+        checked = [finding.row() for finding in findings(values)]
+    print_tables(
+        [
+            Table("Findings of the paper", ("verdict", "statement", "section", "measured"), checked),
+            Table(
+                "False alarms, % of all sweeps",
+                ("method", "low trace", "high likelihood", "probability"),
+                [false_alarms(rows, method) for method in METHODS],
+            ),
+        ]
+    )
+    given.out.mkdir(parents=True, exist_ok=True)
+    for feature in given.features:
+        paper_figure(rows, feature).savefig(given.out / f"{feature}.png", dpi=120)
+    Console().print(f"{given.out}/{', '.join(f'{feature}.png' for feature in given.features)}")
 
 
 if __name__ == "__main__":

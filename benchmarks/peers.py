@@ -1,10 +1,11 @@
-"""Speed of this package's particle filter against four other packages, on the same model.
+"""Speed of this package's particle filter against filterpy and particles, on the same model.
 
-The packages provide the filter; the model is what their user would write in numpy and scipy: strain distances
-once for all particles, then position kernels. All run in one process in a separate environment
-(``.venv-bench``, from ``requirements/bench.txt``) and take turns, so that noise affects all alike.
+    make bench        # makes .venv-bench from requirements/bench.txt, measures speed.py, then this
 
-Run by ``make bench``, or alone: ``scripts/in_env python benchmarks/peers.py``.
+The peers provide the filter; the model is what their user would write in numpy and scipy: strain distances
+once for all particles, then position kernels. All run in one process and take turns, so that noise affects
+all alike. A row is a filter and a number of particles: the median of an update that resamples, predicts and
+weights particles all over the scene, us, and in times of this package's.
 """
 
 from __future__ import annotations
@@ -13,151 +14,164 @@ import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-import hashlib
-import json
-import subprocess
-import sys
-from collections.abc import Callable
-from pathlib import Path
+import math
+import time
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
-ENVIRONMENT = ROOT / ".venv-bench"
-REQUIREMENTS = ROOT / "requirements" / "bench.txt"
-SPEED_UPS = {75: 4.0, 1_000: 50.0, 10_000: 100.0}
-"""Required speed-up over the fastest peer, by number of particles."""
-ROUNDS = {75: 40, 1_000: 15, 10_000: 5}
-"""Rounds by number of particles; in each a peer makes five updates (one at 10,000)."""
-OWN_UPDATES = 20
-"""Updates of this package's filter in a round."""
+import numpy as np
+import particles
+from filterpy.monte_carlo import systematic_resample
+from scipy.spatial.distance import cdist
+
+from tactile_localizer.core.filters.particle import ParticleFilter
+from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.scene import Scene
+
+POSITION_STD = 0.0254 * math.sqrt(0.0075)
+"""Square root of the paper's S_x, m."""
+STRAIN_STD = math.sqrt(0.001)
+"""Square root of the paper's S_z, V."""
+COUNTS = {75: 40, 1_000: 15, 10_000: 3}
+"""Updates of each filter by number of particles."""
+STEP = np.array([0.0005, 0.0])
+"""Displacement between two updates, m."""
+
+_ROWS = 1000
+"""Particles whose kernels to all pairs are in memory at once."""
 
 
-def environment() -> Path:
-    """Interpreter of the peers' environment, which is created if it is missing or out of date."""
-    python, stamp = ENVIRONMENT / "bin" / "python", ENVIRONMENT / ".complete"
-    want = hashlib.sha256(REQUIREMENTS.read_bytes()).hexdigest()
-    if not (stamp.exists() and stamp.read_text() == want):
-        print(f"creating {ENVIRONMENT.name} with the other packages (a minute or two)", flush=True)
-        pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        for command in (
-            [sys.executable, "-m", "venv", "--clear", ENVIRONMENT],
-            [*pip, "-r", REQUIREMENTS, "scipy>=1.11", "pyyaml"],
-        ):
-            if subprocess.run(command, check=False).returncode != 0:
-                sys.exit(f"{ENVIRONMENT.name}: could not be created; benchmarks/peers.py needs PyPI once")
-        stamp.write_text(want)
-    return python
+class PlainModel:
+    """Straightforward implementation of the conditional sum of Gaussians.
+
+    Parameters
+    ----------
+    scan : training pairs
+    """
+
+    def __init__(self, scan: Scan) -> None:
+        self._positions, self._strain = scan.states / POSITION_STD, scan.strain / STRAIN_STD
+
+    def log_likelihood(self, states: np.ndarray, strain: np.ndarray) -> np.ndarray:
+        """Log-likelihood (P,) of a strain vector (16,) at states (P, 2), up to a constant."""
+        squared = np.sum((self._strain - strain / STRAIN_STD) ** 2, axis=1)
+        both = np.stack([np.exp(-0.5 * (squared - squared.min())), np.ones(len(squared))], axis=1)
+        sums = np.concatenate(
+            [
+                np.exp(-0.5 * cdist(states[i : i + _ROWS] / POSITION_STD, self._positions, "sqeuclidean"))
+                @ both
+                for i in range(0, len(states), _ROWS)
+            ]
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.nan_to_num(np.log(sums[:, 0]) - np.log(sums[:, 1]), nan=-np.inf)
 
 
-def compare() -> list[dict[str, Any]]:
-    """Rows of this package's filter and of every peer, by number of particles."""
-    import numpy as np
-    from peer_filters import PEERS, PlainModel
-    from workload import (
-        PAIRS,
-        POSITION_STD,
-        PRESENT,
-        STRAIN_STD,
-        Stopwatch,
-        bump_scan,
-        bump_scene,
-        floor_us,
-        peak_mb,
-        tv_to_exact,
-    )
+class Own:
+    """This package's particle filter and sum of Gaussians."""
 
-    from tactile_localizer.core.filters.particle import ParticleFilter
-    from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+    def __init__(self, scan: Scan, scene: Scene, count: int) -> None:
+        self._model = SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD)
+        self._filter = ParticleFilter(scene, np.random.default_rng(0), count, resample_below=1.0)
 
-    scan, scene = bump_scan(), bump_scene()
-    floor = floor_us(scan)
-    plain, model = (
-        PlainModel(scan, POSITION_STD, STRAIN_STD),
-        SumOfGaussians(scan, scene, POSITION_STD, STRAIN_STD),
-    )
+    def spread(self) -> None:
+        """Draw uniform particles."""
+        self._filter.reset()
+
+    def step(self, strain: np.ndarray) -> None:
+        """Predict, weight, resample."""
+        self._filter.predict(STEP, float(STEP[0]))
+        states, _ = self._filter.prior()
+        self._filter.update(self._model.log_likelihood(states, strain))
+
+
+class Filterpy:
+    """filterpy: its resampling in the loop of its book."""
+
+    def __init__(self, scan: Scan, scene: Scene, count: int) -> None:
+        self._model, self._scene, self._count = PlainModel(scan), scene, count
+        self._rng = np.random.default_rng(0)
+
+    def spread(self) -> None:
+        """Draw uniform particles."""
+        self._states = uniform(self._scene, self._count, self._rng)
+
+    def step(self, strain: np.ndarray) -> None:
+        """Predict, weight, resample."""
+        self._states = moved(self._scene, self._states, self._rng)
+        log_weights = self._model.log_likelihood(self._states, strain)
+        weights = np.exp(log_weights - log_weights.max())
+        self._states = self._states[systematic_resample(weights / weights.sum())]
+
+
+class Particles:
+    """particles: a Feynman-Kac model, run step by step by its SMC."""
+
+    class _Slide(particles.FeynmanKac):
+        def __init__(self, model: PlainModel, scene: Scene) -> None:
+            super().__init__(T=10**9)
+            self.model, self.scene = model, scene
+            self.rng = np.random.default_rng(0)
+            self.strain = np.zeros(16)
+
+        def M0(self, N: int) -> np.ndarray:  # noqa: N802
+            return uniform(self.scene, N, self.rng)
+
+        def M(self, t: int, xp: np.ndarray) -> np.ndarray:  # noqa: N802
+            return moved(self.scene, xp, self.rng)
+
+        def logG(self, t: int, xp: Any, x: np.ndarray) -> np.ndarray:  # noqa: N802
+            return self.model.log_likelihood(x, self.strain)
+
+    def __init__(self, scan: Scan, scene: Scene, count: int) -> None:
+        self._slide = self._Slide(PlainModel(scan), scene)
+        self._smc = particles.SMC(fk=self._slide, N=count, resampling="systematic", ESSrmin=1.0)
+        next(self._smc)
+
+    def spread(self) -> None:
+        """Draw uniform particles, as after a measurement update."""
+        self._smc.X = self._slide.M0(self._smc.N)
+
+    def step(self, strain: np.ndarray) -> None:
+        """Resample, predict, weight."""
+        self._slide.strain = strain
+        next(self._smc)
+
+
+def uniform(scene: Scene, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Uniform states over the scene, (count, 2)."""
+    return scene.lower + rng.random((count, 2)) * scene.extent
+
+
+def moved(scene: Scene, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """States after a step, with motion noise."""
+    return states + STEP + rng.standard_normal(states.shape) * scene.motion_std * math.sqrt(STEP[0])
+
+
+def compare(scan: Scan, scene: Scene, strains: np.ndarray) -> list[dict[str, Any]]:
+    """A row for each filter and number of particles."""
     rows = []
-
-    def ours(particles: int) -> Stopwatch:
-        bayes = ParticleFilter(scene, np.random.default_rng(0), particles, resample_below=1.0)
-
-        def run(displacement: np.ndarray, strain: np.ndarray) -> None:
-            bayes.predict(displacement, float(np.hypot(*displacement)))
-            states, _ = bayes.prior()
-            bayes.update(model.log_likelihood(states, strain, PRESENT))
-
-        return Stopwatch(run, lambda _: bayes.reset(), every_step=True)
-
-    def peer(make: Callable[..., Any], particles: int) -> Stopwatch:
-        theirs = make(plain, scene, particles)
-        return Stopwatch(theirs.step, lambda _: theirs.spread(), every_step=True)
-
-    for particles, rounds in ROUNDS.items():
-        watches = {"tactile_localizer": ours(particles)}
-        watches |= {name: peer(make, particles) for name, make in PEERS.items()}
-        own = watches["tactile_localizer"]
-        _take_turns(own, list(watches.values())[1:], rounds, 1 if particles == 10_000 else 5)
-        for name, watch in watches.items():
-            likelihood = model.log_likelihood if watch is own else plain.log_likelihood
-            fresh = ours(particles) if watch is own else peer(PEERS[name], particles)
-            rows.append(
-                {
-                    "name": f"{particles} particles: {name}",
-                    "value": watch.median_us,
-                    "unit": "us",
-                    "particles": particles,
-                    "pairs": PAIRS,
-                    "median_us": watch.median_us,
-                    "p99_us": watch.p99_us,
-                    "peak_mb": peak_mb(fresh.step),
-                    "ratio_to_floor": watch.median_us / floor,
-                    "tv_to_exact": tv_to_exact(scene, plain.log_likelihood, likelihood, converged=False),
-                    "samples": len(watch.times),
-                    "numpy": np.__version__,
-                    "times_ours": watch.median_us / own.median_us,
-                }
-            )
+    for count, updates in COUNTS.items():
+        filters = {kind.__name__: kind(scan, scene, count) for kind in (Own, Filterpy, Particles)}
+        times: dict[str, list[float]] = {name: [] for name in filters}
+        for number in range(updates + 1):
+            for name, one in filters.items():
+                one.spread()
+                began = time.perf_counter()
+                one.step(strains[number % len(strains)])
+                times[name].append(time.perf_counter() - began)
+        median = {name: 1e6 * float(np.median(taken[1:])) for name, taken in times.items()}
+        rows += [
+            {"name": f"{count} particles, {name}", "value": taken, "ratio": taken / median["Own"]}
+            for name, taken in median.items()
+        ]
     return rows
 
 
-def _take_turns(own: Any, peers: list[Any], rounds: int, updates: int) -> None:
-    """Update the filters in turn, after one update each that does not count."""
-    for watch in (own, *peers):
-        watch.step()
-        watch.times.clear()
-    for _ in range(rounds):
-        for _ in range(OWN_UPDATES):
-            own.step()
-        for watch in peers:
-            for _ in range(updates):
-                watch.step()
-
-
-def main() -> None:
-    """Measure in the peers' environment and record in this one."""
-    if sys.argv[1:] == ["--measure"]:
-        sys.path[:0] = [str(ROOT)]
-        json.dump(compare(), sys.stdout)
-        return
-    from record import record, row
-
-    command = [environment(), __file__, "--measure"]
-    measured = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, cwd=ROOT).stdout)
-    rows = [row(one.pop("name"), one.pop("value"), one.pop("unit"), **one) for one in measured]
-    measured_rows = list(rows)
-    for particles, wanted in SPEED_UPS.items():
-        peers = [one for one in measured_rows if one["particles"] == particles and one["times_ours"] != 1.0]
-        fastest = min(peers, key=lambda one: one["times_ours"])
-        rows.append(
-            row(
-                f"{particles} particles: speed-up over the fastest peer",
-                fastest["times_ours"],
-                "x",
-                f">= {wanted:g}",
-                peer=fastest["name"].rpartition(" ")[2],
-            )
-        )
-    record(rows)
-
-
 if __name__ == "__main__":
-    main()
+    from rows import print_rows
+    from simulated import paper_sized_scan, shipped_scene
+
+    scan = paper_sized_scan()
+    measured = compare(scan, shipped_scene("bump"), scan.strain[:: len(scan) // 50])
+    print_rows(("name",), {"value": ("us", ".0f"), "ratio": ("times own", ".1f")}, measured)

@@ -26,9 +26,10 @@ of it, and has
 ``foreign_strains``, ``foreign_sweeps``
     of the ``foreign_*`` files together: share of the strains after contact that are converged, and of the
     sweeps with such a strain
-``update_us``, ``update_open_us``, ``read_us``
-    median of a measurement update that is converged, and of one that is not, processor time; of one read of
-    the training strains as float32, us
+``update_us``, ``update_open_us``
+    median of a measurement update that is converged, and of one that is not, processor time, us
+``update_reads``, ``update_open_reads``
+    the same in reads of the training strains as float32
 ``learning_s``
     processor time of learning from the scan, s
 ``learned``
@@ -55,8 +56,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from measures import Row, ever_converged, falsely_converged, on_feature, on_unscanned, update_us
+from measures import Row, ever_converged, falsely_converged, on_feature, on_unscanned, update_times
 from rows import in_parallel, print_rows, write_rows
+from simulated import read_us
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
@@ -208,9 +210,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "sweeps": len(tracks),
         **on_feature(scene, tracks),
         **falsely_converged(scene, tracks, configuration.convergence_radius),
-        "update_us": update_us(tracks, True),
-        "update_open_us": update_us(tracks, False),
-        "read_us": read_us(scan),
+        **update_times(tracks, read_us(scan)),
         "learning_s": learning_s,
         "learned": learned_values(calibration._asdict()),
     }
@@ -227,19 +227,6 @@ def localize(localizer: Localizer, recording: Recording, odometry_noise: float, 
     axes = tuple(replace(axis, motion_std=odometry_noise * axis.motion_std) for axis in scene.axes)
     noisy = with_odometry(recording, replace(scene, axes=axes), np.random.default_rng([seed, 1]), SIMULATED)
     return replay(localizer, noisy, clock=time.thread_time)
-
-
-def read_us(scan: Scan) -> float:
-    """Median time of one read of the training strains as float32, the faster of two methods, µs."""
-    strain = np.ascontiguousarray(scan.strain.T, dtype=np.float32)
-    ones = np.ones(len(strain), dtype=np.float32)
-    times: list[list[float]] = [[], []]
-    for _ in range(200):
-        for taken, read in zip(times, (strain.sum, lambda: ones @ strain), strict=True):
-            began = time.perf_counter()
-            read()
-            taken.append(time.perf_counter() - began)
-    return 1e6 * float(min(np.median(taken) for taken in times))
 
 
 def learned_values(values: Mapping[str, Any]) -> Row:
@@ -265,7 +252,8 @@ _COLUMNS = {
     "foreign_sweeps": ("sweeps", ".2f"),
     "update_us": ("update, us", ".0f"),
     "update_open_us": ("open", ".0f"),
-    "read_us": ("read", ".0f"),
+    "update_reads": ("reads", ".1f"),
+    "update_open_reads": ("open", ".1f"),
     "learning_s": ("learning, s", ".1f"),
 }
 
@@ -278,7 +266,7 @@ def totals(rows: Sequence[Row]) -> list[Row]:
 
 def show(rows: Sequence[Row]) -> None:
     """Print the rows, their means, and what was learned."""
-    print_rows(("folder", "passes", "lines", "noise", "seed", "sweeps"), _COLUMNS, rows, totals(rows), [{}])
+    print_rows(("folder", "passes", "lines", "noise", "seed", "sweeps"), _COLUMNS, rows, totals(rows))
     for row in rows:
         learned = ", ".join(f"{name} {np.round(value, 6)}" for name, value in row["learned"].items())
         print(f"{row['folder']}, passes {row['passes']}, lines {row['lines']}: {learned}")

@@ -41,8 +41,7 @@ def print_rows(
     names: Sequence[str],
     columns: Mapping[str, tuple[str, str]],
     rows: Sequence[Row],
-    totals: Sequence[Row],
-    limits: Sequence[Mapping[str, str]],
+    totals: Sequence[Row] = (),
 ) -> None:
     """Print rows, and totals below them.
 
@@ -51,7 +50,6 @@ def print_rows(
     names : keys that identify a row
     columns : heading and format of each value by key; columns without values are omitted
     rows, totals : values by key; ``None`` where unknown
-    limits : required values of each total by key, printed below it
     """
     shown = {key: column for key, column in columns.items() if any(key in row for row in rows)}
     table = Table()
@@ -67,12 +65,8 @@ def print_rows(
     for row in rows:
         table.add_row(*texts(row))
     table.add_section()
-    for row, required in zip(totals, limits, strict=True):
+    for row in totals:
         table.add_row(*texts(row))
-        if required:
-            blank = [""] * (len(names) - 1)
-            limit = [required.get(key, "") for key in shown]
-            table.add_row("limit", *blank, *limit, end_section=True)
     console = Console()
     console.width = max(console.width, _LEAST_WIDTH)
     console.print(table)

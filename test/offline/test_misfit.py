@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from evaluation.conditions import recording_of
+from simulated import recording_of
 from support.tracks import made_track
 
 from tactile_localizer.io.recording import RecordedSweep

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from evaluation.conditions import SimulatedCondition, recording_of
+from simulated import recording_of
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
@@ -26,11 +26,11 @@ def test_a_simulated_recording_has_the_simulators_contact(tmp_path: Path) -> Non
     test = simulate_scan("bump", 1, "test", sweeps=2)
     assert main(["simulate", "bump", "-o", str(tmp_path), "--test", "2", "--train", "1"]) == 0
     from_file = read_csv(tmp_path / "test.csv", SCENE)
-    of_condition = SimulatedCondition("bump", 1, sweeps=2, blanks=0).load().recording
+    of_scan = recording_of(test)
     for number, part in enumerate(test.slices()):
         expected = test.contact[number] - part.start, test.feature_end[number] - part.start
         assert from_file.sweeps[number].contact == expected
-        assert of_condition.sweeps[number].contact == expected
+        assert of_scan.sweeps[number].contact == expected
         live = contact_of("bump", 1, number, SPEED_MPS, RATE_HZ)
         assert live is not None
         assert live[0] == test.truth[part][expected[0], 0]

@@ -1,0 +1,151 @@
+"""Each benchmark runs on one sweep, and its measures are what its docstring says."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import fabric_recordings
+import fabrics
+import numpy as np
+import pytest
+import recorded
+
+from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.resources import resource_path
+from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim.hand import PHALANGES
+from tactile_localizer.sim.scan import SimulatedScan
+
+ROOT = Path(__file__).parents[2]
+
+
+def run(script: str, *arguments: str | Path) -> None:
+    subprocess.run(
+        [sys.executable, ROOT / "benchmarks" / script, *arguments],
+        check=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        timeout=600,
+    )
+
+
+def rows_of(folder: Path, script: str, *arguments: str | Path) -> list[dict[str, Any]]:
+    """Rows that a benchmark writes."""
+    run(script, *arguments, "--json", folder / "rows.json")
+    return json.loads((folder / "rows.json").read_text())["rows"]
+
+
+def write_sweeps(path: Path, scan: SimulatedScan, every: int = 1) -> None:
+    """A file of true positions, of every so many-th sample."""
+    channels = [f"{phalanx}_{number}" for phalanx in PHALANGES for number in range(1, 9)]
+    rows = np.column_stack([1e-9 * scan.stamp_ns, scan.sweep, scan.truth, scan.strain, scan.felt])[::every]
+    header = ",".join(["stamp_s", "sweep", "x", "y", *channels, "felt"])
+    np.savetxt(path, rows, "%.9g", ",", header=header, comments="")
+
+
+def write_fabric(folder: Path, name: str, material: int, repeats: int) -> None:
+    """A smooth random material of 100 mm, sampled each millimetre; repeats differ by white noise."""
+    x = np.arange(0.0, 101.0)
+    phase = 2 * np.pi * x[:, None] / np.geomspace(6.0, 200.0, 40)
+    waves = np.random.default_rng(material).normal(size=(16, 40, 2))
+    felt = 5 * np.einsum("cwk,kxw->xc", waves, np.stack([np.sin(phase), np.cos(phase)]))
+    header = ",".join(["timestamp", "proximity1", "proximity2", *(f"channel{n}" for n in range(1, 17))])
+    for repeat in range(repeats):
+        noise = np.random.default_rng([material, repeat]).normal(size=felt.shape)
+        rows = np.column_stack([1000 + 20 * x, 0 * x, 0 * x, felt + noise]).round()
+        path = folder / f"{name}_V50mmps_{repeat}.csv"
+        np.savetxt(path, rows, "%d", ",", header=header, comments="")
+
+
+@pytest.mark.slow
+def test_recorded_and_speed_have_rows_for_a_folder(tmp_path: Path) -> None:
+    save_scene(load_scene(resource_path("config/scenes/bump.yaml")), tmp_path / "scene.yaml")
+    write_sweeps(tmp_path / "train.csv.gz", simulate_scan("bump", 1), 4)
+    write_sweeps(tmp_path / "test.csv", simulate_scan("bump", 1, "test", sweeps=1))
+    write_sweeps(tmp_path / "foreign_seam.csv", simulate_scan("seam", 1, "test", sweeps=1))
+    (row,) = rows_of(tmp_path, "recorded.py", tmp_path, "--lines", "2", "--jobs", "1")
+    assert row["error_settled_mm"] < 5.0
+    assert (row["false_before"], row["lines"]) == (0, 2)
+    assert row["foreign_sweeps"] in (0.0, 1.0)
+    assert "false_blank" not in row
+    found = rows_of(tmp_path, "speed.py", tmp_path, "--sweeps", "1", "--cycles", "10")
+    names = {one["name"] for one in found}
+    assert {"bump: learning", "bump: update, open", "replay", "decoding"} < names
+    assert f"{tmp_path.name}: update, open" in names
+
+
+@pytest.mark.slow
+def test_features_has_a_row_for_each_threshold(tmp_path: Path) -> None:
+    chosen = ["--seeds", "80", "--features", "bump", "--sweeps", "1", "--jobs", "1"]
+    plot = tmp_path / "convergence.png"
+    rows = rows_of(tmp_path, "features.py", *chosen, "--probabilities", "0.9", "0.99", "--plot", plot)
+    assert [row["probability"] for row in rows] == [0.9, 0.99]
+    assert rows[0]["error_mm"] == rows[1]["error_mm"] < 10.0
+    assert plot.stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_paper_draws_its_figures(tmp_path: Path) -> None:
+    chosen = ["--features", "bump", "--seeds", "1", "--sweeps", "2", "--jobs", "1"]
+    run("paper.py", *chosen, "--out", tmp_path)
+    assert (tmp_path / "bump.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_fabrics_has_a_row_for_every_pair(tmp_path: Path) -> None:
+    write_fabric(tmp_path, "Linen_F250", material=1, repeats=3)
+    write_fabric(tmp_path, "Silk_F250", material=2, repeats=1)
+    own, wrong = rows_of(tmp_path, "fabrics.py", tmp_path, "--starts", "2", "--jobs", "1")
+    assert (own["map"], own["recording"], own["kind"]) == ("Linen_F250_V50", "Linen_F250_V50", "own")
+    assert (wrong["recording"], wrong["kind"]) == ("Silk_F250_V50", "wrong")
+    assert own["found"] == 1.0
+    assert wrong["found"] is None
+
+
+def test_recordings_are_paired_by_what_differs(tmp_path: Path) -> None:
+    for name in ("Linen_F250_V10", "Linen_F250_V20", "Linen_F250_V-10", "Linen_F210_V10", "Silk_F250_V20"):
+        for repeat in range(3):
+            (tmp_path / f"{name}mmps_{repeat}.csv").touch()
+    pairs = fabric_recordings.find_pairs(fabric_recordings.find_conditions(tmp_path))
+    assert {(one.recording.name, one.kind) for one in pairs if one.map.name == "Linen_F250_V10"} == {
+        ("Linen_F250_V10", "own"),
+        ("Linen_F250_V20", "speed"),
+        ("Linen_F210_V10", "force"),
+        ("Silk_F250_V20", "wrong"),
+    }
+
+
+def test_a_recording_is_perturbed() -> None:
+    sweep = fabric_recordings.Sweep(
+        np.arange(5) * 100_000_000, np.linspace(0.0, 0.04, 5), np.outer(np.arange(5.0), np.ones(16))
+    )
+    width = np.arange(1.0, 17.0)
+    every = fabric_recordings.Perturbation(every=2).of(sweep, width)
+    np.testing.assert_allclose(every.position, [0.0, 0.02, 0.04])
+    offset = fabric_recordings.Perturbation(offset=10.0, scale=1e3).of(sweep, width).strain
+    np.testing.assert_allclose(np.abs(offset - 1e3 * sweep.strain), np.tile(1e4 * width, (5, 1)))
+    drift = fabric_recordings.Perturbation(drift=3.0).drift_per_m(width)
+    np.testing.assert_allclose(np.abs(drift), 30.0 * width)
+    noisy = fabric_recordings.Perturbation(noisy_channel=5.0).of(sweep, width).strain
+    assert np.flatnonzero((noisy != sweep.strain).any(axis=0)).tolist() == [3]
+
+
+def test_measures_of_starts_on_fabric() -> None:
+    travel, update_s = np.array([0.0, 0.05, 0.1, 0.165]), np.array([1e-4])
+    inside, on = np.array([True, True, False, True]), np.array([False, True, True, True])
+    right = fabrics.Track(travel, np.array([0.2, 0.001, 0.003, 0.001]), inside, on, update_s)
+    only_third = np.array([False, False, True, False])
+    false = fabrics.Track(travel, np.array([0.2, 0.02, 0.02, 0.001]), inside, only_third, update_s)
+    found = fabrics.measures([right, false], wrong=False)
+    assert (found["found"], found["converged_right_end"], found["converged_false_end"]) == (1.0, 0.5, 0.0)
+    assert (found["converged_false_starts"], found["converged_false_strains"]) == (0.5, 1 / 8)
+    assert found["travel_to_convergence_mm"] == pytest.approx(75.0)
+
+
+def test_sweeps_over_one_line_share_its_number() -> None:
+    means = np.array([[0.1, 0.0], [0.1001, 0.01], [0.1, 0.0201], [0.1, 0.0002], [0.1, 0.02]])
+    assert recorded.line_numbers(means).tolist() == [0, 1, 2, 0, 2]
