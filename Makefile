@@ -35,9 +35,10 @@ env: build ## Print how to enter the environment
 untyped := import numpy; raise SystemExit(numpy.lib.NumpyVersion(numpy.__version__) >= "2.3.0")
 
 .PHONY: lint
-lint: venv ## Check style and types
+lint: venv ## Check style, types and the direction of imports
 	$(run) ruff check
 	$(run) ruff format --check
+	@$(run) lint-imports --no-logo
 	@$(run) python -c '$(untyped)' && echo "mypy is skipped: it needs numpy 2.3, and thus Python 3.11" || $(run) mypy
 
 # Only a test that missed a deadline because its processes waited for a CPU is repeated, and reported as such.
@@ -59,7 +60,7 @@ endif
 
 .PHONY: test-fast
 test-fast: build ## Run the tests of core and io that need neither processes nor more than ten seconds
-	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/io test/test_layers.py
+	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/io
 
 .PHONY: fuzz
 fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scan files (MINUTES=10), failures in out/fuzz
@@ -70,17 +71,12 @@ coverage: build ## List the branches of core and io that no test takes; fails be
 	$(run) python -m pytest --cov=tactile_localizer.core --cov=tactile_localizer.io --cov-branch --cov-fail-under=95 \
 		--cov-report=term-missing:skip-covered test/core test/io test/cli test/test_scene.py
 
-.PHONY: mutants
-mutants: build ## Seed known faults into copies of the core, one by one, each of which a test must detect
-	$(run) python test/mutants.py
-
 .PHONY: docs
 docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of the pages
 	$(run) python docs/make/parameters.py >docs/parameters.md
 	$(run) python docs/make/drawings.py
 	$(run) python docs/make/animation.py
 	$(run) python docs/make/essentials.py
-	$(run) python docs/make/layouts.py
 
 .PHONY: site
 site: venv ## Build the pages as a web site in out/site
@@ -94,9 +90,15 @@ demo: build ## Scan a simulated feature, then localize on it (FEATURE=bump, snap
 soak: build ## Inject the faults of docs/faults.md into the running nodes for MINUTES=30
 	@SOAK_MINUTES=$(MINUTES) $(run) pytest -q -s test/soak
 
+.venv-bench/.complete: requirements/bench.txt requirements/runtime.txt
+	python3 -m venv --clear .venv-bench
+	.venv-bench/bin/python -m pip install --quiet -r requirements/bench.txt -r requirements/runtime.txt
+	touch $@
+
 .PHONY: bench
-bench: build ## Measure speed, into out/bench.json
-	@for script in $$(grep -l 'from record import' benchmarks/*.py); do echo "$$script"; OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(run) python $$script || exit 1; done
+bench: build .venv-bench/.complete ## Measure speed, also beside filterpy and particles
+	$(run) python benchmarks/speed.py
+	PYTHONPATH=. .venv-bench/bin/python benchmarks/peers.py
 
 .PHONY: clean
 clean: ## Remove what was built and written; environments (.venv*) stay
