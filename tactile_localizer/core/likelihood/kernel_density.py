@@ -8,6 +8,7 @@ near the states, and linear interpolation of the log-likelihood from these to th
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 from scipy import ndimage, sparse
@@ -20,8 +21,8 @@ from tactile_localizer.errors import ParameterError
 
 MAX_NODES = 2**24
 """Largest number of nodes, for which the density of the scan takes 134 MB."""
-_MAX_NODES_AT_ONCE = 2**18
-"""Nodes evaluated together; states that are farther apart are divided."""
+_MAX_NODES_ALONG = 512
+"""Nodes along an axis that are evaluated together; states that are farther apart are divided."""
 _PAIR_NODES_PER_STD = 4
 """Nodes per kernel width on which pairs are spread: at most 0.01 nats off down to 5 nats below the peak."""
 _NODES_PER_STD = 6
@@ -89,9 +90,13 @@ class KernelDensity:
         kernel = math.sqrt(2.0 * math.pi)
         typical = len(scaled) * float(np.prod(kernel / np.maximum(np.ptp(scaled, axis=0), kernel)))
         self._floor = FLOOR * typical
-        every = slice(0, len(scaled)), [(0, count) for count in shape]
-        density = self._at_nodes(np.ones(len(scaled)), *every) if conditional else np.array(typical)
-        self._log_density = np.broadcast_to(np.log(density + self._floor), shape)
+        self._log_density = np.full(shape, math.log(typical + self._floor))
+        if conditional:
+            sums = self._spread @ np.ones(len(scaled), dtype=np.float32)
+            for block in product(*(range(0, count, _MAX_NODES_ALONG) for count in shape)):
+                ends = np.minimum(np.add(block, _MAX_NODES_ALONG), shape).tolist()
+                density = self._at_nodes(sums, list(zip(block, ends, strict=True)))
+                self._log_density[tuple(map(slice, block, ends))] = np.log(density + self._floor)
 
     def _spreading(self, scaled: np.ndarray) -> sparse.csc_array:
         """Sparse matrix (nodes, pairs) that spreads weights of the pairs at ``scaled`` (N, d)."""
@@ -117,7 +122,7 @@ class KernelDensity:
         """Log-densities (P,) at ``places`` (d, P), in nodes from the first one."""
         first = places.min(axis=1).astype(int)
         last = np.minimum(places.max(axis=1).astype(int) + 2, self._log_density.shape)
-        if math.prod((last - first).tolist()) > _MAX_NODES_AT_ONCE:
+        if (last - first).max() > _MAX_NODES_ALONG:
             along = places[np.argmax(last - first)]
             lower = along < 0.5 * (along.min() + along.max())
             found = np.empty(len(along))
@@ -139,7 +144,7 @@ class KernelDensity:
         log_scale += float(self._log_constants[present].sum())
         log_floor = math.log(self._floor) + self.background.log_density(strain, present)
         largest = max(log_scale, log_floor)
-        sums = self._at_nodes(weights, pairs, nodes) * math.exp(log_scale - largest)
+        sums = self._at_nodes(self._spread_some(pairs, weights), nodes) * math.exp(log_scale - largest)
         sums += max(math.exp(log_floor - largest), np.finfo(np.float64).tiny)
         return np.log(sums) + largest - self._log_density[tuple(slice(*own) for own in nodes)]
 
@@ -158,14 +163,18 @@ class KernelDensity:
             strain, pairs = strain[used], pairs[:, used]
         return np.asarray(-0.5 * cdist(strain[None], pairs, "sqeuclidean")[0])
 
-    def _at_nodes(self, weights: np.ndarray, pairs: slice, nodes: list[tuple[int, int]]) -> np.ndarray:
-        """Sums over ``pairs`` of their weights (n,) times the position kernel, float64, at ``nodes``."""
+    def _spread_some(self, pairs: slice, weights: np.ndarray) -> np.ndarray:
+        """The weights (n,) of ``pairs`` on the nodes of pairs."""
         spread = self._spread
         if len(weights) < spread.shape[1]:  # a view, which is faster than slicing the matrix
             own = slice(*spread.indptr[[pairs.start, pairs.stop]].tolist())
             arrays = spread.data[own], spread.indices[own], spread.indptr[: len(weights) + 1]
             spread = sparse.csc_array(arrays, shape=(spread.shape[0], len(weights)))
-        sums = spread @ weights.astype(np.float32)
+        return np.asarray(spread @ weights.astype(np.float32))
+
+    def _at_nodes(self, spread: np.ndarray, nodes: list[tuple[int, int]]) -> np.ndarray:
+        """Sums of weights that were ``spread`` times the position kernel, float64, at ``nodes``."""
+        sums = spread
         for axis, (first, last) in zip(self._axes, nodes, strict=True):
             near, kernel = axis.kernel(first, last)
             # The axis goes last, so that after all of them the order is restored.

@@ -102,8 +102,17 @@ def test_states_far_apart_are_divided(monkeypatch):
     )
     model = lattice(made, of, 0.002, 0.1)
     whole = model.log_density(states, strain, np.ones(2, bool))
-    monkeypatch.setattr(kernel_density, "_MAX_NODES_AT_ONCE", 60)
+    monkeypatch.setattr(kernel_density, "_MAX_NODES_ALONG", 20)
     np.testing.assert_allclose(model.log_density(states, strain, np.ones(2, bool)), whole, atol=1e-4)
+
+
+def test_a_long_strip_is_evaluated_in_blocks():
+    of = Scene("strip", (Axis("x", 0.0, 30.0),), (Phalanx("index", (0.0,)),))
+    made = scan(np.random.default_rng(1), of, 3000)
+    states, strain = made.states[:200], made.strain[5]
+    exact = densities.sum_of_gaussians(made.states, made.strain, 0.001, 0.3, states, strain)
+    found = lattice(made, of, 0.001, 0.3).log_density(states, strain, np.ones(1, bool))
+    np.testing.assert_allclose(found, exact, atol=0.05)
 
 
 def test_a_lattice_too_large_for_the_memory_is_refused_with_both_numbers():
