@@ -39,7 +39,7 @@ def follow(page: Path, more: str = "", but: tuple[str, ...] = ()) -> str:
         env={"PYTHONPATH": "", **os.environ},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

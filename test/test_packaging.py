@@ -40,7 +40,8 @@ def requirements(file: str) -> list[str]:
 
 def test_the_version_is_the_same_everywhere() -> None:
     assert PACKAGE_XML.findtext("version") == __version__
-    assert f"\n{__version__} (" in (ROOT / "CHANGELOG.rst").read_text()
+    changelog = (ROOT / "CHANGELOG.rst").read_text()
+    assert "\nForthcoming\n---" in changelog or f"\n{__version__} (" in changelog
 
 
 def test_rosdep_and_pip_require_the_same_libraries() -> None:
@@ -91,7 +92,7 @@ def test_a_wheel_from_the_sdist_replays_without_ros(tmp_path: Path) -> None:
 
     def built(what: str, where: Path) -> Path:
         code = f"import setuptools.build_meta as build; build.build_{what}({str(tmp_path)!r})"
-        subprocess.run([sys.executable, "-c", code], cwd=where, check=True, capture_output=True, timeout=120)
+        subprocess.run([sys.executable, "-c", code], cwd=where, check=True, capture_output=True, timeout=900)
         return next(tmp_path.glob({"sdist": "*.tar.gz", "wheel": "*.whl"}[what]))
 
     shutil.unpack_archive(built("sdist", source), tmp_path / "unpacked")
@@ -117,7 +118,7 @@ def test_a_wheel_from_the_sdist_replays_without_ros(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=900,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1].startswith(str(tmp_path / "installed"))
