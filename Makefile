@@ -63,7 +63,7 @@ test-fast: build ## Run the tests of core and io that need neither processes nor
 	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/io
 
 .PHONY: fuzz
-fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scan files (MINUTES=10), failures in out/fuzz
+fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scans (MINUTES=10), failures in out/fuzz
 	$(run) python test/fuzz/fuzz.py --minutes $(if $(filter file,$(origin MINUTES)),10,$(MINUTES)) --seed $(SEED)
 
 .PHONY: coverage

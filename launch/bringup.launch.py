@@ -1,6 +1,6 @@
 """Localization on a robot: driver (or adapter) and filter.
 
-ros2 launch tactile_localizer bringup.launch.py scan_file:=scan.db namespace:=left
+ros2 launch tactile_localizer bringup.launch.py scan_file:=bump_scan namespace:=left
 """
 
 from pathlib import Path

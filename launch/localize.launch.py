@@ -1,6 +1,6 @@
 """Localization beside a running sensor: the filter alone.
 
-ros2 launch tactile_localizer localize.launch.py scan_file:=scan.db
+ros2 launch tactile_localizer localize.launch.py scan_file:=bump_scan
 """
 
 from launch import LaunchDescription

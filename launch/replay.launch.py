@@ -1,6 +1,6 @@
 """Replay of a bag through the live filter, in the time of the bag.
 
-    ros2 launch tactile_localizer replay.launch.py bag:=bag scan_file:=scan.db rate:=2.0 loop:=true
+    ros2 launch tactile_localizer replay.launch.py bag:=bag scan_file:=bump_scan rate:=2.0 loop:=true
 
 `tactile-localizer replay` does the same without ROS, as fast as possible.
 """

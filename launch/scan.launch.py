@@ -1,6 +1,6 @@
 """Recording of a training scan on a robot: driver (or adapter) and mapping.
 
-ros2 launch tactile_localizer scan.launch.py scan_file:=scan.db scene_file:=scene.yaml
+ros2 launch tactile_localizer scan.launch.py scan_file:=bump_scan scene_file:=scene.yaml
 """
 
 from pathlib import Path

@@ -1,7 +1,7 @@
 """Without hardware: simulated hand, driver on its CAN bus, and mapping or filter.
 
-    ros2 launch tactile_localizer simulate.launch.py mode:=scan scan_file:=scan.db scene_file:=bump.yaml
-    ros2 launch tactile_localizer simulate.launch.py mode:=localize scan_file:=scan.db
+    ros2 launch tactile_localizer simulate.launch.py mode:=scan scan_file:=bump_scan scene_file:=bump.yaml
+    ros2 launch tactile_localizer simulate.launch.py mode:=localize scan_file:=bump_scan
 
 For a second hand on the same machine use another port: bus_options:="['port=43114']".
 """

@@ -4,8 +4,8 @@ The public names (:data:`__all__`) are imported from here and need no ROS::
 
     from tactile_localizer import load_scan, make_localizer, read_recording
 
-    scan, scene = load_scan("scan.db")
-    localizer = make_localizer(scan, scene, seed=1, scan_file="scan.db")
+    scan, scene = load_scan("bump_scan")
+    localizer = make_localizer(scan, scene, seed=1, scan_file="bump_scan")
     for sweep in read_recording("test.csv", scene).sweeps:
         localizer.reset()
         for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.position, sweep.strain):

@@ -13,22 +13,22 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.csv.columns import ColumnNaming
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan_file, select
+from tactile_localizer.io.recording import Recording, is_bag, is_scan, select
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.scene import Scene
 
 
 def load_scan(path: str | Path) -> tuple[Scan, Scene]:
-    """The training pairs of a scan file, and their scene.
+    """The training pairs of a scan, and their scene.
 
     Raises
     ------
     ScanError
-        The file does not exist or is damaged.
+        The folder does not exist, or a sweep in it is damaged.
     """
-    with ScanStore.open(path) as store:
-        return store.load(), store.scene
+    folder = ScanFolder(path)
+    return folder.load(), folder.scene
 
 
 def make_localizer(
@@ -47,7 +47,7 @@ def make_localizer(
     scene : scene of the scan, or one with fewer axes and phalanges
     configuration : measurement model, filter and convergence criteria; the default is that of the filter node
     seed : seed of the random numbers; the same seed and samples give the same estimates
-    scan_file : file of the scan, which then stores the calibration; ``None`` repeats it in each call,
+    scan_file : folder of the scan, which then keeps the calibration; ``None`` repeats it in each call,
         which takes seconds
 
     Raises
@@ -57,7 +57,7 @@ def make_localizer(
     ParameterError
         A parameter is out of range.
     """
-    calibration = None if scan_file is None else learned_calibration(Path(scan_file), scan, scene)
+    calibration = None if scan_file is None else learned_calibration(scan_file, scan, scene)
     rng = np.random.default_rng(seed)
     return build_localizer(scan, scene, configuration or Configuration(), rng, calibration=calibration)
 
@@ -69,11 +69,11 @@ def read_recording(
     naming: ColumnNaming | None = None,
     **bag_options: Any,
 ) -> Recording:
-    """The sweeps of a bag, a scan file, or a CSV file.
+    """The sweeps of a bag, a scan, or a CSV file.
 
     Parameters
     ----------
-    path : file, or directory of a bag
+    path : CSV file, folder of a scan, or file or folder of a bag
     scene : scene whose axes and phalanges are read
     naming : columns of a CSV file with other than the standard names
     bag_options : arguments of :func:`~tactile_localizer.io.bags.recording.read_bag`
@@ -89,7 +89,6 @@ def read_recording(
         from tactile_localizer.io.bags.recording import read_bag  # takes a while to import
 
         return read_bag(path, scene, by_status=False, **bag_options)
-    if is_scan_file(Path(path)):
-        with ScanStore.open(path) as store:
-            return select(store.recording(), scene)
+    if is_scan(Path(path)):
+        return select(ScanFolder(path).recording(), scene)
     return read_csv(path, scene, naming)

@@ -73,11 +73,11 @@ def place(simulated_can: dict[str, Any], tmp_path: Path) -> Any:
     from support.scenarios import Place
     from support.sweeps import write_scan
 
-    write_scan(tmp_path / "bump.db")
+    write_scan(tmp_path / "bump_scan")
     ports = simulated_can["port"], simulated_can["port"] + 100
     bus = {name: simulated_can[name] for name in ("interface", "channel")}
     buses = [{**bus, "bus_options": [f"port={port}"]} for port in ports]
-    return Place(tmp_path, tmp_path / "bump.db", buses)
+    return Place(tmp_path, tmp_path / "bump_scan", buses)
 
 
 @pytest.fixture

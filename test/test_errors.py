@@ -8,8 +8,8 @@ from tactile_localizer.errors import ScanError, TactileLocalizerError
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("scan.db: expected a scan, found 7 µm", "scan.db: expected a scan, found 7 µm"),
-        ("a\nb.db: \x1b[31mred", r"a\nb.db: \x1b[31mred"),
+        ("bump_scan: expected a scan, found 7 µm", "bump_scan: expected a scan, found 7 µm"),
+        ("a\nb_scan: \x1b[31mred", r"a\nb_scan: \x1b[31mred"),
         ("name \udc80", r"name \udc80"),
     ],
 )
@@ -21,7 +21,7 @@ def test_a_message_is_one_printable_line(text, line):
 
 
 def test_the_middle_of_a_long_message_is_left_out():
-    text = str(ScanError(f"{'x' * 10_000}.db: expected a scan file"))
+    text = str(ScanError(f"{'x' * 10_000}_scan: expected a scan folder"))
     assert len(text) < 1000
     assert text.startswith("xxx")
-    assert text.endswith(".db: expected a scan file")
+    assert text.endswith("_scan: expected a scan folder")

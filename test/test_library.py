@@ -30,7 +30,7 @@ def recorded(tmp_path_factory):
     write_csv(folder / "train.csv", train, train.odometry)
     write_csv(folder / "recording/test.csv", test, test.truth)
     recording = read_csv(folder / "train.csv", scene)
-    import_recording(recording, scene, folder / "scan.db", what="test", detail={})
+    import_recording(recording, scene, folder / "bump_scan", what="test", detail={})
     return folder
 
 
@@ -57,12 +57,12 @@ def test_the_package_docstring_shows_the_same_example():
 
 
 def test_the_same_seed_gives_the_same_estimates(recorded):
-    scan, scene = tactile_localizer.load_scan(recorded / "scan.db")
+    scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
     configuration = tactile_localizer.Configuration(filter="particle", particles=200)
     means = []
     for _ in range(2):
         localizer = tactile_localizer.make_localizer(
-            scan, scene, configuration, seed=3, scan_file=recorded / "scan.db"
+            scan, scene, configuration, seed=3, scan_file=recorded / "bump_scan"
         )
         for k in range(30):
             estimate = localizer.update(k * 10**7, scan.states[k], scan.strain[k])
@@ -71,10 +71,10 @@ def test_the_same_seed_gives_the_same_estimates(recorded):
 
 
 def test_a_stored_calibration_is_reused(recorded, monkeypatch):
-    scan, scene = tactile_localizer.load_scan(recorded / "scan.db")
-    first = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "scan.db")
+    scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
+    first = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan")
     monkeypatch.setattr(learned, "learn", None)  # must not be called
-    second = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "scan.db")
+    second = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan")
     assert first.model.information_length == second.model.information_length
 
 

@@ -103,8 +103,8 @@ def test_a_wheel_from_the_sdist_replays_without_ros(tmp_path: Path) -> None:
         import sys
         from tactile_localizer.cli import main
         assert main("simulate bump --test 1 -o .".split()) == 0
-        assert main("import csv train.csv --scene bump.yaml -o scan.db".split()) == 0
-        assert main("replay test.csv --scan scan.db --seed 1".split()) == 0
+        assert main("import csv train.csv --scene bump.yaml -o bump_scan".split()) == 0
+        assert main("replay test.csv --scan bump_scan --seed 1".split()) == 0
         ros = [name for name in sys.modules if name.split(".")[0] in ("rclpy", "launch", "std_msgs")]
         assert ros == [], ros
         print(sys.modules["tactile_localizer"].__file__)

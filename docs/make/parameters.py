@@ -39,7 +39,7 @@ ESSENTIAL = {
 
 NODES = {
     DriverNode: "Publishes the strain of load cells on a CAN bus ([can.md](can.md)).",
-    MappingNode: "Records strain and palm poses to a scan file ([scan.md](scan.md)).",
+    MappingNode: "Records strain and palm poses to a scan ([scan.md](scan.md)).",
     FilterNode: "Estimates the palm position from strain and palm poses ([models.md](models.md)).",
     AdapterNode: "Converts messages of other tactile sensors to strain ([sensors.md](sensors.md)).",
     SimulatorNode: "Simulates the hand ([simulation.md](simulation.md)).",

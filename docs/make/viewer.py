@@ -30,8 +30,8 @@ def make_view(folder: Path) -> Path:
     os.chdir(folder)
     for command in (
         "simulate bump -o recording",
-        "import csv recording/train.csv --scene bump.yaml -o scan.db",
-        "view recording/test.csv --scan scan.db --save view.rrd",
+        "import csv recording/train.csv --scene bump.yaml -o bump_scan",
+        "view recording/test.csv --scan bump_scan --save view.rrd",
     ):
         if status := main(command.split()):
             raise SystemExit(status)

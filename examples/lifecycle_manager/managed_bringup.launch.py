@@ -1,6 +1,6 @@
 """Driver and filter led by Nav2's lifecycle manager.
 
-ros2 launch managed_bringup.launch.py scan_file:=scan.db
+ros2 launch managed_bringup.launch.py scan_file:=bump_scan
 """
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription

@@ -20,8 +20,8 @@ from tactile_localizer.errors import TactileLocalizerError
 COMMANDS: dict[str, str] = {
     "demo": "scan a simulated feature and localize on it with all ROS 2 nodes running",
     "can": "decode and check the load cells on a CAN bus, or in a CAN log",
-    "import": "make a scan file from recordings (CSV or rosbag2)",
-    "scan": "inspect, plot, repair and convert scan files",
+    "import": "make a scan from recordings (CSV or rosbag2)",
+    "scan": "describe and plot a scan",
     "tradeoff": "measure accuracy against computing time of configurations, and choose one",
     "replay": "localize the palm in a recording, as the filter node would have",
     "view": "show a replay in the Rerun viewer: belief, truth and strain on a timeline",
@@ -34,8 +34,8 @@ COMMANDS: dict[str, str] = {
 _EPILOG = """\
 Try it without ROS:
   tactile-localizer simulate bump -o recording
-  tactile-localizer import csv recording/train.csv --scene bump.yaml -o scan.db
-  tactile-localizer replay recording/test.csv --scan scan.db
+  tactile-localizer import csv recording/train.csv --scene bump.yaml -o bump_scan
+  tactile-localizer replay recording/test.csv --scan bump_scan
 
 `tactile-localizer COMMAND --help` lists the options of a command. docs/essentials.md describes the five
 values to set for a new hand and material; everything else has a default or is learned from the scan."""

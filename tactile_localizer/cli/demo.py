@@ -16,8 +16,8 @@ from rich.table import Table
 from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.library import load_scan
 from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_pair
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.resources import resource_path
@@ -68,8 +68,8 @@ def run(args: argparse.Namespace) -> int:
         **counts,
         **summarize(sweeps),
     }
-    with ScanStore.open(settings.scan) as store:
-        map_pair(DrawnScan(store.load(), store.scene)).savefig(args.out / "map.png", dpi=110)
+    scan, scene = load_scan(settings.scan)
+    map_pair(DrawnScan(scan, scene)).savefig(args.out / "map.png", dpi=110)
     summary["duration_s"] = round(time.monotonic() - begun_s, 1)
     write_json(args.out / "summary.json", summary, rows="sweeps")
     _print(console, summary, args.out)

@@ -19,7 +19,7 @@ from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.core.factory import build_identifier
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.offline.identification import (
     identification_figure,
     identification_table,
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     add_recording_arguments(parser)
     parser.add_argument(
-        "--scan", action="append", required=True, metavar="SCAN", help="scan file of a candidate (repeatable)"
+        "--scan", action="append", required=True, metavar="SCAN", help="scan of a candidate (repeatable)"
     )
     add_configuration_arguments(parser)
     add_seed_argument(parser)
@@ -73,8 +73,8 @@ def _candidates(paths: list[str]) -> dict[str, tuple[Scan, Scene]]:
     """Scans with their scenes, by scene name, or by file name where scene names are equal."""
     loaded = []
     for path in paths:
-        with ScanStore.open(path) as store:
-            loaded.append((Path(path), store.load(), store.scene))
+        folder = ScanFolder(path)
+        loaded.append((Path(path), folder.load(), folder.scene))
     names = [scene.name for _, _, scene in loaded]
     if len(set(names)) < len(names):
         names = [path.stem for path, _, _ in loaded]

@@ -1,4 +1,4 @@
-"""``tactile-localizer import``: make a scan file from CSV files or bags."""
+"""``tactile-localizer import``: make a scan from CSV files or bags."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     for kind in (from_csv, from_bag):
         kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
-        kind.add_argument("-o", "--output", required=True, metavar="SCAN", help="scan file to create")
+        kind.add_argument(
+            "-o", "--output", required=True, metavar="SCAN", help="folder of the scan to create"
+        )
         kind.add_argument(
             "--force", action="store_true", help="import even if less than half of the samples are usable"
         )

@@ -24,8 +24,8 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording, is_bag, join
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.library import read_recording
 from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, random_starts, with_odometry
@@ -35,7 +35,7 @@ from tactile_localizer.scene import Scene
 
 def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``--scan`` and ``--scene``."""
-    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan file of the map")
+    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan (folder) of the map")
     parser.add_argument(
         "--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)"
     )
@@ -43,13 +43,13 @@ def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
 
 def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
     """The scan and the scene; prints a note if the scene is not that of the scan."""
-    with ScanStore.open(args.scan) as store:
-        scanned = store.scene
-        scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else scanned
-        if scene.name != scanned.name:
-            note = f"note: {args.scan} was scanned with scene {scanned.name}, and is used with {scene.name}"
-            print(note, file=sys.stderr)
-        return store.load(), scene
+    folder = ScanFolder(args.scan)
+    scanned = folder.scene
+    scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else scanned
+    if scene.name != scanned.name:
+        note = f"note: {args.scan} was scanned with scene {scanned.name}, and is used with {scene.name}"
+        print(note, file=sys.stderr)
+    return folder.load(), scene
 
 
 def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,7 @@ def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
 
 def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -> None:
     """Declare the recordings and the options to read them; ``count`` is the ``nargs`` of argparse."""
-    parser.add_argument("recordings", nargs=count, metavar="RECORDING", help="CSV file, scan file or bag")
+    parser.add_argument("recordings", nargs=count, metavar="RECORDING", help="CSV file, scan or bag")
     parser.add_argument(
         "--odometry",
         choices=(SIMULATED, EXACT),

@@ -26,8 +26,6 @@ from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_tables
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import INCH, with_contact
-from tactile_localizer.offline.misfit import misfit
-from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.offline.reports.learned import learned_values
 from tactile_localizer.offline.reports.replay import replay_document
@@ -49,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
-    recorded, recording, odometry = odometry_from_arguments(args, scene)
+    _, recording, odometry = odometry_from_arguments(args, scene)
     with progress_bars() as progress:
         localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
         tracks = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
@@ -57,16 +55,13 @@ def run(args: argparse.Namespace) -> int:
     document = replay_document(
         scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
     )
-    mismatch = misfit(scan, scene, recorded, tracks, odometry != RECORDED)
-    if mismatch.line is not None:
-        print(mismatch.line)
     if configuration.uses_kernel_widths:
         # An import of half a second that the default model does not need.
         from tactile_localizer.core.calibration.kernel_widths import describe_unfit_widths
 
         if unfit := describe_unfit_widths(scan, scene):
             print(unfit)
-    _print(document, positions_fit=mismatch.positions_fit)
+    _print(document)
     for line in _unconverged(tracks):
         print(line)
     if args.json is not None:
@@ -85,7 +80,7 @@ def _unconverged(tracks: Sequence[Track]) -> Iterator[str]:
             yield f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}"
 
 
-def _print(document: dict[str, Any], positions_fit: bool) -> None:
+def _print(document: dict[str, Any]) -> None:
     console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
     summary, timing, configuration = document["summary"], document["timing"], document["configuration"]
     for note in document["recording"]["notes"]:
@@ -119,12 +114,7 @@ def _print(document: dict[str, Any], positions_fit: bool) -> None:
         after = f", {distance} after contact" if summary["contacts"] else f", after {distance} of travel"
         after += " (median)"
     converged = f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps"
-    if positions_fit:
-        console.print(f"{converged} converged{after}")
-    else:
-        console.print(
-            f"positions outside the scene's bounds cannot be right; reported as converged: {converged}"
-        )
+    console.print(f"{converged} converged{after}")
     if timing["update_median_us"] is not None:
         console.print(
             f"measurement update {timing['update_median_us']:.0f} µs (median), "

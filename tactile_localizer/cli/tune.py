@@ -13,8 +13,8 @@ from tactile_localizer.core.calibration.kernel_widths import choose_kernel_width
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.offline.reports.learned import (
     learned_table,
@@ -39,8 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Learn from the scan, print the result, and with ``--output`` write a scene."""
     scan, scene = scan_from_arguments(args)
-    with ScanStore.open(args.scan) as store:
-        unit = store.units["strain"]
+    unit = ScanFolder(args.scan).sweeps()[0].strain_unit
     with progress_bars() as progress:
         calibration = learned_calibration(Path(args.scan), scan, scene, progress)
         model = learn_sweep_model(scan, scene)

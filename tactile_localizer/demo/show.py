@@ -360,7 +360,7 @@ class DemoSettings:
     @property
     def scan(self) -> Path:
         """The scan that the demonstration records."""
-        return self.folder / "scan.db"
+        return self.folder / "scan"
 
 
 def run_demo(settings: DemoSettings, view: View) -> tuple[list[LiveSweep], dict[str, Any]]:
@@ -484,9 +484,9 @@ def _fresh(settings: DemoSettings) -> Path:
     folder = settings.folder
     logs = folder / "log"
     try:
-        for path in (logs, folder / "bag"):
+        for path in (logs, folder / "bag", folder / "scan"):
             shutil.rmtree(path, ignore_errors=True)
-        for path in (*folder.glob("scan.db*"), *folder.glob("*.png"), folder / "summary.json"):
+        for path in (*folder.glob("*.png"), folder / "summary.json"):
             path.unlink(missing_ok=True)
         logs.mkdir(parents=True)
     except OSError as error:

@@ -16,7 +16,7 @@ def confined(path: str, directory: str) -> Path:
         No directory is set, or the resolved path is outside it.
     """
     if not directory:
-        raise ScanError("scan_directory: expected a directory of scan files, found none")
+        raise ScanError("scan_directory: expected a directory of scans, found none")
     root = Path(directory).expanduser().resolve()
     try:
         resolved = (root / path).resolve()

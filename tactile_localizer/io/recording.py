@@ -1,4 +1,4 @@
-"""Recordings: strain and palm positions by sweep, the common form of CSV files, bags and scan files.
+"""Recordings: strain and palm positions by sweep, the common form of CSV files, bags and scans.
 
 Import, replay and evaluation work on a :class:`Recording` and do not depend on its source.
 """
@@ -244,24 +244,18 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
 
 
 _BAG_EXTENSIONS = (".mcap", ".db3", ".zstd", ".zst")
-_SQLITE_MAGIC = b"SQLite format 3\0"
+SCENE_OF_SCAN = "scene.yaml"
+"""File that makes a folder a scan."""
+
+
+def is_scan(path: Path) -> bool:
+    """Whether a path is a scan: a folder with a scene."""
+    try:
+        return (path / SCENE_OF_SCAN).is_file()
+    except (OSError, ValueError):  # no permission, a NUL in the name
+        return False
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a folder, or a file with the extension of a bag."""
-    return path.is_dir() or path.suffix in _BAG_EXTENSIONS
-
-
-def is_scan_file(path: Path) -> bool:
-    """Whether a file is a scan file, according to its first bytes.
-
-    Raises
-    ------
-    ScanError
-        The file cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_SQLITE_MAGIC)) == _SQLITE_MAGIC
-    except OSError as error:
-        raise ScanError(f"{path}: expected a recording, {error.strerror}") from None
+    """Whether a path is a bag: a folder that is not a scan, or a file with the extension of a bag."""
+    return path.suffix in _BAG_EXTENSIONS or (path.is_dir() and not is_scan(path))

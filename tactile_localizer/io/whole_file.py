@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -18,7 +18,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        The file cannot be written or renamed.
+        The file cannot be written or renamed; its ``filename`` is ``path``, not the temporary one.
     """
     target = Path(path).resolve()
     unfinished = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
@@ -27,5 +27,10 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         with unfinished.open("rb") as written:
             os.fsync(written.fileno())  # otherwise power loss after the rename could leave an empty file
         unfinished.replace(target)
+    except OSError as error:
+        if error.errno is not None:
+            raise type(error)(error.errno, error.strerror, str(path)) from None
+        raise
     finally:
-        unfinished.unlink(missing_ok=True)
+        with suppress(FileNotFoundError, NotADirectoryError):
+            unfinished.unlink()

@@ -31,8 +31,8 @@ from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.confinement import confined
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
@@ -90,8 +90,8 @@ def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMa
     TactileLocalizerError
         The scan or a parameter is invalid, or they are inconsistent.
     """
-    with ScanStore.open(path) as store:
-        scan, scene = store.load(), store.scene
+    folder = ScanFolder(path)
+    scan, scene = folder.load(), folder.scene
     if parameters["scene_file"]:
         scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
     scene.columns(scan.axes)

@@ -97,12 +97,12 @@ PARAMETERS = (
     Parameter(
         "scene_file",
         "",
-        "Scene (YAML) in place of the one in the scan file: path or shipped file name",
+        "Scene (YAML) in place of the one of the scan: path or shipped file name",
     ),
     Parameter(
         "scan_directory",
         "",
-        "Directory of the scan files that ~/load_scan may read; if empty, none",
+        "Directory of the scans that ~/load_scan may read; if empty, none",
     ),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", lower=0),

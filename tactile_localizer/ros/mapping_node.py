@@ -2,7 +2,7 @@
 
 Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~/start_sweep`` and
 ``~/end_sweep`` delimit the sweeps, unless they are detected from the motion. When no sweep has been active
-for some seconds, the scan is calibrated in the background and the result stored in the scan file.
+for some seconds, the scan is calibrated in the background, and the result kept with it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ParameterError, ScanError, TactileLocalizerError
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import ScanStatus, StrainVectors
 from tactile_localizer.resources import given_or_shipped
@@ -48,7 +48,7 @@ _DIAGNOSTICS_PERIOD_S = 1.0
 
 
 class MappingNode(ManagedNode):
-    """Pairs ``strain`` with ``palm_pose`` by stamps and appends the pairs of each sweep to the scan file."""
+    """Pairs ``strain`` with ``palm_pose`` by stamps and records the pairs of each sweep."""
 
     def __init__(self) -> None:
         super().__init__("mapping", PARAMETERS)
@@ -56,7 +56,7 @@ class MappingNode(ManagedNode):
         self._pairing: Pairing[StrainSample] | None = None
 
     def configure(self) -> None:
-        """Open the scan file and create the publishers."""
+        """Open the scan and create the publishers."""
         parameters = self.parameters
         for name in ("scan_file", "scene_file"):
             if not parameters[name]:
@@ -66,11 +66,9 @@ class MappingNode(ManagedNode):
         self._lookup = palm_poses.tf_lookup(parameters, self._on_pose, partial(self._reject, "palm_pose"))
         self._reader = StrainReader(self._scene)
         self._coverage = Coverage(self._scene, parameters["sweep_distance_m"])
-        store = ScanStore.open_or_create(parameters["scan_file"], self._scene)
+        store = ScanWriter(parameters["scan_file"], self._scene)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
-        for batch in store.batches():
-            self._coverage.add(batch.states)
-        store.note("record", {"node": self.get_fully_qualified_name()})
+        store.note("record", node=self.get_fully_qualified_name())
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = MappingDiagnostics(self._health)
@@ -109,15 +107,15 @@ class MappingNode(ManagedNode):
             self._pairing = None
 
     def cleanup(self) -> None:
-        """Close the scan file."""
+        """Close the scan."""
         if self._recorder is not None:
             recorder, self._recorder = self._recorder, None
             self._try_to_write(recorder.store.close)
 
     def _refresh_map(self) -> None:
         """Publish the map of the sweeps so far."""
-        if self._recorder is not None:
-            self._map.publish_file(self._recorder.store.path)
+        if self._recorder is not None and self._recorder.pairs:
+            self._map.publish_folder(self._recorder.store.path)
 
     def _detector(self) -> SweepDetector | None:
         parameters = self.parameters
@@ -211,7 +209,7 @@ class MappingNode(ManagedNode):
 
     def _update_rate(self) -> None:
         if self._recorder is not None:
-            self._counts.append((time.monotonic(), self._recorder.store.pairs))
+            self._counts.append((time.monotonic(), self._recorder.pairs))
             (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
             self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
         self._publish_status(self._newest_ns)
@@ -244,7 +242,7 @@ class MappingNode(ManagedNode):
         message.sweep_active = recorder.is_active
         message.sweep = recorder.number
         message.sweeps = recorder.sweeps
-        message.samples = recorder.store.pairs
+        message.samples = recorder.pairs
         message.coverage = self._coverage.fraction
         message.gaps = recorder.gaps
         message.skipped = recorder.skipped
@@ -252,7 +250,7 @@ class MappingNode(ManagedNode):
         self._status.publish(message)
 
     def _try_to_write(self, work: Callable[..., None], *arguments: Any) -> None:
-        """Write to the scan file; on an error, such as a full disk, log it and continue."""
+        """Write to the scan; on an error, such as a full disk, log it and continue."""
         try:
             work(*arguments)
         except ScanError as error:

@@ -8,7 +8,7 @@ from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.subscriptions import palm_poses
 
 PARAMETERS = (
-    Parameter("scan_file", "", "Scan file to record to; an existing file is continued"),
+    Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued"),
     Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name"),
     *palm_poses.SYNCHRONIZATION,
     Parameter(

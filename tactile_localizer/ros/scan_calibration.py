@@ -1,4 +1,4 @@
-"""Calibration of a scan in the background when its recording pauses, stored in the scan file."""
+"""Calibration of a scan in the background when its recording pauses, kept in its folder."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
-from tactile_localizer.io.scans.calibration_process import CalibrationProcess
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.recorder import SweepRecorder
-from tactile_localizer.io.scans.rows import LearnedEntry
 from tactile_localizer.ros.base.background import BackgroundJob
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
 
@@ -21,8 +21,7 @@ class ScanCalibration:
     """Calibrates a scan whenever no sweep has been active for :data:`QUIET_S`.
 
     The filter then starts without calibrating. If recording continues, the calibration is repeated in the
-    next pause. A separate process calibrates, so that recording is not delayed; the recorder, which holds
-    the lock of the scan file, stores the result.
+    next pause.
 
     Parameters
     ----------
@@ -39,44 +38,40 @@ class ScanCalibration:
         self._quiet_since_s = time.monotonic()
         self._attempted_pairs = 0
         self._is_closed = False
-        self._process: CalibrationProcess | None = None
         self._level, self._message = DiagnosticStatus.OK, "not calibrated: scan in progress"
 
     def close(self) -> None:
-        """Stop a calibration in progress."""
+        """Stop a calibration in progress at its next step."""
         self._is_closed = True
-        if self._process is not None:
-            self._process.stop()
 
     def poll(self) -> None:
         """Start a calibration if one is due, and publish the status."""
-        pairs, now_s = self._recorder.store.pairs, time.monotonic()
+        pairs, now_s = self._recorder.pairs, time.monotonic()
         if self._recorder.is_active or self._recorder.store.active_sweep is not None:
             self._quiet_since_s = now_s
         is_quiet = now_s - self._quiet_since_s >= QUIET_S
         if is_quiet and pairs != self._attempted_pairs and not self._job.is_running:
             self._attempted_pairs = pairs
-            self._job.start(self._compute, self._store, self._on_error)
+            self._job.start(self._calibrate, self._on_result, self._on_error)
         if not self._job.is_running:
             self._publisher.publish(
                 self._publisher.status("calibration", self._level, self._message, {"pairs": pairs})
             )
 
-    def _compute(self) -> LearnedEntry | None:
-        self._process = CalibrationProcess(self._recorder.store.path)
-        if self._is_closed:  # in the meantime
-            self._process.stop()
-        return self._process.result(self._progress)
+    def _calibrate(self) -> None:
+        folder = ScanFolder(self._recorder.store.path)
+        learned_calibration(folder.path, folder.load(), folder.scene, self._report)
 
-    def _store(self, entry: LearnedEntry | None) -> None:
+    def _report(self, doing: str, done: float) -> None:
         if self._is_closed:
-            return
-        if entry is not None:
-            self._recorder.store.store_learned(entry)
-            self._log.info(f"calibration stored in {self._recorder.store.path}")
-        self._level, self._message = DiagnosticStatus.OK, "calibrated"
+            raise InterruptedError("the node was shut down")
+        self._progress(doing, done)
+
+    def _on_result(self, _: None) -> None:
+        if not self._is_closed:
+            self._log.info(f"{self._recorder.store.path}: calibrated")
+            self._level, self._message = DiagnosticStatus.OK, "calibrated"
 
     def _on_error(self, reason: str) -> None:
-        if self._is_closed:
-            return
-        self._level, self._message = DiagnosticStatus.WARN, f"not calibrated: {reason}"
+        if not self._is_closed:
+            self._level, self._message = DiagnosticStatus.WARN, f"not calibrated: {reason}"

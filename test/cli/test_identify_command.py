@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
         train = simulate_scan(feature, 1, "train", rate=40.0)
         write_csv(folder / "train.csv", train, train.odometry)
         recording = read_csv(folder / "train.csv", scene)
-        import_recording(recording, scene, folder / f"{feature}.db", what="test", detail={})
+        import_recording(recording, scene, folder / f"{feature}_scan", what="test", detail={})
     test = simulate_scan("snap", 1, "test", sweeps=2, rate=40.0)
     write_csv(folder / "test.csv", test, test.truth)
     return folder
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
 
 def test_a_snap_is_distinguished_from_a_bump(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
-    arguments = ["identify", "test.csv", "--scan", "bump.db", "--scan", "snap.db", "--config", "fast"]
+    arguments = ["identify", "test.csv", "--scan", "bump_scan", "--scan", "snap_scan", "--config", "fast"]
     assert main([*arguments, "-o", "found/picture.png"]) == 0
     output = capsys.readouterr().out
     assert "snap: 2 of 2 sweeps" in output
@@ -44,8 +44,8 @@ def test_a_snap_is_distinguished_from_a_bump(folder, monkeypatch, capsys):
 
 def test_incompatible_scans_are_refused_in_one_line(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
-    assert main(["identify", "test.csv", "--scan", "bump.db", "--scan", "bump.db"]) == 2
-    assert "--scan: expected scans of different names, got bump, bump" in capsys.readouterr().err
+    assert main(["identify", "test.csv", "--scan", "bump_scan", "--scan", "bump_scan"]) == 2
+    assert "--scan: expected scans of different names, got bump_scan, bump_scan" in capsys.readouterr().err
 
 
 def test_a_sweep_is_settled_after_the_last_change():

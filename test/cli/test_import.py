@@ -9,7 +9,7 @@ from support.notes import counts
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.csv.columns import load_naming
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -33,16 +33,16 @@ def test_a_csv_with_standard_columns_is_imported(folder, capsys):
     rows = [[0.01 * n, n // 50, 0.0004 * n, 0.02, *rng.normal(size=16)] for n in range(200)]
     rows[7][5] = "broken"
     write_csv(folder / "train.csv", rows)
-    assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
+    assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "bump_scan"]) == 0
     output = capsys.readouterr().out.splitlines()
-    assert output[0] == "scan.db: 3 sweeps, 125 pairs"
+    assert output[0] == "bump_scan: 3 sweeps, 125 pairs"
     assert counts(output) == [(1, 200), (74, 199), (1, 4)]
     assert "line 9, index_2 'broken'" in output[1]
-    with ScanStore.open("scan.db") as store:
-        assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2]
-        assert store.scene == SCENE
-        ((_, what, detail),) = store.history()
-        assert (what, detail["files"]) == ("import csv", ["train.csv"])
+    store = ScanFolder("bump_scan")
+    assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2]
+    assert store.scene == SCENE
+    (entry,) = store.history()
+    assert (entry["what"], entry["files"]) == ("import csv", ["train.csv"])
 
 
 def test_shipped_scenes_and_namings_are_found_by_name(folder, capsys):
@@ -51,51 +51,55 @@ def test_shipped_scenes_and_namings_are_found_by_name(folder, capsys):
         with (folder / f"{repeat}.csv").open("w") as file:
             file.write(", ".join(columns) + "\n")
             for row in range(30):
-                file.write(",".join(map(str, [443069 + 28 * row, 7, *range(row, row + 16)])) + "\n")
-    arguments = "0.csv 1.csv --scene linen.yaml --columns fabric_slide.yaml --speed 0.01 -o linen.db"
+                file.write(
+                    ",".join(map(str, [443069 + 28 * row, 7, *range(row + repeat, row + repeat + 16)])) + "\n"
+                )
+    arguments = "0.csv 1.csv --scene linen.yaml --columns fabric_slide.yaml --speed 0.01 -o linen_scan"
     assert main(["import", "csv", *arguments.split()]) == 0
     assert "2 sweeps, 60 pairs" in capsys.readouterr().out
-    with ScanStore.open("linen.db") as store:
-        assert store.units["strain"] == "counts"
-        np.testing.assert_allclose(store.load().states[:3, 0], [0, 0.00028, 0.00056], atol=1e-12)
+    store = ScanFolder("linen_scan")
+    assert store.sweeps()[0].strain_unit == "counts"
+    np.testing.assert_allclose(store.load().states[:3, 0], [0, 0.00028, 0.00056], atol=1e-12)
 
 
 def test_the_folder_of_the_scan_file_is_created(folder, capsys):
     write_csv(folder / "a.csv", [[0.01 * n, 0, 0.0004 * n, 0.02, *range(16)] for n in range(50)])
-    assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "scans/new/a.db"]) == 0
-    assert (folder / "scans/new/a.db").exists()
-    assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "a.csv/b.db"]) == 2
-    assert "a.csv/b.db: expected a writable folder" in capsys.readouterr().err
+    assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "scans/new/a_scan"]) == 0
+    assert (folder / "scans/new/a_scan").exists()
+    assert main(["import", "csv", "a.csv", "--scene", "scene.yaml", "-o", "a.csv/b_scan"]) == 2
+    assert "a.csv/b_scan: expected a writable folder" in capsys.readouterr().err
 
 
 def test_a_bag_is_imported(folder, capsys):
     write_bag(folder / "bag", slide(0, 1000), "sqlite3")
-    assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "scan.db"]) == 0
+    assert main(["import", "bag", "bag", "--scene", "scene.yaml", "-o", "bump_scan"]) == 0
     output = capsys.readouterr().out.splitlines()
-    assert output[0] == "scan.db: 2 sweeps, 394 pairs"
-    assert counts(output) == [(6, 400)]
+    assert output[0] == "bump_scan: 1 sweeps, 197 pairs"
+    assert counts(output) == [(3, 200)]
+    assert main(["import", "bag", "bag", "bag", "--scene", "scene.yaml", "-o", "again_scan"]) == 2
+    assert "found sweep 2 equal to sweep 1; is a recording given twice?" in capsys.readouterr().err
 
 
 def test_sweeps_of_a_bag_are_detected_in_the_motion(folder):
     write_bag(folder / "bag", slide(0, 1000))
-    arguments = "bag --scene scene.yaml --detect-sweeps one_way -o scan.db"
+    arguments = "bag --scene scene.yaml --detect-sweeps one_way -o bump_scan"
     assert main(["import", "bag", *arguments.split()]) == 0
-    with ScanStore.open("scan.db") as store:
-        assert 150 < store.pairs < 190
+    store = ScanFolder("bump_scan")
+    assert 150 < len(store.load()) < 190
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("csv none.csv --scene scene.yaml -o a.db", "none.csv: expected a CSV file"),
-        ("csv none.csv --scene none.yaml -o a.db", "none.yaml: expected a scene file"),
-        ("csv a.csv --scene scene.yaml --columns none.yaml -o a.db", "none.yaml: expected a column naming"),
-        ("csv a.csv --scene scene.yaml --speed 0.1 -o a.db", "expected AXIS=M_PER_S, the scene has 2 axes"),
-        ("csv a.csv --scene scene.yaml --speed x=fast -o a.db", "expected a finite number of m/s"),
-        ("csv a.csv --scene scene.yaml --speed z=0.1 -o a.db", "speed of axis 'z': expected one of x, y"),
-        ("bag none --scene scene.yaml -o a.db", "none: expected a bag, found none"),
-        ("bag . --scene scene.yaml -o a.db", "expected a bag (*.mcap, *.db3, or a directory of them)"),
-        ("bag b --scene scene.yaml --material-pose 0 0 0 0 0 nan -o a.db", "material_pose: expected x, y"),
+        ("csv none.csv --scene scene.yaml -o a_scan", "none.csv: expected a CSV file"),
+        ("csv none.csv --scene none.yaml -o a_scan", "none.yaml: expected a scene file"),
+        ("csv a.csv --scene scene.yaml --columns none.yaml -o a_scan", "none.yaml: expected a column naming"),
+        ("csv a.csv --scene scene.yaml --speed 0.1 -o a_scan", "expected AXIS=M_PER_S, the scene has 2 axes"),
+        ("csv a.csv --scene scene.yaml --speed x=fast -o a_scan", "expected a finite number of m/s"),
+        ("csv a.csv --scene scene.yaml --speed z=0.1 -o a_scan", "speed of axis 'z': expected one of x, y"),
+        ("bag none --scene scene.yaml -o a_scan", "none: expected a bag, found none"),
+        ("bag . --scene scene.yaml -o a_scan", "expected a bag (*.mcap, *.db3, or a directory of them)"),
+        ("bag b --scene scene.yaml --material-pose 0 0 0 0 0 nan -o a_scan", "material_pose: expected x, y"),
     ],
 )
 def test_unusable_files_are_refused_in_one_line(folder, capsys, arguments, message):
@@ -104,7 +108,7 @@ def test_unusable_files_are_refused_in_one_line(folder, capsys, arguments, messa
     assert printed.err.startswith("error: ")
     assert message in printed.err
     assert printed.err.count("\n") == 1
-    assert not (folder / "a.db").exists()
+    assert not (folder / "a_scan").exists()
 
 
 LINE = Scene("line", (Axis("x", -0.001, 0.06),), (Phalanx("index", (0.0,)),))
@@ -115,7 +119,7 @@ def import_table(folder, names, rows, scene=LINE, *more):
     save_scene(scene, folder / "line.yaml")
     with (folder / "own.csv").open("w", newline="") as file:
         csv.writer(file).writerows([names, *rows])
-    return main(["import", "csv", "own.csv", "--scene", "line.yaml", "-o", "own.db", *more])
+    return main(["import", "csv", "own.csv", "--scene", "line.yaml", "-o", "own_scan", *more])
 
 
 def slid(n=100, channels=8, time=1.0, place=1.0):
@@ -138,14 +142,14 @@ def test_guessed_columns_are_printed_and_written(folder, capsys, names, factors,
     assert import_table(folder, names, slid(100, 8, *factors)) == 0
     printed = capsys.readouterr().out
     assert "taxel0 to taxel7 (8)" in printed
-    naming = load_naming("own.columns.yaml")
+    naming = load_naming("own_scan.columns.yaml")
     assert (float(naming.of("stamp_s").scale), float(naming.of("x").scale)) == pytest.approx(scales)
-    with ScanStore.open("own.db") as store:
-        recording = store.recording().sweeps[0]
-        np.testing.assert_allclose(recording.position[:, 0], 0.0005 * np.arange(100), atol=1e-6)
-        np.testing.assert_allclose(np.diff(recording.stamp_ns) * 1e-9, 0.05, atol=1e-6)
-    again = ["import", "csv", "own.csv", "--scene", "line.yaml", "--columns", "own.columns.yaml"]
-    assert main([*again, "-o", "again.db"]) == 0
+    store = ScanFolder("own_scan")
+    recording = store.recording().sweeps[0]
+    np.testing.assert_allclose(recording.position[:, 0], 0.0005 * np.arange(100), atol=1e-6)
+    np.testing.assert_allclose(np.diff(recording.stamp_ns) * 1e-9, 0.05, atol=1e-6)
+    again = ["import", "csv", "own.csv", "--scene", "line.yaml", "--columns", "own_scan.columns.yaml"]
+    assert main([*again, "-o", "again_scan"]) == 0
     assert "1 sweeps, 100 pairs" in capsys.readouterr().out
 
 
@@ -155,8 +159,8 @@ def test_a_wrench_and_a_constant_speed_are_guessed(folder, capsys):
     rows = [[row[0], 10.0, *row[2:]] for row in slid(channels=6)]
     assert import_table(folder, names, rows, scene) == 0
     assert "0.01 m/s x time" in capsys.readouterr().out
-    with ScanStore.open("own.db") as store:
-        np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
+    store = ScanFolder("own_scan")
+    np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
 
 
 def test_numbered_columns_are_split_among_phalanges(folder, capsys):
@@ -181,7 +185,7 @@ def test_missing_columns_are_named_with_a_hint(folder, capsys, names, channels, 
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert all(message in error for message in messages)
-    assert not (folder / "own.db").exists()
+    assert not (folder / "own_scan").exists()
 
 
 STANDARD = ["stamp_s", "x", *(f"index_{n}" for n in range(1, 9))]
@@ -201,7 +205,7 @@ def test_an_import_that_loses_most_rows_fails_and_guesses_the_unit(folder, capsy
     error = capsys.readouterr().err
     assert hint in error
     assert error.count("\n") == 1
-    assert not (folder / "own.db").exists()
+    assert not (folder / "own_scan").exists()
     assert import_table(folder, STANDARD, rows, LINE, "--force") == 0
     assert hint in capsys.readouterr().out
 
@@ -232,13 +236,13 @@ def test_rows_in_another_order_are_sorted_by_stamp(folder, capsys, order):
     rows = rows[::-1] if order == "reversed" else [rows[k] for k in np.random.default_rng(1).permutation(100)]
     assert import_table(folder, STANDARD, rows) == 0
     assert "sorted 1 sweeps with backward stamps" in capsys.readouterr().out
-    with ScanStore.open("own.db") as store:
-        np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
+    store = ScanFolder("own_scan")
+    np.testing.assert_allclose(store.load().states[:, 0], 0.0005 * np.arange(100), atol=1e-9)
 
 
 def test_a_negative_speed_reverses_the_sweep(folder):
     rows = [[row[0], *row[2:]] for row in slid()]
     names = [STANDARD[0], *STANDARD[2:]]
     assert import_table(folder, names, rows, LINE, "--speed", "-0.01") == 0
-    with ScanStore.open("own.db") as store:
-        np.testing.assert_allclose(store.load().states[:, 0], 0.0495 - 0.0005 * np.arange(100), atol=1e-9)
+    store = ScanFolder("own_scan")
+    np.testing.assert_allclose(store.load().states[:, 0], 0.0495 - 0.0005 * np.arange(100), atol=1e-9)

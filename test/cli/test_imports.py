@@ -16,11 +16,11 @@ from tactile_localizer.cli import main
 def imported(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     """Modules imported by a replay on a scan with a stored calibration."""
     folder: Path = tmp_path_factory.mktemp("replay")
-    write_scan(folder / "scan.db")
+    write_scan(folder / "bump_scan")
     assert main(["simulate", "bump", "-o", str(folder), "--train", "1", "--test", "1"]) == 0
     lines = (folder / "test.csv").read_text().splitlines()
     (folder / "two.csv").write_text("\n".join(lines[:3]))
-    arguments = ["replay", str(folder / "two.csv"), "--scan", str(folder / "scan.db")]
+    arguments = ["replay", str(folder / "two.csv"), "--scan", str(folder / "bump_scan")]
     command = f"import sys; from tactile_localizer.cli import main; main({arguments}); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", command], check=True, capture_output=True, text=True)
     return set(done.stdout.splitlines()[-1].split())

@@ -52,11 +52,11 @@ def test_the_help_imports_no_subcommand() -> None:
 
 def test_an_error_of_the_package_is_one_line_and_status_2(run_command, capsys: pytest.CaptureFixture) -> None:
     def fail(args: argparse.Namespace) -> int:
-        raise ScanError("scan.db: expected a scan file, found a picture")
+        raise ScanError("bump_scan: expected a scan folder, found a picture")
 
     run_command(fail)
     assert cli.main(["try"]) == 2
-    assert capsys.readouterr().err == "error: scan.db: expected a scan file, found a picture\n"
+    assert capsys.readouterr().err == "error: bump_scan: expected a scan folder, found a picture\n"
 
 
 def test_an_interrupt_is_status_130(run_command) -> None:
@@ -111,7 +111,7 @@ def test_a_closed_pipe_ends_the_command_quietly() -> None:
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
-@pytest.mark.parametrize("command", [["replay", "a.csv", "--scan", "a.db"], ["simulate", "bump"], ["demo"]])
+@pytest.mark.parametrize("command", [["replay", "a.csv", "--scan", "a_scan"], ["simulate", "bump"], ["demo"]])
 def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main([*command, "--seed", seed])

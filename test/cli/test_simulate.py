@@ -7,7 +7,7 @@ import pytest
 
 from tactile_localizer import cli
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
@@ -75,13 +75,13 @@ def test_shipped_scenes_contain_every_sweep_and_contact():
 def test_other_channel_counts_are_simulated_and_localized(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["simulate", "bump", "-o", "own", "--channels", "19", "6", "--test", "1"]) == 0
-    assert cli.main(["import", "csv", "own/train.csv", "--scene", "own/scene.yaml", "-o", "own.db"]) == 0
-    with ScanStore.open("own.db") as store:
-        assert store.scene.layout.counts == (19, 6)
+    assert cli.main(["import", "csv", "own/train.csv", "--scene", "own/scene.yaml", "-o", "own_scan"]) == 0
+    store = ScanFolder("own_scan")
+    assert store.scene.layout.counts == (19, 6)
     capsys.readouterr()
-    assert cli.main(["scan", "info", "own.db"]) == 0
+    assert cli.main(["scan", "info", "own_scan"]) == 0
     assert "index (19 channels), middle (6 channels)" in capsys.readouterr().out
-    arguments = "own/test.csv --scan own.db --config fast --seed 1 --json own.json"
+    arguments = "own/test.csv --scan own_scan --config fast --seed 1 --json own.json"
     assert cli.main(["replay", *arguments.split()]) == 0
     summary = json.loads((tmp_path / "own.json").read_text())["summary"]
     assert summary["converged_sweeps"] == 1

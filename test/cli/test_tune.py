@@ -42,25 +42,25 @@ def linen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data_dir: Path) -> Pa
         whole = data_dir / "fabric_slide" / f"Linen_F250_V10mmps_{repeat}.csv"
         Path(file).write_text("".join(whole.read_text().splitlines(keepends=True)[:110]))  # 30 mm
     reading = ["--columns", "fabric_slide.yaml", "--speed", "0.01", "--scene", "linen.yaml"]
-    assert main(["import", "csv", *files, *reading, "-o", "scan.db"]) == 0
+    assert main(["import", "csv", *files, *reading, "-o", "bump_scan"]) == 0
     return tmp_path
 
 
 def test_learned_values_are_printed_and_stored(
     linen: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert main(["tune", "--scan", "scan.db"]) == 0
+    assert main(["tune", "--scan", "bump_scan"]) == 0
     printed = capsys.readouterr().out
     for expected in ("material", "information length", "presence length", "registration", " mm"):
         assert expected in printed
     monkeypatch.setattr(learned, "learn", None)  # not learned again
-    assert main(["replay", "scan.db", "--scan", "scan.db", "--starts", "1", "--travel", "0.02"]) == 0
+    assert main(["replay", "bump_scan", "--scan", "bump_scan", "--starts", "1", "--travel", "0.02"]) == 0
 
 
 def test_a_scene_for_the_kernel_models_has_widths_and_neighbours(
     linen: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["tune", "--scan", "scan.db", "-o", "tuned.yaml"]) == 0
+    assert main(["tune", "--scan", "bump_scan", "-o", "tuned.yaml"]) == 0
     printed = capsys.readouterr().out
     assert "Kernel widths" in printed
     assert "Neighbours" in printed

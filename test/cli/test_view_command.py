@@ -22,14 +22,16 @@ def folder(tmp_path_factory):
     train, test = simulate_scan("bump", 1, "train"), simulate_scan("bump", 1, "test", sweeps=1)
     write_csv(folder / "train.csv", train, train.odometry)
     write_csv(folder / "test.csv", test, test.truth)
-    import_recording(read_csv(folder / "train.csv", scene), scene, folder / "scan.db", what="test", detail={})
+    import_recording(
+        read_csv(folder / "train.csv", scene), scene, folder / "bump_scan", what="test", detail={}
+    )
     return folder
 
 
 def test_a_view_is_saved_with_belief_truth_strains_and_reason(folder, monkeypatch, capsys):
     pytest.importorskip("rerun")
     monkeypatch.chdir(folder)
-    assert main(["view", "test.csv", "--scan", "scan.db", "--config", "fast", "--save", "a/b.rrd"]) == 0
+    assert main(["view", "test.csv", "--scan", "bump_scan", "--config", "fast", "--save", "a/b.rrd"]) == 0
     assert "1 sweeps, " in capsys.readouterr().out
     listed = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "print", "a/b.rrd"],
@@ -46,7 +48,7 @@ def test_a_view_is_saved_with_belief_truth_strains_and_reason(folder, monkeypatc
 def test_a_missing_viewer_is_named_in_one_line(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setitem(sys.modules, "rerun", None)
-    assert main(["view", "test.csv", "--scan", "scan.db", "--save", "a.rrd"]) == 2
+    assert main(["view", "test.csv", "--scan", "bump_scan", "--save", "a.rrd"]) == 2
     printed = capsys.readouterr().err
     assert "rerun-sdk" in printed
     assert printed.count("\n") == 1

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.sweeps import calibration
+from support.sweeps import CALIBRATION
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.decision.convergence import ConvergenceCriteria
@@ -29,7 +29,7 @@ def candidates() -> FeatureLocalizer:
         )
         for feature in ("grommet", "bump")
     }
-    calibrations = dict.fromkeys(scans, calibration())  # given, so that no test waits for it
+    calibrations = dict.fromkeys(scans, CALIBRATION)  # given, so that no test waits for it
     rng = np.random.default_rng(0)
     return FeatureLocalizer(build_identifier(scans, CONFIGURATION, rng, None, calibrations))
 

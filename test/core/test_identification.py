@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from support.sweeps import calibration
+from support.sweeps import CALIBRATION
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_identifier
@@ -24,7 +24,7 @@ def identifier() -> FeatureIdentifier:
     for feature in ("bump", "grommet"):
         scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
         candidates[feature] = (simulate_scan(feature, seed=SEED).to_scan(), scene)
-    calibrations = dict.fromkeys(candidates, calibration())  # given, so that no test waits for it
+    calibrations = dict.fromkeys(candidates, CALIBRATION)  # given, so that no test waits for it
     return build_identifier(candidates, Configuration(), np.random.default_rng(0), None, calibrations)
 
 

@@ -9,7 +9,7 @@ import pytest
 from support.waiting import children
 
 from tactile_localizer.io.bags.reader import read_messages
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 
 pytestmark = pytest.mark.ros
 
@@ -49,10 +49,10 @@ def test_the_demo_runs_to_its_end(process, tmp_path):
     assert len(summary["sweeps"]) == 4
     assert summary["frames_dropped"] >= 0
     assert 0 < summary["update_median_us"] <= summary["update_p99_us"]
-    with ScanStore.open(folder / "scan.db") as store:
-        assert len(store.sweeps()) == 42
-        assert store.load().states[:, 0].max() > 0.045
-        assert len(store.load()) > 100 * 42
+    store = ScanFolder(folder / "scan")
+    assert len(store.sweeps()) == 42
+    assert store.load().states[:, 0].max() > 0.045
+    assert len(store.load()) > 100 * 42
     bag = read_messages(
         folder / "bag", dict.fromkeys(("/filter/posterior", "/strain", "/mapping/status"), lambda m: m)
     )

@@ -147,15 +147,15 @@ def _run_case(target: Target, seed: int, good: Path, case: Path) -> tuple[int, s
     mutated = _place(case, good, target.file)
     mutated.write_bytes(content)
     command = rng.choice(target.commands)
-    is_bag = "/" in target.file
-    words = {"MUT": str(mutated.parent if is_bag and rng.random() < 0.7 else mutated)}
+    is_part = "/" in target.file  # of a bag or a scan
+    words = {"MUT": str(mutated.parent if is_part and rng.random() < 0.7 else mutated)}
     argv = [_word(part, words, good, case) for part in command.split()]
     status, used = _in_child(argv, target, mutated, case)
     return status, _judge(status, used, case), shlex.join(argv)
 
 
 def _place(case: Path, good: Path, file: str) -> Path:
-    """Path of the mutated file; a part of a bag is in a copy of the bag."""
+    """Path of the mutated file; a part of a bag or a scan is in a copy of it."""
     if "/" in file:
         shutil.copytree(good / Path(file).parent, case / Path(file).parent)
     return case / file

@@ -16,11 +16,11 @@ import numpy as np
 from fuzz_mutators import HOSTILE_VALUES, mutated_bytes, mutated_text
 from support.bags import slide, write_bag
 from support.load_cells import cycle, protocol
-from support.old_scans import make_old
 
 from tactile_localizer.core.scan.digest import digest_of
-from tactile_localizer.io.scans.export import export_scan
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -81,11 +81,8 @@ class Target:
 def write_good_files(folder: Path) -> tuple[Target, ...]:
     """Write a good file of each kind and tell how each is fuzzed."""
     save_scene(SCENE, folder / "scene.yaml")
-    digests = _write_scan(folder / "scan.db")
-    (folder / "old.db").write_bytes((folder / "scan.db").read_bytes())
-    make_old(folder / "old.db")
-    with ScanStore.open(folder / "scan.db") as store:
-        export_scan(store, folder / "train.csv")
+    digests = _write_scan(folder / "bump_scan")
+    _write_csv(ScanFolder(folder / "bump_scan").load(), folder / "train.csv")
     lines = (folder / "train.csv").read_text().splitlines()
     (folder / "test.csv").write_text("\n".join(lines[:60]) + "\n")
     (folder / "columns.yaml").write_text(COLUMNS)
@@ -101,27 +98,26 @@ def write_good_files(folder: Path) -> tuple[Target, ...]:
 
 
 def _targets(digests: frozenset[str]) -> tuple[Target, ...]:
-    import_csv = "import csv MUT --scene scene.yaml -o OUT/scan.db"
-    of_scene = "import csv train.csv --scene MUT -o OUT/scan.db", "replay test.csv --scan scan.db --scene MUT"
-    of_columns = ("import csv test.csv --scene scene.yaml --columns MUT -o OUT/scan.db",)
-    of_configuration = ("replay test.csv --scan scan.db --config MUT",)
-    of_csv = import_csv, f"{import_csv} --force", "replay MUT --scan scan.db"
+    import_csv = "import csv MUT --scene scene.yaml -o OUT/bump_scan"
+    of_scene = (
+        "import csv train.csv --scene MUT -o OUT/bump_scan",
+        "replay test.csv --scan bump_scan --scene MUT",
+    )
+    of_columns = ("import csv test.csv --scene scene.yaml --columns MUT -o OUT/bump_scan",)
+    of_configuration = ("replay test.csv --scan bump_scan --config MUT",)
+    of_csv = import_csv, f"{import_csv} --force", "replay MUT --scan bump_scan"
     of_dbc = (
         "can check --dbc MUT --log frames.log",
         "can dump --dbc MUT --log frames.log --phalanges index",
     )
     of_log = "can check --log MUT", "can dump --log MUT --phalanges index middle"
     of_bag = (
-        "import bag MUT --scene scene.yaml -o OUT/scan.db",
-        "replay MUT --scan scan.db --material-frame material",
+        "import bag MUT --scene scene.yaml -o OUT/bump_scan",
+        "replay MUT --scan bump_scan --material-frame material",
     )
     of_scan = (
         "scan info MUT",
-        "scan list MUT",
-        "scan export MUT -o OUT/pairs.npz",
-        "scan repair MUT --scene scene.yaml",
-        "scan drop-sweep MUT 2",
-        "scan merge MUT scan.db -o OUT/both.db",
+        "scan info MUT --json",
         "replay test.csv --scan MUT",
     )
     return (
@@ -137,37 +133,47 @@ def _targets(digests: frozenset[str]) -> tuple[Target, ...]:
         Target("mcap", "mcap_none/mcap_none.mcap", of_bag, mutated_bytes),
         Target("compressed mcap", "mcap_message/mcap_message.mcap", of_bag, mutated_bytes),
         Target("bag metadata", "mcap_none/metadata.yaml", of_bag, mutated_text),
-        Target("scan", "scan.db", of_scan, mutated_bytes, digests),
-        Target("old scan", "old.db", of_scan, _mutated_database),
+        Target("sweep", "bump_scan/sweep_0002.npz", of_scan, mutated_bytes, digests),
+        Target("recording", "bump_scan/sweep_0005.recording", of_scan, mutated_bytes),
+        Target("history", "bump_scan/history.jsonl", of_scan, mutated_text, digests),
     )
 
 
 def map_of(path: Path) -> str:
-    """Digest of the map that a scan file loads as.
+    """Digest of the map that the scan of a file loads as.
 
     Raises
     ------
     ScanError
         It is refused.
     """
-    with ScanStore.open(path) as store:
-        return digest_of(store.load(), replace(store.scene, measurement={}))
+    folder = ScanFolder(path.parent)
+    return digest_of(folder.load(), replace(folder.scene, measurement={}))
 
 
 def _write_scan(path: Path) -> frozenset[str]:
     rng = np.random.default_rng(0)
-    with ScanStore.create(path, SCENE) as store:
+    with ScanWriter(path, SCENE) as store:
         for sweep in range(5):
             x = np.linspace(0.0, 0.05, 60)
             states = np.column_stack([x, np.full_like(x, 0.01 * sweep + 0.004)])
             strain = np.sin(150 * states @ rng.normal(size=(2, 16))) + 0.01 * rng.normal(size=(60, 16))
             store.begin_sweep()
-            for part in (slice(0, 40), slice(40, 60)):
-                store.append((np.arange(60) + 100 * sweep)[part] * 5_000_000, states[part], strain[part])
-                store.commit()
+            store.append((np.arange(60) + 100 * sweep) * 5_000_000, states, strain)
+            if sweep == 4:
+                recording = path / "sweep_0005.recording"
+                content = recording.read_bytes()
             store.end_sweep()
-        store.note("import", {"file": "train.csv", "notes": ["left out 1 of 301 samples"]})
-    return frozenset({map_of(path)})
+        store.note("import", file="train.csv", notes=["left out 1 of 301 samples"])
+    recording.write_bytes(content)
+    recording.with_suffix(".npz").unlink()
+    return frozenset({map_of(recording)})
+
+
+def _write_csv(scan: Scan, path: Path) -> None:
+    columns = np.column_stack([5e-3 * np.arange(len(scan)), scan.sweep, scan.states, scan.strain])
+    names = ["stamp_s", "sweep", *scan.axes, *(f"{name}_{n}" for name in scan.phalanges for n in range(1, 9))]
+    np.savetxt(path, columns, "%.17g", ",", header=",".join(names), comments="")
 
 
 def _write_log(path: Path) -> None:
@@ -207,7 +213,7 @@ def _mutated_database(rng: random.Random, content: bytes) -> bytes:
     if rng.random() < 0.4:
         return mutated_bytes(rng, content)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "mutated.db")
+        path = Path(folder, "mutated_scan")
         path.write_bytes(content)
         with closing(sqlite3.connect(path, isolation_level=None)) as connection:
             for _ in range(rng.choice((1, 1, 2))):

@@ -9,22 +9,22 @@ from tactile_localizer.io.confinement import confined
 @pytest.fixture
 def directory(tmp_path):
     (tmp_path / "scans" / "old").mkdir(parents=True)
-    (tmp_path / "scans" / "a.db").touch()
-    (tmp_path / "secret.db").touch()
+    (tmp_path / "scans" / "a_scan").touch()
+    (tmp_path / "secret_scan").touch()
     return tmp_path / "scans"
 
 
-@pytest.mark.parametrize("path", ["a.db", "old/b.db", "./a.db", "old/../a.db"])
+@pytest.mark.parametrize("path", ["a_scan", "old/b_scan", "./a_scan", "old/../a_scan"])
 def test_a_path_in_the_directory_is_accepted(directory, path):
     assert confined(path, str(directory)) == (directory / path).resolve()
 
 
 def test_an_absolute_path_in_the_directory_is_accepted(directory):
-    assert confined(str(directory / "a.db"), str(directory)) == directory / "a.db"
+    assert confined(str(directory / "a_scan"), str(directory)) == directory / "a_scan"
 
 
 @pytest.mark.parametrize(
-    "path", ["../secret.db", "/etc/passwd", "old/../../secret.db", "..", ".", "", "~/x", "a\0b"]
+    "path", ["../secret_scan", "/etc/passwd", "old/../../secret_scan", "..", ".", "", "~/x", "a\0b"]
 )
 def test_a_path_out_of_the_directory_is_refused(directory, path):
     if path == "~/x":
@@ -35,9 +35,9 @@ def test_a_path_out_of_the_directory_is_refused(directory, path):
 
 
 def test_a_link_out_of_the_directory_is_refused(directory):
-    (directory / "link.db").symlink_to(directory.parent / "secret.db")
+    (directory / "link_scan").symlink_to(directory.parent / "secret_scan")
     (directory / "up").symlink_to(directory.parent)
-    for path in ("link.db", "up/secret.db"):
+    for path in ("link_scan", "up/secret_scan"):
         with pytest.raises(ScanError, match="expected a path in"):
             confined(path, str(directory))
 
@@ -45,9 +45,9 @@ def test_a_link_out_of_the_directory_is_refused(directory):
 def test_a_directory_with_a_common_prefix_is_refused(directory):
     (directory.parent / "scans2").mkdir()
     with pytest.raises(ScanError, match="expected a path in"):
-        confined("../scans2/a.db", str(directory))
+        confined("../scans2/a_scan", str(directory))
 
 
 def test_without_a_directory_all_paths_are_refused():
     with pytest.raises(ScanError, match="scan_directory: expected a directory"):
-        confined("a.db", "")
+        confined("a_scan", "")

@@ -114,7 +114,7 @@ def test_a_rejected_configuration_ends_the_launch(launch: Launch, place: Place) 
 
 
 def test_a_missing_scan_ends_the_launch(launch: Launch, tmp_path: Path) -> None:
-    launched = launch("localize", scan_file=tmp_path / "none.db")
+    launched = launch("localize", scan_file=tmp_path / "none_scan")
     assert launched.wait() == 1
     assert "filter: expected a running node, it ended with status 2" in launched.output
 
@@ -137,17 +137,17 @@ def test_with_respawn_a_crashed_node_is_restarted(launch: Launch, place: Place) 
 
 
 def test_with_respawn_a_rejected_configuration_ends_the_launch(launch: Launch, tmp_path: Path) -> None:
-    launched = launch("localize", scan_file=tmp_path / "none.db", respawn="true")
+    launched = launch("localize", scan_file=tmp_path / "none_scan", respawn="true")
     assert launched.wait() == 1
     assert launched.output.count("process started") == 1
 
 
 def test_a_parameter_file_replaces_the_shipped_one(launch: Launch, place: Place) -> None:
     file = place.folder / "mine.yaml"
-    file.write_text(f"/**:\n  ros__parameters:\n    scan_file: {place.folder / 'other.db'}\n")
+    file.write_text(f"/**:\n  ros__parameters:\n    scan_file: {place.folder / 'other_scan'}\n")
     launched = launch("localize", filter_params=file)
     assert launched.wait() == 1
-    assert "other.db: expected a scan file" in launched.output
+    assert "other_scan: expected a scan folder" in launched.output
 
 
 def test_the_parameter_file_supplies_defaults(launch: Launch, place: Place) -> None:
@@ -175,7 +175,9 @@ def test_a_replay_of_nothing_fails(launch: Launch, place: Place) -> None:
 
 
 def test_a_replay_with_a_missing_scan_fails(launch: Launch, place: Place) -> None:
-    launched = launch("replay", bag=write_sweep_bag(place.folder / "bag"), scan_file=place.folder / "none.db")
+    launched = launch(
+        "replay", bag=write_sweep_bag(place.folder / "bag"), scan_file=place.folder / "none_scan"
+    )
     assert launched.wait(60.0) == 1
     assert "filter: expected a running node, it ended with status 2" in launched.output
     assert "ros2 bag" not in launched.output

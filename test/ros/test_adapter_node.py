@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.bags import MS, START
 
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 
 pytestmark = pytest.mark.ros
 
@@ -61,7 +61,7 @@ def test_a_wrench_fingertip_is_mapped(node_process, probe, tmp_path):
 
     strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "fingertip_adapter.yaml"})
-    files = {"scene_file": EXAMPLE / "fingertip.yaml", "scan_file": tmp_path / "scan.db"}
+    files = {"scene_file": EXAMPLE / "fingertip.yaml", "scan_file": tmp_path / "bump_scan"}
     mapping = node_process("mapping_node", files)
     wrenches, poses = probe.publisher(WrenchStamped, "wrench"), probe.publisher(PoseStamped, "palm_pose", 100)
     statuses = probe.listen(ScanStatus, "mapping/status", 10)
@@ -78,8 +78,8 @@ def test_a_wrench_fingertip_is_mapped(node_process, probe, tmp_path):
     assert probe.call(Trigger, "mapping/end_sweep").success
     assert mapping.stop() == 0
     assert list(strain[-1].channels) == [6]
-    with ScanStore.open(files["scan_file"]) as store:
-        scan = store.load()
+    store = ScanFolder(files["scan_file"])
+    scan = store.load()
     expected = np.array([channels_at(x, 6) for x in scan.states[:, 0]])
     np.testing.assert_allclose(scan.strain, expected, atol=1e-9)
 

@@ -14,8 +14,8 @@ from support.sweeps import (
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Phalanx
 
@@ -33,7 +33,7 @@ PAPER = {
 
 @pytest.fixture(scope="module")
 def scan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scans") / "bump.db"
+    path = tmp_path_factory.mktemp("scans") / "bump_scan"
     write_scan(path)
     return path
 
@@ -51,8 +51,8 @@ def start(node_process, probe, scan_file):
 
 def offline(hand, samples, scan_file, configuration):
     """Estimates of the same localizer from the same strains and positions without ROS."""
-    with ScanStore.open(scan_file) as store:
-        scan, scene = store.load(), store.scene
+    store = ScanFolder(scan_file)
+    scan, scene = store.load(), store.scene
     calibration = learned_calibration(scan_file, scan, scene)
     localizer = build_localizer(scan, scene, configuration, np.random.default_rng(0), None, calibration)
     localizer.reset()
@@ -100,9 +100,9 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     directory = tmp_path / "scans"
     directory.mkdir()
     other = scene_of("snap")
-    write_scan(directory / "snap.db", "snap", other)
-    (directory / "foreign.db").write_text("not a scan " * 100)
-    (directory / "link.db").symlink_to(scan_file)
+    write_scan(directory / "snap_scan", "snap", other)
+    (directory / "foreign_scan").write_text("not a scan " * 100)
+    (directory / "link_scan").symlink_to(scan_file)
     node = start(scan_directory=directory)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     maps = probe.listen(PointCloud2, "filter/map", latched)
@@ -110,10 +110,10 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     probe.until(lambda: maps, "the map to display")
     for path, reason, result in (
         (str(scan_file), "expected a path in", LoadScan.Response.NOT_ALLOWED),
-        ("../bump.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
-        ("link.db", "expected a path in", LoadScan.Response.NOT_ALLOWED),
-        ("none.db", "expected a scan file, found none", LoadScan.Response.NOT_USABLE),
-        ("foreign.db", "expected a scan file", LoadScan.Response.NOT_USABLE),
+        ("../bump_scan", "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("link_scan", "expected a path in", LoadScan.Response.NOT_ALLOWED),
+        ("none_scan", "expected a scan folder, found none", LoadScan.Response.NOT_USABLE),
+        ("foreign_scan", "expected a scan folder", LoadScan.Response.NOT_USABLE),
     ):
         answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
         assert (answer.success, answer.result) == (False, result)
@@ -121,13 +121,13 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     node.slide(5)
     assert node.fresh()[-1].travel > 0.01, "the belief is kept"
     assert len(maps) == 1
-    answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap.db"), timeout_s=60.0)
-    assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap.db"))
+    answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap_scan"), timeout_s=60.0)
+    assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap_scan"))
     probe.until(lambda: len(maps) == 2, "the new map to display")
     node.slide(5)
     assert node.fresh()[-1].travel < 0.005, "the belief is reset"
     probe.until(
-        lambda: node.status("belief")[2].get("scan_file") == str(directory / "snap.db"), "the new map"
+        lambda: node.status("belief")[2].get("scan_file") == str(directory / "snap_scan"), "the new map"
     )
 
 
@@ -215,9 +215,9 @@ def test_a_scene_with_another_phalanx_is_rejected(refusal, scan_file, tmp_path):
 
 
 def test_an_invalid_configuration_ends_the_process(node_process, tmp_path):
-    process = node_process("filter_node", {"scan_file": tmp_path / "none.db"})
+    process = node_process("filter_node", {"scan_file": tmp_path / "none_scan"})
     assert process.wait() == 2
-    assert "none.db: expected a scan file, found none" in process.output
+    assert "none_scan: expected a scan folder, found none" in process.output
     assert len(process.lines) == 1
 
 

@@ -8,7 +8,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture(scope="module")
 def scan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scans") / "bump.db"
+    path = tmp_path_factory.mktemp("scans") / "bump_scan"
     write_scan(path)
     return path
 

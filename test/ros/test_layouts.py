@@ -27,7 +27,7 @@ SIMULATED = {"/simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
 @pytest.fixture(scope="module")
 def probe(tmp_path_factory):
     """A probe beside a running filter."""
-    scan_file = tmp_path_factory.mktemp("scans") / "bump.db"
+    scan_file = tmp_path_factory.mktemp("scans") / "bump_scan"
     write_scan(scan_file)
     process = Process(node_command("filter_node", {"scan_file": scan_file, "cell": 2.0}))
     probe = Probe()

@@ -6,7 +6,7 @@ from support.bags import SCENE, write_bag
 from support.hand import DEEP_QUEUE, Hand
 
 from tactile_localizer.cli import main
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
@@ -18,9 +18,9 @@ def there_and_back(stamp_ms):
 
 
 def contents(path):
-    with ScanStore.open(path) as store:
-        sweeps = [(s.number, s.pairs, s.first_ns, s.last_ns, s.gaps, s.skipped) for s in store.sweeps()]
-        return store.scene, sweeps, store.load(), store.recording()
+    store = ScanFolder(path)
+    sweeps = [(s.number, len(s), s.started_ns, s.ended_ns, s.gaps, s.skipped) for s in store.sweeps()]
+    return store.scene, sweeps, store.load(), store.recording()
 
 
 def assert_same_scan(live, imported):
@@ -35,7 +35,7 @@ def assert_same_scan(live, imported):
 @pytest.fixture
 def files(tmp_path):
     save_scene(SCENE, tmp_path / "scene.yaml")
-    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "live.db"}
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "live_scan"}
 
 
 def slide_badly(hand):
@@ -64,12 +64,12 @@ def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_pa
         hand.wait_for_stamp(hand.now_ms)
     assert process.stop() == 0
     bag = write_bag(tmp_path / "bag", hand.published_with_status(), storage)
-    arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported.db"]
+    arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported_scan"]
     assert main([str(argument) for argument in arguments]) == 0
     live = contents(files["scan_file"])
     assert [sweep[0] for sweep in live[1]] == [1, 2]
     assert all(gaps and skipped for *_, gaps, skipped in live[1])
-    assert_same_scan(live, contents(tmp_path / "imported.db"))
+    assert_same_scan(live, contents(tmp_path / "imported_scan"))
 
 
 def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files, tmp_path):
@@ -85,7 +85,7 @@ def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files
     assert len(live[1]) >= 3
     bag = write_bag(tmp_path / "bag", hand.published_with_status())
     for number, options in enumerate(([], ["--detect-sweeps", "both_ways"])):
-        output = tmp_path / f"imported_{number}.db"
+        output = tmp_path / f"imported_{number}_scan"
         arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", output, *options]
         assert main([str(argument) for argument in arguments]) == 0
         assert_same_scan(live, contents(output))

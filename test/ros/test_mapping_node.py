@@ -2,16 +2,15 @@
 
 import resource
 import signal
-import sqlite3
 import time
-from contextlib import closing
 
 import numpy as np
 import pytest
 from support.bags import MS, SCENE, START
 from support.hand import DEEP_QUEUE, Hand, stamp_of
 
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -21,12 +20,12 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def files(tmp_path):
     save_scene(SCENE, tmp_path / "scene.yaml")
-    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"}
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"}
 
 
 def load(files):
-    with ScanStore.open(files["scan_file"]) as store:
-        return store.load(), store.sweeps(), store.recording()
+    store = ScanFolder(files["scan_file"])
+    return store.load(), store.sweeps(), store.recording()
 
 
 def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files):
@@ -50,7 +49,7 @@ def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files)
         scan.strain[:, 0], strain_ms + 8000, err_msg="index is the second phalanx sent"
     )
     np.testing.assert_array_equal(scan.strain[:, 8], strain_ms, err_msg="middle is the first phalanx sent")
-    assert [(s.ended, s.gaps, s.skipped) for s in sweeps] == [(True, 0, 0)]
+    assert [(s.ending, s.gaps, s.skipped) for s in sweeps] == [("ended", 0, 0)]
 
 
 def test_a_shipped_scene_is_found_by_name(node_process, probe, files):
@@ -243,7 +242,7 @@ def test_a_full_disk_is_survived(node_process, probe, files):
     hand.slide(100)
     hand.wait_for_stamp(100)
     limit = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
-    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1000, limit[1]))
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (100, limit[1]))
     probe.until(lambda: hand.slide(50) or not hand.statuses[-1].sweep_active, "the end of the sweep")
     process.wait_for_line("could not write")
     assert "Traceback" not in process.output
@@ -254,16 +253,16 @@ def test_a_full_disk_is_survived(node_process, probe, files):
     hand.wait_for_stamp(hand.now_ms)
     assert process.stop() == 0
     _, sweeps, _ = load(files)
-    assert sweeps[-1].ended
-    assert sweeps[-1].pairs > 0
+    assert sweeps[-1].ending == "ended"
+    assert len(sweeps[-1]) > 0
 
 
 def test_a_second_writer_is_rejected(node_process, probe, files):
-    first = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     second = node_process("mapping_node", parameters={**files, **DEEP_QUEUE}, remaps={"__node": "other"})
     assert second.wait() == 2
-    assert f"process {first.pid}" in second.output
+    assert "expected no other writer, another process is writing it" in second.output
     assert "Traceback" not in second.output
     assert hand.service("start_sweep").success
 
@@ -275,8 +274,8 @@ def test_a_killed_recording_continues_with_a_new_sweep(node_process, probe, file
     hand.slide(600)
     hand.wait_for_stamp(600)
     probe.until(lambda: hand.statuses[-1].samples >= 110, "pairs")
-    with ScanStore.open(files["scan_file"]) as reader:
-        probe.until(lambda: sum(sweep.pairs for sweep in reader.sweeps()) >= 110, "committed pairs", 5.0)
+    reader = ScanFolder(files["scan_file"])
+    probe.until(lambda: sum(map(len, reader.sweeps())) >= 110, "committed pairs", 5.0)
     process.stop(signal.SIGKILL)
     stored = len(load(files)[0])
     assert stored >= 110
@@ -290,7 +289,7 @@ def test_a_killed_recording_continues_with_a_new_sweep(node_process, probe, file
     probe.until(lambda: hand.statuses[-1].samples > stored, "further pairs")
     assert process.stop() == 0
     _, sweeps, _ = load(files)
-    assert [sweep.ended for sweep in sweeps] == [False, True]
+    assert [sweep.ending for sweep in sweeps] == ["ended early", "ended"]
 
 
 def missing_scene(files, tmp_path):
@@ -303,26 +302,29 @@ def no_scan_file(files, tmp_path):
 
 def foreign_scan(files, tmp_path):
     files["scan_file"].write_text("not a scan " * 100)
-    return files, "scan.db: expected a scan file, file is not a database"
+    return files, "bump_scan: expected a folder that can be written, Not a directory"
 
 
 def scan_of_another_scene(files, tmp_path):
     other = Scene("other", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
-    ScanStore.create(files["scan_file"], other).close()
-    return files, "scan.db: expected axes x, y, found x"
+    ScanWriter(files["scan_file"], other).close()
+    return files, "bump_scan: expected axes x, y, found x"
 
 
-def folder_that_is_not_there(files, tmp_path):
-    return {**files, "scan_file": tmp_path / "none" / "scan.db"}, "expected a writable folder"
+def folder_that_cannot_be_made(files, tmp_path):
+    return {
+        **files,
+        "scan_file": tmp_path / "scene.yaml" / "bump_scan",
+    }, "expected a folder that can be written"
 
 
 def damaged_scan(files, tmp_path):
-    with ScanStore.create(files["scan_file"], SCENE) as store:
-        store.begin_sweep()
-        store.append(np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
-    with closing(sqlite3.connect(files["scan_file"])) as database, database:
-        database.execute("UPDATE batch SET strain = x'00'")
-    return files, "damaged, 1 of 1 batches cannot be read"
+    with ScanWriter(files["scan_file"], SCENE) as writer:
+        writer.begin_sweep()
+        writer.append(np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
+    file = files["scan_file"] / "sweep_0001.npz"
+    file.write_bytes(file.read_bytes()[:-100])
+    return files, "sweep_0001.npz: damaged"
 
 
 def short_material_pose(files, tmp_path):
@@ -336,7 +338,7 @@ def short_material_pose(files, tmp_path):
         no_scan_file,
         foreign_scan,
         scan_of_another_scene,
-        folder_that_is_not_there,
+        folder_that_cannot_be_made,
         damaged_scan,
         short_material_pose,
     ],

@@ -12,13 +12,13 @@ ENDS = {"driver": "publisher", "mapping": "subscription", "filter": "subscriptio
 
 @pytest.fixture
 def parameters(simulated_can, tmp_path):
-    write_scan(tmp_path / "bump.db")
+    write_scan(tmp_path / "bump_scan")
     save_scene(scene_of(), tmp_path / "scene.yaml")
     bus = {"interface": "udp_multicast", "bus_options": [f"port={simulated_can['port']}"]}
     return {
         "driver": {**bus, "channel": simulated_can["channel"], "tare_file": tmp_path / "tare.yaml"},
-        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"},
-        "filter": {"scan_file": tmp_path / "bump.db", "cell": 2.0},
+        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
+        "filter": {"scan_file": tmp_path / "bump_scan", "cell": 2.0},
     }
 
 

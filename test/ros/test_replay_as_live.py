@@ -82,14 +82,14 @@ def test_replay_equals_the_live_filter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, node_process: Any, probe: Any, choices: dict[str, Any]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write_scan(tmp_path / "scan.db")
+    write_scan(tmp_path / "bump_scan")
     bag = record(tmp_path / "bag")
-    node = node_process("filter_node", {"scan_file": tmp_path / "scan.db", "seed": 7, **choices})
+    node = node_process("filter_node", {"scan_file": tmp_path / "bump_scan", "seed": 7, **choices})
     received = play(bag, probe)
     assert node.stop() == 0
 
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(choices))
-    command = "replay bag --scan scan.db --config own.yaml --seed 7 --json out.json"
+    command = "replay bag --scan bump_scan --config own.yaml --seed 7 --json out.json"
     assert main(command.split()) == 0
     updates = json.loads((tmp_path / "out.json").read_text())["updates"]
 

@@ -48,12 +48,12 @@ def test_the_policy_matches_the_running_node(node_process, probe, simulated_can,
         "channel": simulated_can["channel"],
         "bus_options": [f"port={simulated_can['port']}"],
     }
-    write_scan(tmp_path / "bump.db")
+    write_scan(tmp_path / "bump_scan")
     save_scene(scene_of(), tmp_path / "scene.yaml")
     parameters = {
         "driver": {**bus, "tare_file": tmp_path / "tare.yaml"},
-        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "scan.db"},
-        "filter": {"scan_file": tmp_path / "bump.db", "cell": 2.0},
+        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
+        "filter": {"scan_file": tmp_path / "bump_scan", "cell": 2.0},
         "simulator": bus,
     }[node]
     node_process(f"{node}_node", {"use_sim_time": True, **parameters}, namespace=NAMESPACE)

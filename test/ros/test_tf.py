@@ -42,7 +42,7 @@ def test_tf_parameters_require_tf(refusal: Any, tmp_path: Any, parameters: Any) 
     try:
         import tf2_ros
     except ImportError:
-        (line,) = refusal("filter_node", {"scan_file": tmp_path / "none.db", **parameters})
+        (line,) = refusal("filter_node", {"scan_file": tmp_path / "none_scan", **parameters})
         assert "to be installed, found none" in line
     else:
         pytest.skip(f"{tf2_ros.__name__} is installed")
@@ -157,10 +157,10 @@ def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, tm
             transform.transform.rotation.w = 1.0
             self.tf.publish(TFMessage(transforms=[transform]))
 
-    write_scan(tmp_path / "bump.db")
+    write_scan(tmp_path / "bump_scan")
     parameters = {"pose_source": "tf", "palm_frame": "left_palm", "material_frame": "left_material"}
     process = node_process(
-        "filter_node", {"scan_file": tmp_path / "bump.db", "publish_tf": True, **parameters, **CELL}
+        "filter_node", {"scan_file": tmp_path / "bump_scan", "publish_tf": True, **parameters, **CELL}
     )
     HandOnTf.tf = probe.publisher(TFMessage, "/tf", 100, timeout_s=60.0)
     hand = HandOnTf(probe, unseen_sweep(), topics=("strain", "no_pose"), poses=False)

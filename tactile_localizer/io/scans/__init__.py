@@ -1,1 +1,1 @@
-"""The scan file: writing and reading, its rows and their checksums, import and export, repair."""
+"""Scans as folders: writing and reading, recording of sweeps, import, calibration."""

@@ -1,4 +1,4 @@
-"""Import of a recording into a new scan file, with the same pairs as live recording would store."""
+"""Import of a recording into a new scan, with the same pairs as live recording would store."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ import numpy as np
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import Recording, Screening, screen
-from tactile_localizer.io.scans.store import new_scan
+from tactile_localizer.io.scans.folder import require_distinct
+from tactile_localizer.io.scans.sweep_files import StoredSweep
+from tactile_localizer.io.scans.writer import new_scan
 from tactile_localizer.scene import Scene
 
 _MAX_NAMED_SWEEPS = 10
@@ -24,7 +26,7 @@ class ImportReport:
 
     Parameters
     ----------
-    sweeps, pairs : numbers of sweeps and pairs in the scan file
+    sweeps, pairs : numbers of sweeps and pairs in the scan
     notes : one line per reason for which samples were skipped
     """
 
@@ -43,24 +45,28 @@ def import_recording(
     strain_unit: str = "V",
     force: bool = False,
 ) -> ImportReport:
-    """Create a scan file from a recording.
+    """Make a scan of a recording.
 
-    The file appears under its name only when it is complete.
+    The folder appears under its name only when it is complete.
 
     Parameters
     ----------
     recording : recording with the axes and phalanges of ``scene``
-    scene : stored in the file; samples outside its bounds are skipped
+    scene : stored in the scan; samples outside its bounds are skipped
     path : must not exist yet
-    what, detail : entry of the file's history
+    what, detail : entry of the scan's history
     strain_unit : unit of the strain values, for display
     force : whether to accept a recording of which less than half of the samples can be used
 
     Raises
     ------
     ScanError
-        The file exists or cannot be written; no sample can be used, or, without ``force``, less than half.
+        The folder exists or cannot be written; two sweeps hold the same pairs; no sample can be used, or,
+        without ``force``, less than half.
     """
+    require_distinct(
+        recording.sweeps, f"{recording.source}: expected every sweep once", "is a recording given twice?"
+    )
     screenings = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
     notes = (*recording.notes, *_skipped_notes(recording, scene, screenings))
     kept = sum(int(np.count_nonzero(screening.keep)) for screening in screenings)
@@ -70,20 +76,18 @@ def import_recording(
             f"{recording.source}: expected at least half of {total} samples to be usable, found {kept} "
             f"(--force imports them nevertheless): {'; '.join(notes)}"
         )
-    with new_scan(path, scene, strain_unit=strain_unit) as store:
+    if not kept:
+        raise ScanError(f"{recording.source}: expected usable samples; {'; '.join(notes) or 'found none'}")
+    sweeps = 0
+    with new_scan(path, scene, strain_unit=strain_unit) as writer:
         for sweep, screening in zip(recording.sweeps, screenings, strict=True):
             keep = screening.keep
             if keep.any():
-                store.begin_sweep(sweep.number)
-                store.append(sweep.stamp_ns[keep], sweep.position[keep], sweep.strain[keep])
-                store.end_sweep(gaps=sweep.gaps, skipped=screening.skipped)
-        sweeps, pairs = len(store.sweeps()), store.pairs
-        store.note(what, {**detail, "notes": list(notes)})
-        if not pairs:
-            raise ScanError(
-                f"{recording.source}: expected usable samples; {'; '.join(notes) or 'found none'}"
-            )
-    return ImportReport(sweeps, pairs, notes)
+                pairs = sweep.stamp_ns[keep], sweep.position[keep], sweep.strain[keep]
+                writer.add(StoredSweep(sweep.number, *pairs, gaps=sweep.gaps, skipped=screening.skipped))
+                sweeps += 1
+        writer.note(what, **detail, notes=list(notes))
+    return ImportReport(sweeps, kept, notes)
 
 
 def _skipped_notes(recording: Recording, scene: Scene, screenings: Sequence[Screening]) -> Iterator[str]:

@@ -1,7 +1,7 @@
-"""Cache of results computed from a scan, stored in the scan file for the next start.
+"""Calibration of a scan, kept in its folder for the next start.
 
-A result is returned only for exactly the data that it was computed from. A failure to store it costs only
-the time to compute it again.
+It is used only for exactly the pairs and the scene that it was learned from. A failure to store it costs only
+the time to learn it again.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import contextlib
 import dataclasses
 import json
 import logging
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -21,74 +22,55 @@ from tactile_localizer.core.factory import learn
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError
-from tactile_localizer.io.scans.rows import LearnedEntry
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.scene import Scene
 
 _log = logging.getLogger(__name__)
 
-
-KEY = "calibration on held-out sweeps, 8"
-"""Key of stored calibrations; the number changes with the algorithm of :func:`~.factory.learn`."""
+FILE = "calibration.json"
+ALGORITHM = 9
+"""Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 
 def learned_calibration(
-    path: Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
+    path: str | Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
 ) -> Calibration:
-    """Calibration of a scan, stored in its file or computed by :func:`~.factory.learn` and then stored.
+    """Calibration of a scan, kept in its folder or computed by :func:`~.factory.learn` and then kept.
 
     Parameters
     ----------
-    path : scan file; a file that cannot be written is left unchanged
+    path : folder of the scan; if it cannot be written, that is logged as a warning
     scan, scene : training pairs and their scene
     progress : called with a description of the step and its completed fraction
     """
-    calibration, entry = find_calibration(path, scan, scene, progress)
-    if entry is not None:
-        store_learned(path, entry)
+    digest = digest_of(scan, scene)
+    calibration = stored_calibration(path, digest)
+    if calibration is None or calibration.registration_std.shape != (scene.dimension,):
+        calibration = learn(scan, scene, progress)
+        store_calibration(path, digest, calibration)
     return calibration
 
 
-def store_learned(path: Path, entry: LearnedEntry) -> bool:
-    """Store a result in a scan file; returns whether that succeeded.
+def stored_calibration(path: str | Path, digest: str) -> Calibration | None:
+    """The calibration in the folder of a scan, if it was learned from the data with that digest."""
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
+        values = json.loads(Path(path, FILE).read_text(encoding="utf-8"))
+        calibration = calibration_from_dict(values)
+        if values == _content(digest, calibration):
+            return calibration
+    return None
 
-    A file that cannot be written (read-only, on a full disk, or being recorded) is left unchanged, and the
-    failure is logged as a warning.
-    """
+
+def store_calibration(path: str | Path, digest: str, calibration: Calibration) -> None:
+    """Write a calibration into the folder of a scan; a failure is logged as a warning."""
+    file = Path(path, FILE)
     try:
-        with ScanStore.open(path, writable=True) as store:
-            store.store_learned(entry)
-    except (ScanError, OSError) as error:
-        _log.warning("%s: %s could not be stored for the next start: %s", path, entry.key, error)
-        return False
-    return True
-
-
-def load_learned(path: Path, key: str, digest: str) -> bytes | None:
-    """Result stored in a scan file, as from :meth:`.reader.ScanReader.learned`; ``None`` without a file."""
-    try:
-        with ScanStore.open(path) as store:
-            return store.learned(key, digest)
-    except ScanError:
-        return None
-
-
-def find_calibration(
-    path: Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
-) -> tuple[Calibration, LearnedEntry | None]:
-    """The calibration of a scan, and the entry to store in the scan file; ``None`` if it is stored already.
-
-    Takes the parameters of :func:`learned_calibration` and only reads the file.
-    """
-    digest = digest_of(scan, scene)
-    if (kept := load_learned(path, KEY, digest)) is not None:
-        with contextlib.suppress(KeyError, TypeError, ValueError):
-            calibration = calibration_from_dict(json.loads(kept))
-            if calibration.registration_std.shape == (scene.dimension,):
-                return calibration, None
-    calibration = learn(scan, scene, progress)
-    return calibration, LearnedEntry(KEY, digest, json.dumps(calibration_to_dict(calibration)).encode())
+        with whole_file(file) as unfinished:
+            unfinished.write_text(
+                json.dumps(_content(digest, calibration), indent=2) + "\n", encoding="utf-8"
+            )
+    except OSError as error:
+        _log.warning("%s: could not be written, %s; the next start calibrates again", file, error.strerror)
 
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
@@ -107,3 +89,9 @@ def calibration_from_dict(values: Mapping[str, Any]) -> Calibration:
         np.array(values["registration_std"], dtype=np.float64),
         values["variance"] and VarianceModel(**values["variance"]),
     )
+
+
+def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
+    learned = calibration_to_dict(calibration)
+    checksum = zlib.crc32(json.dumps(learned).encode())
+    return {"algorithm": ALGORITHM, "digest": digest, **learned, "checksum": checksum}

@@ -14,7 +14,7 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import screen
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.writer import ScanWriter
 
 StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""
@@ -39,44 +39,46 @@ class SweepRecorder:
     """Records sweeps that are requested, or that are detected in the motion.
 
     Sweeps begin and end at stamps, not at the time of the request. Samples that still wait for their pose
-    when a sweep ends belong to it, and importing a bag of the same topics gives the same file.
+    when a sweep ends belong to it, and importing a bag of the same topics gives the same scan.
 
     Parameters
     ----------
-    store : scan file, open for writing
+    store : scan to record to
     detector : detects the sweeps; ``None``: :meth:`start` and :meth:`end` begin and end them
-    coverage : updated with the recorded pairs
+    coverage : updated with the pairs of the scan, and with those that are recorded
     on_change : called with the stamp, ns, after which a sweep begins or ends
 
     Attributes
     ----------
-    sweeps : number of sweeps in the file
+    sweeps, pairs : numbers of sweeps and pairs in the scan
     gaps : samples in sweeps without a pose close enough in time
     skipped : samples in sweeps that were missing, saturated or out of bounds
     """
 
     def __init__(
         self,
-        store: ScanStore,
+        store: ScanWriter,
         detector: SweepDetector | None,
         coverage: Coverage,
         on_change: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self.store = store
         known = store.sweeps()
-        self.sweeps = len(known)
+        self.sweeps, self.pairs = len(known), sum(map(len, known))
         self.gaps = 0
         self.skipped = 0
         self._detector = detector
         self._coverage = coverage
         self._planned: deque[_Sweep] = deque()
         self._on_change = on_change
-        self._last_number = max((sweep.number for sweep in known), default=0)
+        self._last_number = store.last_number
         self._detected = 0
         self._newest_ns = _BEFORE_ALL_NS
         self._batch: list[Pair[StrainSample]] = []
         self._sweep_gaps = 0
         self._sweep_skipped = 0
+        for sweep in known:
+            coverage.add(sweep.position)
 
     @property
     def is_active(self) -> bool:
@@ -94,7 +96,7 @@ class SweepRecorder:
         Raises
         ------
         ScanError
-            A sweep is open, or the file cannot be written.
+            A sweep is open, or it cannot be written.
         """
         if self.is_active:
             raise ScanError(f"start sweep: expected no active sweep, found sweep {self._last_number}")
@@ -132,7 +134,7 @@ class SweepRecorder:
         Raises
         ------
         ScanError
-            The file cannot be written. The sweep is abandoned; pairs already committed are kept.
+            The scan cannot be written. The sweep is abandoned; pairs already written are kept.
         """
         try:
             for pair in pairs:
@@ -144,7 +146,7 @@ class SweepRecorder:
             raise
 
     def settle(self, waiting_ns: int | None) -> None:
-        """Commit, and finish each closed sweep of which no sample waits for its pose.
+        """Write the pairs, and finish each closed sweep of which no sample waits for its pose.
 
         Call this at least every 0.25 s.
 
@@ -155,7 +157,7 @@ class SweepRecorder:
         Raises
         ------
         ScanError
-            The file cannot be written. The sweep is abandoned; pairs already committed are kept.
+            The scan cannot be written. The sweep is abandoned; pairs already written are kept.
         """
         try:
             while self._planned and (until_ns := self._planned[0].until_ns) is not None:
@@ -163,7 +165,6 @@ class SweepRecorder:
                     break
                 self._finish()
             self._flush()
-            self.store.commit()
         except ScanError:
             self._abandon()
             raise
@@ -174,7 +175,7 @@ class SweepRecorder:
         Raises
         ------
         ScanError
-            The file cannot be written.
+            The scan cannot be written.
         """
         if self.is_active:
             self.end(self._newest_ns)
@@ -231,9 +232,10 @@ class SweepRecorder:
         if keep.any():
             self._coverage.add(states[keep])
             self.store.append(stamp_ns[keep], states[keep], strain[keep])
+            self.pairs += int(np.count_nonzero(keep))
 
     def _finish(self) -> None:
-        """End the oldest sweep in the file and begin the next planned one."""
+        """End the oldest sweep in the scan and begin the next planned one."""
         self._flush()
         self._planned.popleft()
         gaps, skipped = self._sweep_gaps, self._sweep_skipped

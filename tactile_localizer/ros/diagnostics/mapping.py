@@ -40,7 +40,7 @@ class MappingDiagnostics:
         recorder, pairing : recording to describe
         poses : number of valid palm poses received
         rejections : by topic, why its last message was rejected
-        write_error : why the scan file could not be written; empty if it could
+        write_error : why the scan could not be written; empty if it could
         """
         losses = self._losses.describe(
             {
@@ -50,9 +50,9 @@ class MappingDiagnostics:
                 "backward jumps of the stamps": pairing.resets,
             }
         )
-        if recorder.is_active and recorder.store.pairs == self._pairs and not losses:
+        if recorder.is_active and recorder.pairs == self._pairs and not losses:
             losses = ["no samples received"]
-        self._pairs = recorder.store.pairs
+        self._pairs = recorder.pairs
         errors = "; ".join(filter(None, [write_error, *rejections.values()]))
         warnings = ", ".join(losses)
         activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
@@ -61,7 +61,7 @@ class MappingDiagnostics:
             level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
         values: dict[str, Any] = {
             "scan_file": recorder.store.path,
-            "pairs": recorder.store.pairs,
+            "pairs": recorder.pairs,
             "sweeps": recorder.sweeps,
             "gaps": recorder.gaps,
             "skipped": recorder.skipped,

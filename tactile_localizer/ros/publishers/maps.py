@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from visualization_msgs.msg import Marker
 from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.ros.base.background import BackgroundJob
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED
@@ -79,7 +80,7 @@ def region_marker(scene: Scene, frame: str) -> Marker:
 
 
 _MAX_PAIRS = 20_000
-"""Largest number of pairs from which a map is built during a recording, to bound the memory."""
+"""Largest number of pairs from which a map is built during a recording, to bound the time."""
 
 
 class MapPublisher:
@@ -101,17 +102,17 @@ class MapPublisher:
         """Publish the map of a scan, and the feature region if the scene has one."""
         self._publish(self._messages(scan, scene))
 
-    def publish_file(self, path: Path) -> None:
-        """Publish the map of the pairs committed to a scan file, made in the background.
+    def publish_folder(self, path: Path) -> None:
+        """Publish the map of a scan that is being recorded, made in the background.
 
         Without effect while such a map is being made.
         """
 
-        def make() -> tuple[PointCloud2, Marker] | None:
-            with ScanStore.open(path) as store:
-                if not any(sweep.pairs and not sweep.dropped for sweep in store.sweeps()):
-                    return None
-                return self._messages(store.load(_MAX_PAIRS), store.scene)
+        def make() -> tuple[PointCloud2, Marker]:
+            folder = ScanFolder(path)
+            scan = folder.load()
+            every = math.ceil(len(scan) / _MAX_PAIRS)
+            return self._messages(scan.select(np.arange(0, len(scan), every)), folder.scene)
 
         self._job.start(make, self._publish)
 
@@ -119,7 +120,7 @@ class MapPublisher:
         cloud = map_cloud(make_map(scan, scene), self._frame)
         return cloud, region_marker(scene, self._frame)
 
-    def _publish(self, messages: tuple[PointCloud2, Marker] | None) -> None:
-        if messages is not None and self._map.is_activated:
+    def _publish(self, messages: tuple[PointCloud2, Marker]) -> None:
+        if self._map.is_activated:
             self._map.publish(messages[0])
             self._region.publish(messages[1])

@@ -19,8 +19,8 @@ from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bags.decode import StrainDecoder
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.bags.topics import BagTopics
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
-from tactile_localizer.io.scans.store import ScanStore
 from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -334,11 +334,11 @@ def test_channel_counts_reach_the_scan(tmp_path):
     (sweep,) = recording.sweeps
     assert sweep.strain.shape[1] == 25
     np.testing.assert_array_equal(sweep.strain[:, 0], sweep.strain[:, 24] + 1000.0)
-    import_recording(recording, scene, tmp_path / "scan.db", what="import", detail={})
-    with ScanStore.open(tmp_path / "scan.db") as store:
-        assert store.scene.layout.counts == (19, 6)
-        assert store.load().layout == scene.layout
-        np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)
+    import_recording(recording, scene, tmp_path / "bump_scan", what="import", detail={})
+    store = ScanFolder(tmp_path / "bump_scan")
+    assert store.scene.layout.counts == (19, 6)
+    assert store.load().layout == scene.layout
+    np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)
 
 
 def test_an_adapter_reads_other_messages(tmp_path):

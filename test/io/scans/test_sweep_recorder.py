@@ -1,17 +1,15 @@
 """Sweeps hold the samples between two stamps, even if their poses arrive late."""
 
-import resource
-import signal
-
 import numpy as np
 import pytest
+from support.disk import full_disk
 
 from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans.recorder import SweepRecorder
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -27,15 +25,15 @@ def pair(stamp_ms: int, x: float | None = 0.05, status: int = 0) -> Pair:
 
 @pytest.fixture
 def store(tmp_path):
-    with ScanStore.create(tmp_path / "scan.db", SCENE) as store:
+    with ScanWriter(tmp_path / "scan", SCENE) as store:
         yield store
 
 
-def recorder_of(store: ScanStore, detector: SweepDetector | None = None) -> SweepRecorder:
+def recorder_of(store: ScanWriter, detector: SweepDetector | None = None) -> SweepRecorder:
     return SweepRecorder(store, detector, Coverage(SCENE))
 
 
-def recorded(store: ScanStore) -> dict[int, list[int]]:
+def recorded(store: ScanWriter) -> dict[int, list[int]]:
     return {s.number: [int(stamp // MS) for stamp in s.stamp_ns] for s in store.recording().sweeps}
 
 
@@ -51,7 +49,7 @@ def test_a_sweep_holds_the_samples_between_its_stamps(store):
     recorder.take([pair(5), pair(6)])
     recorder.settle(waiting_ns=None)
     assert recorded(store) == {1: [3, 4, 5]}
-    assert store.sweeps()[0].ended
+    assert store.sweeps()[0].ending == "ended"
 
 
 def test_waiting_samples_stay_in_their_sweep(store):
@@ -63,7 +61,7 @@ def test_waiting_samples_stay_in_their_sweep(store):
     recorder.take([pair(2), pair(3), pair(4)])
     recorder.close()
     assert recorded(store) == {1: [1, 2, 3], 2: [4]}
-    assert [sweep.ended for sweep in store.sweeps()] == [True, True]
+    assert [sweep.ending for sweep in store.sweeps()] == ["ended", "ended"]
 
 
 def test_gaps_and_skipped_samples_are_counted(store):
@@ -76,7 +74,7 @@ def test_gaps_and_skipped_samples_are_counted(store):
     recorder.take([pair(5, None), pair(6)])
     recorder.close()
     assert (recorder.gaps, recorder.skipped) == (2, 2)
-    assert [(sweep.pairs, sweep.gaps, sweep.skipped) for sweep in store.sweeps()] == [(1, 1, 2), (1, 1, 0)]
+    assert [(len(sweep), sweep.gaps, sweep.skipped) for sweep in store.sweeps()] == [(1, 1, 2), (1, 1, 0)]
 
 
 def test_start_and_end_must_alternate(store):
@@ -109,13 +107,14 @@ def test_a_backward_jump_starts_another_sweep(store):
     assert recorded(store) == {1: [1001, 1002], 2: [1, 2]}
 
 
-def test_sweeps_are_added_to_an_existing_file(tmp_path):
+def test_sweeps_are_added_to_an_existing_scan(tmp_path):
     for expected in (1, 2):
-        with ScanStore.open_or_create(tmp_path / "scan.db", SCENE) as store:
+        with ScanWriter(tmp_path / "scan", SCENE) as store:
             recorder = recorder_of(store)
             assert recorder.start(0) == expected
-            recorder.take([pair(1)])
+            recorder.take([pair(expected)])
             recorder.close()
+            assert (recorder.sweeps, recorder.pairs) == (expected, expected)
 
 
 def test_a_full_disk_abandons_only_the_sweep(store):
@@ -123,16 +122,10 @@ def test_a_full_disk_abandons_only_the_sweep(store):
     recorder.start(0)
     recorder.take([pair(1)])
     recorder.settle(None)
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    with full_disk(100):
         recorder.take([pair(2)])
-        with pytest.raises(ScanError, match="could not write 1 pairs"):
+        with pytest.raises(ScanError, match="could not write 1 pairs of sweep 1"):
             recorder.settle(None)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
-        signal.signal(signal.SIGXFSZ, ignored)
     assert not recorder.is_active
     assert recorder.start(2 * MS) == 2
     recorder.take([pair(3)])

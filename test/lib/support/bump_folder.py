@@ -12,7 +12,7 @@ TUNED = {"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003}
 
 
 def write_bump_files(folder: Path, *options: str) -> Path:
-    """Write ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``scan.db``; returns the folder.
+    """Write ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``bump_scan``; returns the folder.
 
     ``options`` are those of ``tactile-localizer simulate``.
     """
@@ -24,7 +24,13 @@ def write_bump_files(folder: Path, *options: str) -> Path:
     scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), measurement=TUNED)
     save_scene(scene, folder / "scene.yaml")
     assert main(["simulate", "bump", "-o", str(folder), "--test", "2", *options]) == 0
-    files = [str(folder / "train.csv"), "--scene", str(folder / "scene.yaml"), "-o", str(folder / "scan.db")]
+    files = [
+        str(folder / "train.csv"),
+        "--scene",
+        str(folder / "scene.yaml"),
+        "-o",
+        str(folder / "bump_scan"),
+    ]
     assert main(["import", "csv", *files]) == 0
     return folder
 

@@ -119,7 +119,7 @@ def _check_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> 
 
 
 def _scanning(place: Place) -> Sequence[Started]:
-    files = {"scan_file": place.folder / "new.db", "scene_file": resource_path("config/scenes/bump.yaml")}
+    files = {"scan_file": place.folder / "new_scan", "scene_file": resource_path("config/scenes/bump.yaml")}
     return [
         _hardware(place),
         Started("scan.launch.py", ("driver", "mapping"), {**files, **place.buses[0]}),
@@ -136,7 +136,7 @@ def _check_a_recorded_sweep(probe: Probe, place: Place) -> None:
     _call(probe, "simulator/sweep")
     probe.until(lambda: statuses and statuses[-1].samples > 100, "pairs in the scan")
     _call(probe, "mapping/end_sweep")
-    assert statuses[-1].scan_file == str(place.folder / "new.db")
+    assert statuses[-1].scan_file == str(place.folder / "new_scan")
 
 
 def _localizing(place: Place) -> Sequence[Started]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,10 @@ from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
-from tactile_localizer.io.scans.learned import KEY, store_learned
-from tactile_localizer.io.scans.rows import LearnedEntry
-from tactile_localizer.io.scans.store import ScanStore
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.learned import store_calibration
+from tactile_localizer.io.scans.sweep_files import StoredSweep
+from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
@@ -26,19 +25,12 @@ from tactile_localizer.sim import SimulatedScan, SimulatedSweep, simulate_scan, 
 START_NS = 1_700_000_000_000_000_000
 MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
 """Kernel widths, so that tests of kernel models do not wait for their choice."""
-CALIBRATION: dict[str, Any] = {
-    "information_length": 0.0033,
-    "registration_std": [0.0004, 0.0004],
-    "variance": {"visit": 0.21, "signal": 0.036, "interpolation": 0.18, "summed_correlation": 0.005},
-}
-"""Calibration stored in the scan files of the shipped scenes, so that tests do not wait for it."""
-
-
-def calibration() -> Calibration:
-    """:data:`CALIBRATION` as the core takes it."""
-    registration_std = np.array(CALIBRATION["registration_std"])
-    variance = VarianceModel(**CALIBRATION["variance"])
-    return Calibration(CALIBRATION["information_length"], registration_std, variance)
+CALIBRATION = Calibration(
+    0.0033,
+    np.array([0.0004, 0.0004]),
+    VarianceModel(visit=0.21, signal=0.036, interpolation=0.18, summed_correlation=0.005),
+)
+"""Calibration stored in the scans of the shipped scenes, so that tests do not wait for it."""
 
 
 def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
@@ -50,40 +42,19 @@ def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
 def write_scan(
     path: Path, feature: str = "bump", scene: Scene | None = None, *, calibrated: bool = True
 ) -> SimulatedScan:
-    """Write a training scan of the simulated hand as a scan file, with a calibration or not.
-
-    The file of the shipped scene is made once per process and then copied.
-    """
-    scan = _simulated(feature)
-    if scene is None:
-        path.write_bytes(_shipped_scan(feature, calibrated))
-    else:
-        _write_scan(path, scan, scene, calibrated)
+    """Write a training scan of the simulated hand, with a calibration or not."""
+    scan, scene = _simulated(feature), scene or scene_of(feature)
+    with ScanWriter(path, scene) as writer:
+        for number, part in enumerate(scan.slices(), start=1):
+            writer.add(StoredSweep(number, scan.stamp_ns[part], scan.odometry[part], scan.strain[part]))
+    if calibrated and scene.dimension == len(CALIBRATION.registration_std):
+        store_calibration(path, digest_of(ScanFolder(path).load(), scene), CALIBRATION)
     return scan
 
 
 @lru_cache
 def _simulated(feature: str) -> SimulatedScan:
     return simulate_scan(feature, seed=1)
-
-
-@lru_cache
-def _shipped_scan(feature: str, calibrated: bool) -> bytes:
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "scan.db")
-        _write_scan(path, _simulated(feature), scene_of(feature), calibrated)
-        return path.read_bytes()
-
-
-def _write_scan(path: Path, scan: SimulatedScan, scene: Scene, calibrated: bool) -> None:
-    with ScanStore.create(path, scene) as store:
-        for part in scan.slices():
-            store.begin_sweep()
-            store.append(scan.stamp_ns[part], scan.odometry[part], scan.strain[part])
-            store.end_sweep()
-        digest, dimension = digest_of(store.load(), store.scene), store.scene.dimension
-    if calibrated and dimension == len(CALIBRATION["registration_std"]):
-        store_learned(path, LearnedEntry(KEY, digest, json.dumps(CALIBRATION).encode()))
 
 
 def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> SimulatedSweep:

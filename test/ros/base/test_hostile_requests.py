@@ -13,23 +13,23 @@ pytestmark = pytest.mark.ros
 
 def hostile_files(folder, scan):
     """Write what is no scan into ``folder``; returns the names."""
-    (folder / "text.db").write_bytes(b"x, y\n" * 1000)
-    (folder / "folder.db").mkdir()
-    os.mkfifo(folder / "fifo.db")
-    (folder / "loop.db").symlink_to("loop.db")
-    return ["text.db", "folder.db", "fifo.db", "loop.db"]
+    (folder / "text_scan").write_bytes(b"x, y\n" * 1000)
+    (folder / "folder_scan").mkdir()
+    os.mkfifo(folder / "fifo_scan")
+    (folder / "loop_scan").symlink_to("loop_scan")
+    return ["text_scan", "folder_scan", "fifo_scan", "loop_scan"]
 
 
 PATHS = (
-    "", ".", "..", "/", "x" * 5000, "x/" * 2000, "\x00", "a\x00b.db", "~", "-", "%s%n", "[/bold]", "\n",
-    "ü" * 300,    "/dev/zero", "/proc/self/mem", "file:bump.db?mode=memory", ":memory:",
+    "", ".", "..", "/", "x" * 5000, "x/" * 2000, "\x00", "a\x00b_scan", "~", "-", "%s%n", "[/bold]", "\n",
+    "ü" * 300,    "/dev/zero", "/proc/self/mem", "file:bump_scan?mode=memory", ":memory:",
 )  # fmt: skip
 
 
 def test_hostile_scans_leave_the_filter_and_its_map(node_process, probe, tmp_path):
     from tactile_localizer.srv import LoadScan
 
-    scan, folder = tmp_path / "bump.db", tmp_path / "maps"
+    scan, folder = tmp_path / "bump_scan", tmp_path / "maps"
     folder.mkdir()
     write_scan(scan)
     files = hostile_files(folder, scan)
@@ -48,7 +48,7 @@ def test_hostile_scans_leave_the_filter_and_its_map(node_process, probe, tmp_pat
 
 
 def test_invalid_parameter_values_are_rejected(node_process, probe, tmp_path):
-    scan = tmp_path / "bump.db"
+    scan = tmp_path / "bump_scan"
     write_scan(scan)
     process = node_process("filter_node", {"scan_file": scan, **CELL})
     node = Filter(process, probe, SlidingHand(probe, unseen_sweep()))
@@ -90,7 +90,7 @@ STARTS = {
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory):
     """A valid scan, and a folder of files that are not."""
-    scan, folder = tmp_path_factory.mktemp("scan") / "bump.db", tmp_path_factory.mktemp("maps")
+    scan, folder = tmp_path_factory.mktemp("scan") / "bump_scan", tmp_path_factory.mktemp("maps")
     write_scan(scan)
     hostile_files(folder, scan)
     save_scene(scene_of(), folder / "scene.yaml")

@@ -29,7 +29,7 @@ def state_of(probe, node):
 
 def managed_filter(node_process, tmp_path, *, calibrated=True):
     """A filter without autostart, on a scan that is ``calibrated`` or not."""
-    scan = tmp_path / "bump.db"
+    scan = tmp_path / "bump_scan"
     if not scan.exists():
         write_scan(scan, calibrated=calibrated)
     return node_process("filter_node", {"scan_file": scan, "autostart": False, **CELL})
@@ -77,7 +77,7 @@ def test_a_scan_is_calibrated_once(node_process, probe, change, tmp_path):
 
 
 def test_an_interrupt_ends_a_calibrating_node(node_process, tmp_path):
-    scan = tmp_path / "bump.db"
+    scan = tmp_path / "bump_scan"
     write_scan(scan, calibrated=False)
     process = node_process("filter_node", {"scan_file": scan, **CELL})
     process.wait_for_line("learning the noise")
@@ -92,7 +92,7 @@ def test_inactive_nodes_publish_nothing(node_process, probe, change, tmp_path):
 
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     statuses = probe.listen(ScanStatus, "mapping/status", latched)
-    parameters = {"scan_file": tmp_path / "scan.db", "scene_file": "bump.yaml", "autostart": False}
+    parameters = {"scan_file": tmp_path / "bump_scan", "scene_file": "bump.yaml", "autostart": False}
     node_process("mapping_node", parameters)
     assert change("mapping", "configure")
     probe.until(lambda: probe.node.count_publishers("mapping/status"), "the publisher")

@@ -51,7 +51,7 @@ PATHS = {
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lifecycle")
-    write_scan(folder / "bump.db")
+    write_scan(folder / "bump_scan")
     save_scene(scene_of(), folder / "scene.yaml")
     return folder
 
@@ -66,8 +66,8 @@ def make(request, files, tmp_path):
     virtual = {"interface": "virtual", "channel": request.param}
     parameters = {
         "driver_node": {**virtual, "tare_file": tmp_path / "tare.yaml"},
-        "mapping_node": {"scene_file": files / "scene.yaml", "scan_file": tmp_path / "scan.db"},
-        "filter_node": {"scan_file": files / "bump.db", "cell": 2.0},
+        "mapping_node": {"scene_file": files / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
+        "filter_node": {"scan_file": files / "bump_scan", "cell": 2.0},
         "simulator_node": virtual,
         "adapter_node": {"adapter_file": "wrench.yaml"},
     }[request.param]

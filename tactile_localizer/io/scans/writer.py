@@ -1,0 +1,319 @@
+"""Writing a scan: the sweep in progress record by record, complete sweeps as whole files.
+
+A process that is killed loses the records that it had not written: at most 0.25 s if pairs are appended that
+often. The next writer turns what it left into a sweep that ended early.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from datetime import datetime, timezone
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from tactile_localizer import __version__
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
+from tactile_localizer.io.scans.folder import (
+    COMPLETE,
+    HISTORY,
+    IN_PROGRESS,
+    ScanFolder,
+    sweep_number,
+)
+from tactile_localizer.io.scans.sweep_files import (
+    ENDED,
+    StoredSweep,
+    read_recording,
+    records,
+    require_plausible,
+    write_sweep,
+)
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.scene import Scene
+
+
+class ScanWriter(ScanFolder):
+    """A scan opened for writing by this process alone, created if there is none. Close it after use.
+
+    Parameters
+    ----------
+    path : folder of the scan; missing parent folders are created
+    scene : axes, phalanges and feature of the scan
+    strain_unit : unit of the strain of new sweeps, for display
+
+    Raises
+    ------
+    ScanError
+        The folder holds something else, or a scan of another scene; it cannot be written, or another
+        process is writing it.
+    """
+
+    def __init__(self, path: str | Path, scene: Scene, *, strain_unit: str = "V") -> None:
+        path = Path(path)
+        self._strain_unit = strain_unit
+        self._sweep: int | None = None
+        self._records = -1
+        try:
+            found = {file.name for file in path.iterdir()} if path.exists() else set()
+            if SCENE not in found and any(not name.startswith((".", HISTORY)) for name in found):
+                raise ScanError(f"{path}: expected a scan or an empty folder, found other files")
+            path.mkdir(parents=True, exist_ok=True)
+            self._history = (path / HISTORY).open("ab", buffering=0)
+        except OSError as error:
+            raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
+        try:
+            # The lock ends with the process that holds it.
+            fcntl.flock(self._history, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not (path / SCENE).exists():
+                save_scene(scene, path / SCENE)
+            super().__init__(path)
+            require_same_scene(self.scene, scene, str(path))
+            self._finish_interrupted()
+        except BlockingIOError:
+            self._history.close()
+            raise ScanError(f"{path}: expected no other writer, another process is writing it") from None
+        except BaseException:
+            self._history.close()
+            raise
+
+    def __enter__(self) -> ScanWriter:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the sweep in progress and let others write.
+
+        Raises
+        ------
+        ScanError
+            The sweep could not be written; what is on disk is completed by the next writer.
+        """
+        try:
+            if self._sweep is not None:
+                self.end_sweep()
+        finally:
+            self._history.close()
+
+    @property
+    def active_sweep(self) -> int | None:
+        """Number of the sweep in progress; ``None`` if there is none."""
+        return self._sweep
+
+    @property
+    def last_number(self) -> int:
+        """Highest number of a sweep, dropped ones included; 0 without any."""
+        return max(self._used_numbers(), default=0)
+
+    def add(self, sweep: StoredSweep) -> int:
+        """Write a complete sweep; returns its number, the next free one if its own is in use.
+
+        Raises
+        ------
+        ScanError
+            Its values are invalid, or the file cannot be written.
+        """
+        self._require_pairs(sweep.stamp_ns, sweep.position, sweep.strain)
+        number = self._free_number(sweep.number)
+        self._complete(replace(sweep, number=number, strain_unit=self._strain_unit))
+        return number
+
+    def begin_sweep(self, number: int | None = None) -> int:
+        """Begin a sweep.
+
+        Parameters
+        ----------
+        number : its number; by default, or if the number is in use, one more than the highest
+
+        Returns
+        -------
+        int
+            The sweep's number.
+
+        Raises
+        ------
+        ScanError
+            A sweep is in progress, or the file cannot be written.
+        """
+        if self._sweep is not None:
+            raise ScanError(f"{self.path}: expected no active sweep, found sweep {self._sweep}")
+        self._finish_interrupted()
+        number = self._free_number(number)
+        with self._writing(f"sweep {number}"):
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
+            self._records = os.open(self._file(number, IN_PROGRESS), flags, 0o666)
+        self._sweep = number
+        return number
+
+    def append(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
+        """Append pairs to the sweep in progress; they are on disk when the method returns.
+
+        Parameters
+        ----------
+        stamp_ns : (n,) int64 stamps, ns
+        position : (n, d) palm positions, m (yaw: rad), finite
+        strain : (n, C) strain voltages, V, finite
+
+        Raises
+        ------
+        ScanError
+            There is no active sweep, shapes or values are invalid, or the file cannot be written.
+        """
+        if self._sweep is None:
+            raise ScanError(f"{self.path}: expected an active sweep, found none")
+        self._require_pairs(stamp_ns, position, strain)
+        content = records(stamp_ns, position, strain, self.scene).tobytes()
+        with self._writing(f"{len(stamp_ns)} pairs of sweep {self._sweep}"):
+            size = os.fstat(self._records).st_size
+            try:
+                if os.write(self._records, content) < len(content):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                os.fdatasync(self._records)
+            except OSError:
+                with suppress(OSError):  # a part of a record would shift those appended later
+                    os.ftruncate(self._records, size)
+                raise
+
+    def end_sweep(self, *, gaps: int = 0, skipped: int = 0) -> None:
+        """Complete the sweep in progress.
+
+        Parameters
+        ----------
+        gaps : strain samples without a pose close enough in time
+        skipped : strain samples that were missing, saturated or out of bounds
+
+        Raises
+        ------
+        ScanError
+            There is no active sweep, or the file cannot be written. The sweep ends nevertheless; it is
+            completed when the next one begins, or by the next writer.
+        """
+        number, self._sweep = self._sweep, None
+        if number is None:
+            raise ScanError(f"{self.path}: expected an active sweep, found none")
+        os.close(self._records)
+        recording = self._file(number, IN_PROGRESS)
+        recorded = read_recording(recording, self.scene, self._strain_unit)
+        self._complete(replace(recorded, gaps=gaps, skipped=recorded.skipped + skipped, ending=ENDED))
+
+    def note(self, what: str, **detail: Any) -> None:
+        """Add a line to the history, which tells where the pairs come from.
+
+        Raises
+        ------
+        ScanError
+            The line cannot be written.
+        """
+        at = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        entry = {"at": at, "what": what, "version": __version__, **detail}
+        with self._writing("the history"):
+            self._history.write(json.dumps(entry).encode() + b"\n")
+
+    def _require_pairs(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
+        n = len(stamp_ns)
+        shapes = (n, self.scene.dimension), (n, self.scene.layout.size)
+        if (position.shape, strain.shape) != shapes:
+            raise ScanError(f"pairs: expected shapes {shapes}, got {position.shape} and {strain.shape}")
+        try:
+            require_plausible(position, strain)
+        except ValueError as error:
+            raise ScanError(f"pairs: {error}") from None
+
+    def _used_numbers(self) -> set[int]:
+        return {sweep_number(file) for file in (*self.sweep_files(), *self.dropped_files())}
+
+    def _free_number(self, number: int | None) -> int:
+        return self.last_number + 1 if number is None or number in self._used_numbers() else number
+
+    def _finish_interrupted(self) -> None:
+        """Complete the sweeps that a killed process, or a full disk, has left in progress."""
+        for file in self.path.glob(f"sweep_*{IN_PROGRESS}"):
+            sweep = read_recording(file, self.scene, self._strain_unit)
+            if not file.with_suffix(COMPLETE).exists():
+                self.note(sweep.ending, sweep=sweep.number, pairs=len(sweep))
+            self._complete(sweep)
+
+    def _complete(self, sweep: StoredSweep) -> None:
+        with self._writing(f"sweep {sweep.number}"):
+            complete = self._file(sweep.number, COMPLETE)
+            if not complete.exists():
+                write_sweep(complete, sweep, self.scene)
+            self._file(sweep.number, IN_PROGRESS).unlink(missing_ok=True)
+
+    def _file(self, number: int, suffix: str) -> Path:
+        return self.path / f"sweep_{number:04}{suffix}"
+
+    @contextmanager
+    def _writing(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise ScanError(f"{self.path}: could not write {what}, {error.strerror}") from None
+
+
+@contextmanager
+def new_scan(path: str | Path, scene: Scene, *, strain_unit: str = "V") -> Iterator[ScanWriter]:
+    """Context that writes a scan under a temporary name and renames it to ``path`` on success.
+
+    If the block raises, nothing is left behind.
+
+    Parameters
+    ----------
+    path : must not exist yet; missing parent folders are created
+    scene, strain_unit : as of :class:`ScanWriter`
+
+    Raises
+    ------
+    ScanError
+        The folder exists, or could not be written completely.
+    """
+    path = Path(path)
+    if path.exists():
+        raise ScanError(f"{path}: expected no folder of this name, found one; choose another or remove it")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        folder = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise ScanError(f"{path}: expected a writable folder, {error.strerror}") from None
+    with folder:
+        unfinished = Path(folder.name, path.name)
+        try:
+            with ScanWriter(unfinished, scene, strain_unit=strain_unit) as writer:
+                yield writer
+        except ScanError as error:  # that names the folder which the user knows
+            raise ScanError(str(error).replace(str(unfinished), str(path))) from None
+        unfinished.rename(path)
+
+
+def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
+    """Require that pairs of both scenes can share one scan: same axes, bounds, phalanges and name.
+
+    Raises
+    ------
+    ScanError
+        The scenes differ; the message names the difference.
+    """
+    values: dict[str, Callable[[Scene], Iterable[object]]] = {
+        "axes": lambda scene: scene.axis_names,
+        "lower bounds": lambda scene: scene.lower,
+        "upper bounds": lambda scene: scene.upper,
+        "phalanges": lambda scene: scene.phalanx_names,
+        "channels": lambda scene: scene.layout.counts,
+        "phalanx offsets": lambda scene: [phalanx.offset for phalanx in scene.phalanges],
+        "name": lambda scene: [scene.name],
+    }
+    for what, of in values.items():
+        texts = [", ".join(map(str, of(each))) for each in (expected, found)]
+        if list(of(expected)) != list(of(found)):
+            raise ScanError(f"{where}: expected {what} {texts[0]}, found {texts[1]}")

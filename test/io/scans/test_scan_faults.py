@@ -1,0 +1,189 @@
+"""What can happen to a scan: kills, flipped bytes, a full disk, two writers, missing rights."""
+
+import multiprocessing
+import os
+import shutil
+import signal
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from support.disk import full_disk
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.sweep_files import StoredSweep
+from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+SCENE = Scene("line", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
+SWEEPS, PAIRS = 4, 100
+
+
+def numbered(start, n):
+    """Pairs that carry their own number."""
+    number = np.arange(start, start + n)
+    return number, np.full((n, 1), 0.5), np.tile(number[:, None].astype(float), (1, 8))
+
+
+@pytest.fixture
+def path(tmp_path):
+    with ScanWriter(tmp_path / "scan", SCENE) as writer:
+        for number in range(1, SWEEPS + 1):
+            writer.add(StoredSweep(number, *numbered(1000 * number, PAIRS)))
+    return tmp_path / "scan"
+
+
+def write_until_killed(path, written):
+    with ScanWriter(path, SCENE) as writer:
+        while True:
+            first = 1_000_000 * writer.begin_sweep()
+            for start in range(0, 100, 5):
+                writer.append(*numbered(first + start, 5))
+                written.value += 5
+            writer.end_sweep()
+
+
+def test_kill_9_at_ten_moments_loses_no_pair_that_was_written(path):
+    context = multiprocessing.get_context("fork")
+    stored = SWEEPS * PAIRS
+    for moment in range(10):
+        written = context.Value("q", 0)
+        process = context.Process(target=write_until_killed, args=(path, written))
+        process.start()
+        while written.value < 40 * moment + 5:
+            time.sleep(0.001)
+        time.sleep(0.0007 * moment)
+        os.kill(process.pid, signal.SIGKILL)
+        process.join()
+        ScanWriter(path, SCENE).close()
+        sweeps = ScanFolder(path).sweeps()
+        total = sum(map(len, sweeps))
+        # 5 more where it was killed between writing and counting.
+        assert total - stored - written.value in (0, 5)
+        for sweep in sweeps:
+            np.testing.assert_array_equal(sweep.strain[:, 0], sweep.stamp_ns)
+        stored = total
+        assert not list(path.glob("*.recording"))
+
+
+def test_an_interrupted_sweep_ends_early(path):
+    records = path / "sweep_0007.recording"
+    with ScanWriter(path, SCENE) as writer:
+        writer.begin_sweep(7)
+        writer.append(*numbered(0, 20))
+        content = records.read_bytes()
+    (path / "sweep_0007.npz").unlink()
+    size = len(content) // 20
+    damaged = bytearray(content[:-30])
+    damaged[3 * size + 5] ^= 4
+    records.write_bytes(damaged)
+    with ScanWriter(path, SCENE) as writer:
+        assert writer.begin_sweep() == 8
+    sweep = ScanFolder(path).sweeps()[4]
+    assert (sweep.number, len(sweep), sweep.skipped, sweep.ending) == (7, 18, 1, "ended early")
+    assert ScanFolder(path).history()[-1]["what"] == "ended early"
+
+
+def test_60_of_60_flipped_bytes_are_found(path):
+    rng = np.random.default_rng(0)
+    file = path / "sweep_0002.npz"
+    good = file.read_bytes()
+    ends = [0, 5, 28, len(good) - 1, len(good) - 9, len(good) - 10, len(good) - 25, len(good) - 30]
+    for place in [*ends, *rng.integers(0, len(good), 60 - len(ends))]:
+        content = bytearray(good)
+        content[place] ^= 1 << rng.integers(8)
+        file.write_bytes(content)
+        with pytest.raises(ScanError, match=r"0002\.npz: damaged, .*; the other 3 sweeps are intact: move"):
+            ScanFolder(path).load()
+    (path / "dropped").mkdir()
+    file.rename(path / "dropped" / file.name)
+    assert len(ScanFolder(path).load()) == (SWEEPS - 1) * PAIRS
+
+
+def test_a_truncated_sweep_is_found(path):
+    file = path / "sweep_0002.npz"
+    good = file.read_bytes()
+    for size in (0, 1, 100, len(good) // 2, len(good) - 1):
+        file.write_bytes(good[:size])
+        with pytest.raises(ScanError, match=r"sweep_0002\.npz: damaged"):
+            ScanFolder(path).load()
+
+
+def test_a_second_writer_is_refused(path):
+    with ScanWriter(path, SCENE) as writer:
+        with pytest.raises(ScanError, match="scan: expected no other writer, another process is writing it"):
+            ScanWriter(path, SCENE)
+        (path.parent / "alias").symlink_to(path)
+        with pytest.raises(ScanError, match="another process is writing it"):
+            ScanWriter(path.parent / "alias", SCENE)
+        writer.begin_sweep()
+    assert len(ScanFolder(path).load()) == SWEEPS * PAIRS
+
+
+def test_a_full_disk_keeps_what_was_written(path):
+    writer = ScanWriter(path, SCENE)
+    number = writer.begin_sweep()
+    writer.append(*numbered(0, 50))
+    with full_disk(5000):
+        with pytest.raises(ScanError, match="scan: could not write 50 pairs of sweep 5, "):
+            writer.append(*numbered(50, 50))
+        with pytest.raises(ScanError, match="scan: could not write sweep 5, File too large"):
+            writer.end_sweep()
+    assert len(ScanFolder(path).sweeps()[-1]) == 50
+    assert writer.begin_sweep() == number + 1
+    writer.append(*numbered(100, 7))
+    writer.close()
+    assert [(len(s), s.ending) for s in ScanFolder(path).sweeps()[-2:]] == [(50, "ended early"), (7, "ended")]
+    assert not [file for file in path.iterdir() if file.name.startswith(".")]
+
+
+def messages_without_rights(paths, found):
+    if os.geteuid() == 0:
+        os.setuid(65534)  # root may write everywhere
+    for path in paths:
+        try:
+            ScanWriter(path, SCENE).begin_sweep()
+        except ScanError as error:
+            found.put(str(error))
+
+
+def test_a_folder_without_rights_is_refused_in_one_line(path):
+    with TemporaryDirectory() as folder:
+        scan, new = Path(folder, "scan"), Path(folder, "new")
+        shutil.copytree(path, scan)
+        for place in (Path(folder), scan):
+            place.chmod(0o555)
+        context = multiprocessing.get_context("fork")
+        found = context.Queue()
+        process = context.Process(target=messages_without_rights, args=((scan, new), found))
+        process.start()
+        messages = [found.get(timeout=30.0) for _ in range(2)]
+        process.join()
+        Path(folder).chmod(0o755)
+        scan.chmod(0o755)
+        assert messages == [
+            f"{place}: expected a folder that can be written, Permission denied" for place in (scan, new)
+        ]
+        assert len(ScanFolder(scan).load()) == SWEEPS * PAIRS
+
+
+def test_a_foreign_folder_is_left_alone(tmp_path):
+    (tmp_path / "holiday.jpg").touch()
+    with pytest.raises(ScanError, match="expected a scan or an empty folder, found other files"):
+        ScanWriter(tmp_path, SCENE)
+    assert [file.name for file in tmp_path.iterdir()] == ["holiday.jpg"]
+    (tmp_path / "file").touch()
+    with pytest.raises(ScanError, match="file: expected a folder that can be written, Not a directory"):
+        ScanWriter(tmp_path / "file", SCENE)
+
+
+def test_a_writer_that_died_while_it_made_the_scan_leaves_no_obstacle(tmp_path):
+    (tmp_path / "scan").mkdir()
+    (tmp_path / "scan" / "history.jsonl").touch()
+    (tmp_path / "scan" / ".scene.4711.yaml").touch()
+    with ScanWriter(tmp_path / "scan", SCENE) as writer:
+        writer.add(StoredSweep(1, *numbered(0, 5)))
+    assert len(ScanFolder(tmp_path / "scan").load()) == 5
