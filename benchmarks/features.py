@@ -158,6 +158,8 @@ def convergence_figure(rows: Sequence[Row]) -> Figure:
         curve.plot(seam, early, "o-", ms=4, label=f"{label} of contact")
         for point, x, y in zip(points, seam, early, strict=True):
             curve.annotate(f"{point['probability']:g}", (x, y), (4, 4), textcoords="offset points", size=7)
+            if point["probability"] == Configuration().convergence_probability:
+                curve.plot(x, y, "o", ms=11, mfc="none", mec="black")
     curve.margins(x=0.12)
     curve.set_ylim(-3.0, 110.0)
     curve.set_xlabel("falsely converged strains on a seam, %")
@@ -169,9 +171,11 @@ def convergence_figure(rows: Sequence[Row]) -> Figure:
         ("false_sweeps", "on the feature, sweeps"),
     ):
         thresholds.plot(places, [100 * point[name] for point in points], "o-", ms=4, label=label)
-    for name in ("before", "blank", "none"):
-        shares = [100 * point[f"false_{name}"] / point["sweeps"] for point in points]
-        thresholds.plot(places, shares, "o--", ms=4, label=f"{name}, sweeps")
+    nothing = [
+        100 * max(point[f"false_{name}"] for name in ("before", "blank", "none")) / point["sweeps"]
+        for point in points
+    ]
+    thresholds.plot(places, nothing, "o--", ms=4, label="before contact, blank, featureless: sweeps")
     thresholds.set_xticks(places, [f"{point['probability']:g}" for point in points])
     thresholds.set_xlabel("convergence_probability")
     thresholds.set_ylabel("false convergence, %")

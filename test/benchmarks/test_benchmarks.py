@@ -90,7 +90,7 @@ def test_features_has_a_row_for_each_threshold(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_paper_draws_its_figures(tmp_path: Path) -> None:
-    chosen = ["--features", "bump", "--seeds", "1", "--sweeps", "2", "--jobs", "1"]
+    chosen = ["--features", "bump", "--seeds", "1", "--sweeps", "1", "--jobs", "1"]
     run("paper.py", *chosen, "--out", tmp_path)
     assert (tmp_path / "bump.png").stat().st_size > 10_000
 
