@@ -53,7 +53,7 @@ def test_tables_hold_the_expectation_at_the_nodes() -> None:
     table = build_map(tracks, PLANE, SPACING, cell, variance, True, np.zeros(3))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
-    expected = expectation(tracks, PLANE, nodes, SPACING, 3)
+    expected = expectation(tracks, PLANE, nodes, SPACING)
     np.testing.assert_allclose(table.mean, expected.mean, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(table.variance, variance.variance(expected, PLANE.layout), rtol=1e-5)
     np.testing.assert_allclose(np.exp(table.log_prior).sum(axis=1), 1.0, rtol=1e-5)
