@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tactile_localizer.core.configuration import Configuration
-    from tactile_localizer.core.decision.convergence import State
+    from tactile_localizer.core.hypotheses.convergence import State
     from tactile_localizer.core.localizer import Estimate, Localizer
     from tactile_localizer.core.scan.scan import Scan
     from tactile_localizer.errors import TactileLocalizerError
@@ -62,7 +62,7 @@ __all__ = [
 
 _MODULES = {
     "core.configuration": ("Configuration",),
-    "core.decision.convergence": ("State",),
+    "core.hypotheses.convergence": ("State",),
     "core.localizer": ("Estimate", "Localizer"),
     "core.scan.scan": ("Scan",),
     "errors": ("TactileLocalizerError",),

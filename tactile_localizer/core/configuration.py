@@ -74,7 +74,7 @@ class Configuration:
     filter: str = "grid"
     particles: int = 300
     max_particles: int = 1500
-    cell: float = 0.3
+    cell: float = 0.45
     conditional: bool = True
     resampling: str = "systematic"
     resample_below: float = 0.5

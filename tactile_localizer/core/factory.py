@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import INFORMATION_LENGTHS, Calibration, calibrate
-from tactile_localizer.core.calibration.sweep_model import (
-    SweepModel,
-    learn_comparable,
-    learn_sweep_model,
-)
+from tactile_localizer.core.calibration.held_out import Calibration, calibrate
+from tactile_localizer.core.calibration.sweep_model import INFORMATION_LENGTHS, SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
-from tactile_localizer.core.identification import FeatureIdentifier
+from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.likelihood.kernel_position import KernelPosition
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
@@ -29,9 +23,6 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
-_COARSE = 0.6
-"""Spacings of the scan's lines that a block of cells may take up where the belief has no detail; cells of
-that size everywhere lose next to nothing (docs/tradeoff.md)."""
 
 
 def build_localizer(
@@ -83,28 +74,6 @@ def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibra
     return calibration
 
 
-def build_identifier(
-    candidates: Mapping[str, tuple[Scan, Scene]],
-    configuration: Configuration,
-    rng: np.random.Generator,
-    progress: Progress | None = None,
-    calibrations: Mapping[str, Calibration] | None = None,
-) -> FeatureIdentifier:
-    """Localizers for several scans, by name, under one noise model, so that they can be compared.
-
-    ``calibrations`` are of an earlier :func:`learn` from the same scans; the others are learned here.
-    """
-    say = progress or _silent
-    localizers = {}
-    models = learn_comparable(list(candidates.values()))
-    for number, ((name, (scan, scene)), learned) in enumerate(zip(candidates.items(), models, strict=True)):
-        say(f"learning {name}", number / len(candidates))
-        calibration = (calibrations or {}).get(name) or _calibrated(scene, learned)
-        localizers[name] = _built(scan, scene, configuration, learned, calibration, rng)
-    say("ready", 1.0)
-    return FeatureIdentifier(localizers)
-
-
 def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:
     """Thresholds of convergence for the axes of ``scene``."""
     radius = [
@@ -141,14 +110,14 @@ def _silent(_doing: str, _done: float) -> None:
 
 
 def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
-    """What held-out sweeps say, by the exact filter with one update per shortest information length."""
-    configuration = Configuration(update_distance=INFORMATION_LENGTHS[0])
+    """What held-out sweeps say, by the exact filter."""
+    configuration = Configuration(update_distance=min(INFORMATION_LENGTHS))
+    exact = np.zeros(scene.dimension)
 
-    def exact(near: Scene, mixture: SweepMixture) -> Localizer:
-        grid = GridFilter(near, mixture.cell)
-        return _assembled(near, configuration, grid, mixture, np.zeros(scene.dimension))
+    def localizer(near: Scene, cell: np.ndarray, mixture: SweepMixture) -> Localizer:
+        return _assembled(near, configuration, GridFilter(near, cell), learned, mixture, exact)
 
-    return calibrate(scene, learned, exact)
+    return calibrate(scene, learned, localizer)
 
 
 def _built(
@@ -159,11 +128,10 @@ def _built(
     calibration: Calibration,
     rng: np.random.Generator,
 ) -> Localizer:
-    mixture = learned.mixture(scene, configuration.cell, calibration.information_length)
-    if configuration.filter == "particle":
-        # Resampled particles are moved apart, so there is no trajectory to learn offset and gain along.
-        mixture.new_session = None
-    model = mixture
+    cell = learned.cell(scene, configuration.cell)
+    bayes_filter = _build_filter(scene, configuration, cell, rng)
+    mixture = learned.mixture(scene, cell)
+    position, length = None, None
     if configuration.model != SWEEP_MIXTURE:
         without = _without_offsets(scan, scene, learned.noise.offsets)
         parameters = ModelParameters.from_mapping(scene.measurement)
@@ -171,11 +139,11 @@ def _built(
             from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths  # as above
 
             parameters = choose_kernel_widths(without, scene, parameters)
-        kernels = build_model(without, scene, configuration, parameters)
-        length = parameters.correlation_length or mixture.presence_length
-        model = KernelPosition(kernels, mixture, length)
-    bayes_filter = _build_filter(scene, configuration, model, mixture.cell, rng)
-    return _assembled(scene, configuration, bayes_filter, model, calibration.registration_std)
+        position = build_model(without, scene, configuration, parameters)
+        length = parameters.correlation_length or learned.presence_length
+    return _assembled(
+        scene, configuration, bayes_filter, learned, mixture, calibration.registration_std, position, length
+    )
 
 
 def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:
@@ -191,24 +159,31 @@ def _assembled(
     scene: Scene,
     configuration: Configuration,
     bayes_filter: BayesFilter,
-    model: SweepMixture,
+    learned: SweepModel,
+    mixture: SweepMixture,
     registration: np.ndarray,
+    position_model: MeasurementModel | None = None,
+    information_length: float | None = None,
 ) -> Localizer:
-    convergence = Convergence(convergence_criteria(scene, configuration))
-    return Localizer(scene, bayes_filter, model, convergence, configuration.update_distance, registration)
+    return Localizer(
+        scene,
+        bayes_filter,
+        mixture,
+        position_model,
+        learned.correlation(scene, mixture.map),
+        Convergence(convergence_criteria(scene, configuration)),
+        configuration.update_distance,
+        information_length or learned.information_length,
+        learned.presence_length,
+        registration,
+    )
 
 
 def _build_filter(
-    scene: Scene,
-    configuration: Configuration,
-    model: SweepMixture,
-    cell: np.ndarray,
-    rng: np.random.Generator,
+    scene: Scene, configuration: Configuration, cell: np.ndarray, rng: np.random.Generator
 ) -> BayesFilter:
     if configuration.filter == "grid":
-        if scene.dimension != 2 or model.new_session is not None:
-            return GridFilter(scene, cell)
-        return GridFilter(scene, cell, coarse=cell * (_COARSE / configuration.cell))
+        return GridFilter(scene, cell)
     return ParticleFilter(
         scene,
         rng,

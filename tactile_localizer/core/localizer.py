@@ -9,18 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.decision.convergence import Convergence, ConvergenceCriteria, State
-from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsistency
-from tactile_localizer.core.decision.presence import Presence
-from tactile_localizer.core.decision.relocation import Relocation
-from tactile_localizer.core.decision.sweep_offset import SweepOffset
-from tactile_localizer.core.filters.base import BayesFilter
+from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.likelihood.base import checked, usable
-from tactile_localizer.core.likelihood.new_session import unknown
+from tactile_localizer.core.geometry.references import References, TakenIn
+from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria, State
+from tactile_localizer.core.hypotheses.correlation import AWAY, PRIOR, Correlation, Sums
+from tactile_localizer.core.hypotheses.explanations import Explanations
+from tactile_localizer.core.hypotheses.phalanx_consistency import PhalanxConsistency
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, usable
+from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.likelihood.weights import log_sum
+from tactile_localizer.core.likelihood.weights import log_sum, probability
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
@@ -42,8 +42,7 @@ class Estimate(NamedTuple):
     on_map : probability that the map explains what is felt
     log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats; tempered as in the
         filter, then scaled to a whole measurement
-    log_elsewhere, log_featureless : the same of unknown, and of featureless material off the map, nats
-    exponent : of that update in the probability of the map; zero where there was none
+    log_unknown, log_featureless : the same of unknown, and of featureless material off the map, nats
     consistent : (F,) bool, phalanges that are not stuck
     effective_sample_size, hypotheses : of the particles or cells
     travel : m since the belief was uniform
@@ -59,9 +58,8 @@ class Estimate(NamedTuple):
     probability: float
     on_map: float
     log_marginal: float
-    log_elsewhere: float
+    log_unknown: float
     log_featureless: float
-    exponent: float
     consistent: np.ndarray
     effective_sample_size: float
     hypotheses: int
@@ -74,18 +72,23 @@ class Estimate(NamedTuple):
         return self.state is State.CONVERGED
 
 
-class Coasting(NamedTuple):
-    """Estimates of n strains that lead to no measurement update: what changes between two updates.
+class _Sweep(NamedTuple):
+    """What is known of the sweep, along the P trajectories of the states and the R of the references.
 
     Parameters
     ----------
-    mean, covariance : (n, d) and (n, d, d), m (yaw: rad)
-    travel : (n,) m since the belief was uniform
+    weights : (P,) of the states
+    trend : by which the sweep differs from the scan
+    sums : of the correlation with the map
+    explanations : probabilities of what explains the strain
+    log_odds : of the map to chance
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    travel: np.ndarray
+    weights: np.ndarray
+    trend: Trend
+    sums: Sums
+    explanations: Explanations
+    log_odds: float
 
 
 class Localizer:
@@ -100,13 +103,13 @@ class Localizer:
     scene : what is modelled
     bayes_filter : a particle or grid filter over that scene
     model : what a place feels like
+    position_model : one of the paper's models, or a user-defined one, for the position; ``None``: ``model``
+    correlation : evidence for the map where the material is felt everywhere; ``None`` elsewhere
     convergence : decides when the position has converged
     update_distance : m of travel between two measurement updates
+    information_length, presence_length : m of travel per independent measurement of the position, and of the
+        material
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
-
-    Attributes
-    ----------
-    left : fraction of the belief that left the scene before the last measurement update
     """
 
     def __init__(
@@ -114,28 +117,30 @@ class Localizer:
         scene: Scene,
         bayes_filter: BayesFilter,
         model: SweepMixture,
+        position_model: MeasurementModel | None,
+        correlation: Correlation | None,
         convergence: Convergence,
         update_distance: float,
+        information_length: float,
+        presence_length: float,
         registration_std: np.ndarray,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
         self.model = model
+        self._position_model, self._correlation = position_model, correlation
         self._convergence = convergence
         self._update_distance = update_distance
+        self._information_length, self._presence_length = information_length, presence_length
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
-        self._session = model.new_session
-        self._presence = Presence()
-        self._relocation = Relocation()
-        self._offset = SweepOffset(scene.layout, model.offset_variance)
         self._consistency = PhalanxConsistency(scene.layout)
+        self._references = References(scene)
         self._stamp_ns: int | None = None
         self._updated_ns = 0
         self._updated_at: np.ndarray | None = None
         self._belief: Belief | None = None
-        self._pending = np.zeros(scene.dimension)
         self._restart()
 
     def reset(self) -> None:
@@ -157,9 +162,10 @@ class Localizer:
         """States (P, d) and weights (P,) behind the last estimate, for display."""
         return self.filter.hypotheses()
 
-    def explanations(self) -> tuple[float, float, float]:
-        """Probabilities of the map, of unknown material and of featureless material off the map."""
-        return self._presence.probability, self._presence.unknown, self._presence.featureless
+    @property
+    def explanations(self) -> Explanations:
+        """Probabilities of what can explain the strain."""
+        return self._sweep.explanations
 
     def update(
         self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -199,131 +205,123 @@ class Localizer:
             self._measure(strain, here)
         return self._estimate(stamp_ns, updated)
 
-    def coast(self, stamp_ns: np.ndarray, positions: np.ndarray) -> Coasting:
-        """As :meth:`update` with one valid strain after another, as far as none leads to an update.
-
-        Where a hand moves slowly that is most of them, and all at once they cost next to nothing.
-
-        Parameters
-        ----------
-        stamp_ns : (m,) of the strains that follow the last one
-        positions : (m, d) finite positions of the palm at these stamps
-
-        Returns
-        -------
-        Coasting
-            Of the first n of the m strains; the next one must go to :meth:`update`.
-        """
-        belief, origin = self._belief, self._updated_at
-        if belief is None or origin is None or self._stamp_ns is None:
-            return Coasting(positions[:0], np.empty((0, *positions.shape[1:] * 2)), np.empty(0))
-        pending = self._motion.displacement(origin, positions)
-        travel = self._motion.travels(pending)
-        stops = (travel >= self._update_distance) & (stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS)
-        stops[:1] |= stamp_ns[:1] < self._stamp_ns
-        stops[1:] |= stamp_ns[1:] < stamp_ns[:-1]
-        count = int(stops.argmax()) if stops.any() else len(stops)
-        if count:
-            self._stamp_ns = int(stamp_ns[count - 1])
-        travel = travel[:count]
-        covariance = belief.covariance + self._registration + travel[:, None, None] * self._noise_per_metre
-        mean = self._motion.wrapped(belief.mean + pending[:count])
-        return Coasting(mean, covariance, self._travel + travel)
-
     def _restart(self) -> None:
-        for part in (
-            self._convergence,
-            self._presence,
-            self._relocation,
-            self._offset,
-            self._consistency,
-        ):
+        for part in (self._convergence, self._consistency, self._references):
             part.reset()
-        if self._session is not None:
-            self._session.reset()
+        references = len(self._references)
+        # The first prediction has no ancestors: all trajectories begin at the references.
+        self._sweep = _Sweep(
+            weights=np.ones(1),
+            trend=self.model.drift.start(1 + references),
+            sums=Sums.start(1 + references),
+            explanations=Explanations.start(references, only_map=self._correlation is not None),
+            log_odds=-PRIOR,
+        )
         self._stamp_ns = None
+        self._updated_ns = 0
         self._updated_at = None
+        self._belief = None
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
         self._travel = 0.0
-        self._belief = None
-        self._explanations = np.full(3, np.nan)
-        self._exponent = 0.0
-        self.left = 0.0
+        self._log_likelihoods = np.full(3, np.nan)
 
     def _measure(self, strain: np.ndarray, present: np.ndarray) -> None:
-        """The measurement update: predicted belief, likelihoods, posterior, decision."""
+        """The measurement update: predicted belief, likelihoods, posterior, explanations, decision."""
         travel = self._pending_travel
         stretch = max(travel, self._update_distance)
-        self.left = self.filter.predict(self._pending, travel) if travel > 0.0 else 0.0
-        self._presence.predict(travel, self.left)
-        injected = self._relocation.predict(travel, self._presence.probability)
-        self.filter.inject(injected)
-
         self._consistency.observe(strain, present, travel)
-        used = self._used(present)
-        states, log_prior = self.filter.prior()
-        whitened = self.model.whitened(strain) - self._offset.mean
-        evaluation = self.model.evaluate(states, whitened, used, self._offset.phalanx_variance())
+        used, exponent = self._used(present), min(1.0, stretch / self._information_length)
 
-        exponent = min(1.0, stretch / self.model.information_length)
-        log_unknown = unknown(log_prior, evaluation.other_material, evaluation.elsewhere)
-        session = self._session
-        if session is not None:
-            session.returned(injected)
-        if session is not None and session.is_possible:
-            exponents = exponent, min(1.0, stretch / session.length)
-            ratios = session.evaluate(
-                self.filter.ancestors(), log_prior, evaluation, whitened, used, exponents, travel
-            )
-            log_ratio = log_sum(log_prior + ratios)
-            self.filter.update(ratios)
-        else:
-            log_ratio = log_sum(log_prior + exponent * (evaluation.same_material - log_unknown))
-            self.filter.update(exponent * evaluation.position)
-        self._belief = self.filter.belief()
+        prediction, sweep = self._predict(travel)
+        places = np.concatenate([prediction.states, self._references.states])
+        nodes, expected = self.model.expected(places)
+        whitened = self.model.whitened(strain)
+        innovation, trend = self.model.drift.update(sweep.trend, whitened, expected, stretch, exponent)
+        likelihoods = self.model.evaluate(nodes, prediction.log_weights, innovation, used)
+        position = likelihoods.states
+        if self._position_model is not None:
+            position = self._position_likelihood(prediction, innovation, strain, used)
 
-        self._decide(log_ratio / exponent, log_unknown, evaluation.featureless, travel, stretch)
-        if self._offset.is_learned:
-            expected = self.model.expected(
-                evaluation.nodes, log_prior + exponent * evaluation.position, whitened
-            )
-            self._offset.update(expected, used, exponent)
+        belief = self.filter.update(exponent * position)
+        weights = self.filter.weights()
+        tracked = log_sum(prediction.log_weights + exponent * likelihoods.states) / exponent
+        is_elsewhere = self._motion.travels(places[len(weights) :] - belief.mean) > AWAY
+        material = min(1.0, stretch / self._presence_length)
+        explanations = sweep.explanations.update(tracked, likelihoods, is_elsewhere, material)
+        sums, log_odds = sweep.sums, sweep.log_odds
+        if self._correlation is not None:
+            variance = self.model.variance(nodes)
+            sums = self._correlation.update(sums, innovation.strain, innovation.map, variance, stretch)
+            boxes = self._references.index(prediction.states)
+            log_odds = self._correlation.log_odds(sums, weights, boxes, is_elsewhere)
+
+        self._sweep = _Sweep(weights, trend, sums, explanations, log_odds)
+        self._belief = belief
+        self._log_likelihoods = np.array([tracked, likelihoods.unknown, likelihoods.featureless])
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
+        self._decide(belief, travel)
+
+    def _predict(self, travel: float) -> tuple[Prediction, _Sweep]:
+        """The predicted belief, and what is known of the sweep along its trajectories."""
+        sweep, references = self._sweep, self._references
+        references.move(self._pending)
+        taken_in = None
+        if sweep.explanations.taken_in:
+            taken_in = TakenIn(sweep.explanations.taken_in, references, np.exp(sweep.explanations.elsewhere))
+        prediction = self.filter.predict(self._pending, travel, taken_in)
+        explanations = sweep.explanations.predict(travel, prediction.left)
+        before = len(sweep.weights)
+        if taken_in is None and np.array_equal(prediction.ancestors, np.arange(before)):
+            return prediction, sweep._replace(explanations=explanations)
+        # The trajectories of the references follow those of the states; new states begin from them.
+        rows = before + np.arange(len(references))
+        ancestors = np.concatenate([prediction.ancestors, rows])
+        continued = np.concatenate([prediction.continued, np.ones(len(rows))])
+        begun = np.concatenate([rows[references.index(prediction.states)], rows])
+        return prediction, sweep._replace(
+            trend=sweep.trend.followed(ancestors, continued, begun),
+            sums=sweep.sums.followed(ancestors, continued, sweep.log_odds)
+            if self._correlation
+            else sweep.sums,
+            explanations=explanations,
+        )
+
+    def _position_likelihood(
+        self, prediction: Prediction, innovation: Innovation, strain: np.ndarray, used: np.ndarray
+    ) -> np.ndarray:
+        """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
+        assert self._position_model is not None
+        if self.model.is_featureless:
+            trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
+            strain = self.model.in_volts(innovation.strain + trend)
+        return self._position_model.log_likelihood(prediction.states, strain, used)
+
+    def _decide(self, belief: Belief, travel: float) -> None:
+        """Whether the position has converged."""
+        explanations = self._sweep.explanations
+        on_map, unknown = explanations.on_map, explanations.unknown
+        if self._correlation is not None:
+            on_map = probability(self._sweep.log_odds)
+            unknown = 1.0 - on_map
+        self._on_map = on_map
+        near = self.filter.mass_near(belief.mean, self._convergence.criteria.radius)
+        tracked = on_map * explanations.tracked / max(explanations.on_map, 1e-300)
+        self._convergence.update(near, tracked, unknown, travel)
 
     def _used(self, present: np.ndarray) -> np.ndarray:
         """Phalanges that are present and consistent; the present ones, where none is left."""
         used = present & self._consistency.consistent
         return used if used.any() else present
 
-    def _decide(
-        self, log_ratio: float, log_unknown: float, featureless: float, travel: float, stretch: float
-    ) -> None:
-        """Whether the map explains the strain, and whether the position has converged.
-
-        ``log_ratio`` is that of the map to unknown material for a whole measurement, from likelihoods that
-        were tempered as in the filter: a belief that follows what is felt pays for each time it moves on.
-        """
-        self._exponent = min(1.0, stretch / self.model.presence_length)
-        self._explanations = np.array([log_unknown + log_ratio, log_unknown, featureless])
-        evidence = self._exponent * self._explanations
-        if featureless == -np.inf and self._travel < self.model.presence_length:
-            # Felt at once, the first measurement places the hand; the next can tell whether it fits.
-            evidence[0] = evidence[1]
-        self._presence.update(evidence)
-        self._relocation.update(float(evidence[0] - evidence[1]))
-        assert self._belief is not None
-        near = self.filter.mass_near(self._belief.mean, self._convergence.criteria.radius)
-        self._convergence.update(near, self._presence.probability, self._presence.unknown, travel)
-
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
         covariance = belief.covariance + self._registration + self._pending_travel * self._noise_per_metre
         convergence = self._convergence
-        log_marginal, log_elsewhere, log_featureless = self._explanations.tolist()
+        log_marginal, log_unknown, log_featureless = self._log_likelihoods.tolist()
         return Estimate(
             stamp_ns=stamp_ns,
             mean=self._motion.wrapped(belief.mean + self._pending),
@@ -332,11 +330,10 @@ class Localizer:
             state=convergence.state,
             reason=convergence.reason,
             probability=convergence.probability,
-            on_map=self._presence.probability,
+            on_map=self._on_map,
             log_marginal=log_marginal,
-            log_elsewhere=log_elsewhere,
+            log_unknown=log_unknown,
             log_featureless=log_featureless,
-            exponent=self._exponent if updated else 0.0,
             consistent=self._consistency.consistent,
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,

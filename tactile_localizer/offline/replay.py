@@ -7,15 +7,14 @@ prior.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.decision.convergence import State
-from tactile_localizer.core.localizer import Coasting, Estimate, Localizer
+from tactile_localizer.core.hypotheses.convergence import State
+from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording, usable
 from tactile_localizer.offline.odometry import travelled
@@ -24,12 +23,6 @@ from tactile_localizer.scene import Scene
 Progress = Callable[[str, float], None]
 
 _REPORT_EVERY = 500
-
-_MAX_COASTING = 64
-"""Most samples without a measurement update that are processed together; usually fewer are between two."""
-
-_LARGEST = 1e90
-"""Larger numbers are passed to :meth:`Localizer.update`, which decides whether to refuse them."""
 
 
 @dataclass(frozen=True)
@@ -121,58 +114,22 @@ def replay(
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
-        estimates = _Estimates(localizer.scene, len(sweep))
-        reported = -_REPORT_EVERY
-        for row in _localize(localizer, sweep, estimates, clock):
-            if progress is not None and row >= reported + _REPORT_EVERY:
+        estimates, present = _Estimates(localizer.scene, len(sweep)), usable(sweep.status)
+        samples = zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, present, strict=True)
+        for row, (stamp_ns, position, strain, here) in enumerate(samples):
+            if progress is not None and row % _REPORT_EVERY == 0:
                 progress("replaying", (done + row) / total)
-                reported = row
+            began = clock()
+            try:
+                estimate = localizer.update(stamp_ns, position, strain, here)
+            except MeasurementError:
+                continue  # counted as refused
+            estimates.append(row, estimate, clock() - began)
         done += len(sweep)
         tracks.append(estimates.track(sweep))
     if progress is not None:
         progress("replaying", 1.0)
     return tracks
-
-
-def _localize(
-    localizer: Localizer, sweep: RecordedSweep, estimates: _Estimates, clock: Callable[[], float]
-) -> Iterator[int]:
-    """Add the estimates of a sweep; yields the number of processed samples."""
-    stamps, present = sweep.stamp_ns, usable(sweep.status)
-    regular = _regular(sweep, present, localizer.scene.layout)
-    row = 0
-    while row < len(sweep):
-        began = clock()
-        try:
-            estimate = localizer.update(
-                int(stamps[row]), sweep.position[row], sweep.strain[row], present[row]
-            )
-        except MeasurementError:
-            estimate = None
-        if estimate is not None:
-            estimates.append(row, estimate, clock() - began)
-        row += 1
-        # Samples that lead to no update are processed together, up to one that the localizer may refuse.
-        while estimate is not None and row < len(sweep):
-            until = row + _MAX_COASTING
-            if not regular[row:until].all():
-                until = row + int(regular[row:until].argmin())
-            began = clock()
-            coasting = localizer.coast(stamps[row:until], sweep.position[row:until])
-            count = len(coasting.travel)
-            if count:
-                estimates.extend(row, estimate, coasting, clock() - began)
-            row += count
-            if count < _MAX_COASTING:
-                break
-        yield row
-
-
-def _regular(sweep: RecordedSweep, present: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Samples (n,) bool that the localizer cannot refuse: with a phalanx present, and finite numbers."""
-    felt = np.where(layout.expand(present), sweep.strain, 0.0)
-    small = [(np.abs(values) < _LARGEST).all(axis=1) for values in (felt, sweep.position)]  # false for NaN
-    return np.asarray(small[0] & small[1] & present.any(axis=1))
 
 
 class _Estimates:
@@ -205,20 +162,6 @@ class _Estimates:
         self._state.append(estimate.state)
         self._reason.append(estimate.reason)
         self._count += 1
-
-    def extend(self, row: int, last: Estimate, coasting: Coasting, seconds: float) -> None:
-        """Add the estimates of the samples from ``row`` on without an update, and their computing time."""
-        begin, count = self._count, len(coasting.travel)
-        part = slice(begin, begin + count)
-        self._row[part] = np.arange(row, row + count)
-        self._mean[part], self._covariance[part] = coasting.mean, coasting.covariance
-        self._numbers[part, :3] = last.probability, last.on_map, last.log_marginal
-        self._numbers[part, 3] = coasting.travel
-        self._numbers[part, 4] = seconds / count
-        self._updated[part], self._consistent[part] = False, last.consistent
-        self._state += [last.state] * count
-        self._reason += [last.reason] * count
-        self._count += count
 
     def track(self, sweep: RecordedSweep) -> Track:
         """Track of the estimates along ``sweep``."""

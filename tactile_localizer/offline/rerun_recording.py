@@ -179,9 +179,11 @@ class ReplayView:
         for phalanx, channels in zip(self._scene.phalanges, self._scene.layout.slices, strict=True):
             log(f"strain/{phalanx.name}/measured", rr.Scalars(sweep.strain[row, channels]))
             log(f"strain/{phalanx.name}/expected", rr.Scalars(expected[channels]))
-        log_likelihoods = estimate.log_marginal, estimate.log_elsewhere, estimate.log_featureless
+        log_likelihoods = estimate.log_marginal, estimate.log_unknown, estimate.log_featureless
+        explained = localizer.explanations
+        probabilities = explained.on_map, explained.unknown, explained.featureless
         for name, probability, log_likelihood in zip(
-            _EXPLANATIONS, localizer.explanations(), log_likelihoods, strict=True
+            _EXPLANATIONS, probabilities, log_likelihoods, strict=True
         ):
             log(f"probability/{name}", rr.Scalars(probability))
             if np.isfinite(log_likelihood):

@@ -5,8 +5,8 @@ import pytest
 from support.sweeps import CALIBRATION
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.decision.convergence import ConvergenceCriteria
 from tactile_localizer.core.factory import build_identifier
+from tactile_localizer.core.hypotheses.convergence import ConvergenceCriteria
 from tactile_localizer.core.identification import FeatureLocalizer
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.io.scene_file import load_scene

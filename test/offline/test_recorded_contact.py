@@ -45,7 +45,8 @@ def test_unrecorded_contact_is_taken_from_the_map() -> None:
     test = recording_of(simulate_scan("bump", 1, "test"))
     unmarked = replace(test, sweeps=tuple(replace(sweep, felt=None) for sweep in test.sweeps))
     scan = simulate_scan("bump", 1).to_scan()
-    table = learn_sweep_model(scan, SCENE).mixture(SCENE, 0.3, 0.003).map
+    learned = learn_sweep_model(scan, SCENE)
+    table = learned.mixture(SCENE, learned.cell(SCENE, 0.45)).map
     marked = with_contact(unmarked, SCENE, table)
     away = []
     for own, found in zip(test.sweeps, marked.sweeps, strict=True):

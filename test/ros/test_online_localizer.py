@@ -8,8 +8,8 @@ from support.sweeps import kidnapped_sweep, scene_of, unseen_sweep
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.decision.convergence import State
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import simulate_scan

@@ -23,11 +23,6 @@ from tactile_localizer.core.scan.lines import neighbours
 from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
-INFORMATION_LENGTHS = (0.0017, 0.005)
-"""Travel per independent measurement where the material has featureless parts, and where it is felt
-everywhere, m. By judgement: errors of the map are correlated along a sweep, so that consecutive strains are
-not independent measurements. On a bump of a physics engine and three features of another simulator 1 to 3 mm
-are equal within their errors; 5 mm delays convergence."""
 _MOST_SWEEPS = 24
 """Sweeps that are held out, each of which takes one or two new maps."""
 _PRIOR_STD = PITCH
@@ -77,26 +72,27 @@ class _Outcome(NamedTuple):
 
 
 def calibrate(
-    scene: Scene, model: SweepModel, localizer: Callable[[Scene, SweepMixture], Localizer]
+    scene: Scene, model: SweepModel, localizer: Callable[[Scene, np.ndarray, SweepMixture], Localizer]
 ) -> Calibration:
     """Localize sweeps on the map of the others, within the surroundings of each sweep.
 
     Parameters
     ----------
     model : sweep model of the scan
-    localizer : makes a localizer from a scene and a mixture, without registration error
+    localizer : makes one from a scene, the size of its cells and a mixture, without registration error
     """
-    length = INFORMATION_LENGTHS[0 if model.noise.featureless else 1]
     sweeps = len(model.noise.tracks)
     if sweeps < 2:
-        return Calibration(length, np.full(scene.dimension, _PRIOR_STD) / levers(scene), model.variance)
+        return Calibration(
+            model.information_length, np.full(scene.dimension, _PRIOR_STD) / levers(scene), model.variance
+        )
 
     def localize(index: int, without: np.ndarray) -> _Outcome:
         track, has_signal = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
         near = surroundings(scene, track.positions)
         rows = tuple(np.flatnonzero(without).tolist())
-        mixture = model.mixture(near, _LINES_PER_CELL, length, rows)
-        return _localize(localizer(near, mixture), track, has_signal, near)
+        cell = model.cell(near, _LINES_PER_CELL)
+        return _localize(localizer(near, cell, model.mixture(near, cell, rows)), track, has_signal, near)
 
     def outcome(index: int) -> _Outcome:
         own, beside = neighbours(model.noise.tracks, scene, index)
@@ -111,7 +107,7 @@ def calibrate(
     # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
     registration = scale * _registration(outcomes, scene)
-    return Calibration(length, registration, model.variance)
+    return Calibration(model.information_length, registration, model.variance)
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:

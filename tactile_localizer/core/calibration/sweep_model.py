@@ -2,90 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.likelihood.new_session import NewSession
-from tactile_localizer.core.likelihood.noise_model import (
-    NoiseEstimate,
-    common_whitening,
-    estimate_noise,
-    with_common_offsets,
+from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.hypotheses.correlation import Correlation
+from tactile_localizer.core.likelihood.drift import Drift, innovations
+from tactile_localizer.core.likelihood.noise_model import TREND_MEMORY, NoiseEstimate, estimate_noise
+from tactile_localizer.core.likelihood.strain_map import (
+    NODES_PER_CELL,
+    StrainMap,
+    VarianceModel,
+    build_map,
+    cell_size,
+    fit_variance,
+    local_scale,
+    summed_correlation,
 )
-from tactile_localizer.core.likelihood.strain_map import VarianceModel, build_map, cell_size, fit_variance
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
-_CORRELATIONS_PER_MEASUREMENT = 2.0
-"""Correlation lengths of the signal per independent measurement in another session: over a shorter distance
-any material can be fitted by an offset and a gain. By judgement; tried on two fabrics."""
+INFORMATION_LENGTHS = (0.0017, 0.005)
+"""Travel per independent measurement where the material has featureless parts, and where it is felt
+everywhere, m. By judgement: errors of the map are correlated along a sweep, so that consecutive strains are
+not independent measurements. On a bump of a physics engine and three features of another simulator 1 to 3 mm
+are equal within their errors; 5 mm delays convergence."""
+_CORRELATED = 20
+"""Sweeps from which the map's innovations are taken."""
 
 
 class SweepModel(NamedTuple):
-    """Noise estimate and variance model of a scan."""
-
-    noise: NoiseEstimate
-    variance: VarianceModel
-
-    def mixture(
-        self, scene: Scene, lines: float, information_length: float, without: tuple[int, ...] = ()
-    ) -> SweepMixture:
-        """The measurement model for cells of ``lines`` spacings, without some of the tracks."""
-        spacing = self.noise.spacing
-        cell = cell_size(scene, spacing, lines)
-        nodes = {"nodes_per_cell": 1} if without else {}
-        table = build_map(
-            [track for index, track in enumerate(self.noise.tracks) if index not in without],
-            scene,
-            spacing,
-            cell,
-            self.variance,
-            self.noise.featureless,
-            self.noise.model.turning,
-            **nodes,
-        )
-        session = None
-        # A grid on three axes has too many cells to estimate an offset for each.
-        if not self.noise.featureless and scene.dimension < 3:
-            session = NewSession(
-                self.noise.model, table, _CORRELATIONS_PER_MEASUREMENT * self.variance.signal_correlation
-            )
-        correlation = self.variance.summed_correlation
-        return SweepMixture(self.noise.model, table, cell, information_length, correlation, session)
-
-
-def learn_sweep_model(
-    scan: Scan, scene: Scene, whitening: np.ndarray | None = None, variance: VarianceModel | None = None
-) -> SweepModel:
-    """Estimate the noise of a scan and its variance between the sweeps.
+    """Noise estimate and variance model of a scan.
 
     Parameters
     ----------
-    whitening : (C, C) to use instead of the scan's own (:func:`.common_whitening`)
-    variance : fitted to the same scan under the same whitening; ``None``: fitted now
+    noise : noise estimate
+    variance : variance model
+    scale : tracks of a local factor of the variance, where the material is felt everywhere
+    """
+
+    noise: NoiseEstimate
+    variance: VarianceModel
+    scale: list[Track] | None
+
+    @property
+    def information_length(self) -> float:
+        """Travel per independent measurement of the position, m."""
+        return INFORMATION_LENGTHS[0 if self.noise.featureless else 1]
+
+    @property
+    def presence_length(self) -> float:
+        """Travel per independent measurement of the material, m: all places share errors of the map."""
+        return max(self.information_length, self.variance.summed_correlation)
+
+    def mixture(self, scene: Scene, cell: np.ndarray, without: tuple[int, ...] = ()) -> SweepMixture:
+        """The measurement model for cells (d,) of a grid, without some of the tracks."""
+        noise = self.noise
+        table = build_map(
+            [track for index, track in enumerate(noise.tracks) if index not in without],
+            scene,
+            noise.spacing,
+            cell,
+            self.variance,
+            noise.featureless,
+            noise.model.turning,
+            self.scale,
+            1 if without else NODES_PER_CELL,
+        )
+        if table.featureless_variance is not None:
+            drift = Drift(np.inf, table.featureless_variance, noise.model.offset_variance)
+        else:
+            drift = Drift(
+                TREND_MEMORY, float(np.median(table.variance)), np.full(noise.model.layout.size, np.inf)
+            )
+        return SweepMixture(noise.model, table, drift, self.information_length)
+
+    def cell(self, scene: Scene, lines: float) -> np.ndarray:
+        """Size (d,) of cells of ``lines`` line spacings."""
+        return cell_size(scene, self.noise.spacing, lines)
+
+    def correlation(self, scene: Scene, table: StrainMap) -> Correlation | None:
+        """Evidence for the map; ``None`` where featureless material is the alternative."""
+        if self.noise.featureless:
+            return None
+        tracks = [self.noise.tracks[index] for index in evenly(len(self.noise.tracks), _CORRELATED)]
+        along = [
+            innovations(table.mean[table.nearest(track.positions), 0].astype(np.float64), TREND_MEMORY, PITCH)
+            for track in tracks
+        ]
+        length = summed_correlation([(each, each) for each in along], TREND_MEMORY)
+        places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
+        return Correlation(np.concatenate(along), float(np.median(table.variance)), places)
+
+
+def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None = None) -> SweepModel:
+    """Estimate the noise of a scan and its variance between the sweeps.
+
+    ``variance`` was fitted to the same scan; ``None``: fitted now.
 
     Raises
     ------
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    noise = estimate_noise(scan, scene, whitening)
-    return SweepModel(noise, variance or fit_variance(noise, scene))
-
-
-def learn_comparable(candidates: Sequence[tuple[Scan, Scene]]) -> list[SweepModel]:
-    """Learn the models of several scans in the same coordinates, so that their densities are comparable.
-
-    They have a common whitening and a common prior of a sweep's offset, but individual variance models: with
-    the mean of four fabrics, one was mistaken for another. Raises as :func:`learn_sweep_model`.
-    """
-    own = [estimate_noise(scan, scene).model for scan, scene in candidates]
-    whitening = common_whitening(own)
-    noises = with_common_offsets([estimate_noise(scan, scene, whitening) for scan, scene in candidates])
-    return [
-        SweepModel(noise, fit_variance(noise, scene))
-        for noise, (_, scene) in zip(noises, candidates, strict=True)
-    ]
+    noise = estimate_noise(scan, scene)
+    variance = variance or fit_variance(noise, scene)
+    return SweepModel(noise, variance, None if noise.featureless else local_scale(noise, scene, variance))

@@ -2,17 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.geometry.references import TakenIn
+
+
+class Prediction(NamedTuple):
+    """The belief after a motion, before the measurement.
+
+    Parameters
+    ----------
+    states : (P, d) that have weight, m (yaw: rad)
+    log_weights : (P,) logarithms of their weights, with a sum of one
+    ancestors : (P,) int, index of the state of the last prediction from which each comes
+    continued : (P,) fraction of each state's weight that comes from its ancestor; the rest was taken in
+    left : fraction of the belief that left the scene
+    """
+
+    states: np.ndarray
+    log_weights: np.ndarray
+    ancestors: np.ndarray
+    continued: np.ndarray
+    left: float
 
 
 class BayesFilter(Protocol):
     """Recursive estimate of the state from displacements and log-likelihoods (paper, Eq. 1 and 2).
 
-    A filter owns no measurement model: :meth:`states` are what the likelihood is wanted at, and
+    A filter owns no measurement model: a prediction has the states at which the likelihood is wanted, and
     :meth:`update` takes it.
     """
 
@@ -22,35 +42,20 @@ class BayesFilter(Protocol):
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
         """Start from a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
 
-    def predict(self, displacement: np.ndarray, travel: float) -> float:
+    def predict(self, displacement: np.ndarray, travel: float, taken_in: TakenIn | None = None) -> Prediction:
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres.
 
-        Returns the fraction of the belief that left the scene.
+        Then a fraction of it is replaced by that which is ``taken_in``.
         """
 
-    def inject(self, fraction: float) -> None:
-        """Replace ``fraction`` of the belief by a uniform belief over the scene."""
-
-    def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """States (P, d) that have weight, and the logarithms (P,) of their normalised weights."""
-
-    def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the states of :meth:`prior` come from.
-
-        Returns
-        -------
-        index : (P,) int, of the state before, in the order of the last :meth:`prior`
-        share : (P,) fraction of a state's weight that the ancestor contributed; the rest was injected
-        """
-
-    def update(self, log_likelihood: np.ndarray) -> None:
-        """Weight the states of :meth:`prior` by ``log_likelihood`` (P,).
+    def update(self, log_likelihood: np.ndarray) -> Belief:
+        """Weight the predicted states by ``log_likelihood`` (P,); returns moments, before any resampling.
 
         A measurement that is impossible everywhere changes nothing.
         """
 
-    def belief(self) -> Belief:
-        """Moments of the belief, after weighting and before anything is resampled or injected."""
+    def weights(self) -> np.ndarray:
+        """Weights (P,) of the predicted states after the update, with a sum of one."""
 
     def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
         """Probability of the ellipsoid with half-axes ``radius`` (d,) about ``mean`` (d,)."""

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.filters.blocks import MOST_APART, Blocks
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.geometry.references import TakenIn
 from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.weights import moments
+from tactile_localizer.core.likelihood.weights import moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
@@ -35,8 +36,6 @@ class GridFilter:
     ----------
     scene : bounds and motion noise
     cell : (d,) largest size of a cell, m (yaw: rad)
-    coarse : (d,) largest size of a block of cells that is one hypothesis where the belief has no detail;
-        ``None``: every cell is one, as :meth:`ancestors` needs
 
     Raises
     ------
@@ -46,7 +45,7 @@ class GridFilter:
 
     MOST_CELLS = 4_000_000
 
-    def __init__(self, scene: Scene, cell: np.ndarray, coarse: np.ndarray | None = None) -> None:
+    def __init__(self, scene: Scene, cell: np.ndarray) -> None:
         extent = scene.upper - scene.lower
         counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
         if float(np.prod(counts)) > self.MOST_CELLS:
@@ -65,16 +64,12 @@ class GridFilter:
         self._wraps, self._turns = scene.wraps, bool(scene.wraps.any())
         self._extent = extent
         self._size = int(np.prod(self._shape))
-        self._blocks: Blocks | None = None
-        if coarse is not None and self._size > MOST_APART:
-            self._blocks = Blocks(self._unmoved, np.maximum((coarse / self._cell + 1e-9).astype(int), 1))
-        self._in_blocks = False
         self._belief: np.ndarray
         self._offset: np.ndarray
         self._pending: np.ndarray
         self._alive: np.ndarray
-        self._shifted: np.ndarray
-        self._weighted: np.ndarray | None  # of the states, where these are cells and nothing moved since
+        self._states: np.ndarray
+        self._posterior: np.ndarray
         self.reset()
 
     def reset(self) -> None:
@@ -91,158 +86,108 @@ class GridFilter:
             log_density += np.expand_dims(-0.5 * scaled**2, others)
         self._place(np.exp(log_density - log_density.max()))
 
-    def predict(self, displacement: np.ndarray, travel: float) -> float:
-        """See :meth:`.BayesFilter.predict`."""
+    def predict(self, displacement: np.ndarray, travel: float, taken_in: TakenIn | None = None) -> Prediction:
+        """See :meth:`.BayesFilter.predict`; diffusion between cells does not change a cell's ancestor."""
+        before, shifted, left = self._alive, [0] * len(self._shape), 1.0
         if self._turns:
             displacement = np.where(self._wraps, wrap_angle(displacement), displacement)
         if (np.abs(displacement) > self._extent).any():
-            self.reset()
-            return 1.0
-        self._weighted = None
-        self._offset = self._offset + displacement
-        kept = 1.0
-        for axis, cells in enumerate(np.rint(self._offset / self._cell).tolist()):
-            if cells:
-                kept *= self._shift(axis, int(cells))
-        self._pending = self._pending + self._motion.variance(travel) / self._cell**2
-        for axis, variance in enumerate(self._pending.tolist()):
-            if variance >= _WORTH_DIFFUSING:
-                kept *= self._diffuse(axis, variance)
-        return 1.0 - kept
-
-    def inject(self, fraction: float) -> None:
-        """See :meth:`.BayesFilter.inject`."""
-        self._injected = fraction / self._size
-        if self._injected:
-            self._weighted = None
-            self._belief = (1.0 - fraction) * self._belief
-            self._belief += self._injected
-
-    def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`.BayesFilter.prior`; a state is a cell, or a block of them."""
-        self._weighted = None
-        self._before, self._shift_since = self._alive, self._shifted
-        self._shifted = np.zeros_like(self._shifted)
-        weights = self._belief.ravel()
-        self._alive = self._living(weights)
-        self._in_blocks = self._blocks is not None and len(self._alive) > MOST_APART
-        if self._blocks is not None and self._in_blocks:
-            self._alive = self._blocks.divide(weights)
-            own = self._unmoved_states.take(self._alive, axis=1)
-            states = np.concatenate([own, self._blocks.centres], axis=1)
-            self._weights = np.concatenate([weights[self._alive], self._blocks.masses])
+            self._place(np.ones(self._shape))
+            before = before[:0]
         else:
-            states = self._unmoved_states.take(self._alive, axis=1)
-            self._weights = weights.take(self._alive)
-        self._log_prior = np.log(self._weights)
+            self._offset = self._offset + displacement
+            kept = 1.0
+            for axis, cells in enumerate(np.rint(self._offset / self._cell).astype(int).tolist()):
+                if cells:
+                    shifted[axis] = cells
+                    kept *= self._shift(axis, cells)
+            self._pending = self._pending + self._motion.variance(travel) / self._cell**2
+            for axis, variance in enumerate(self._pending.tolist()):
+                if variance >= _WORTH_DIFFUSING:
+                    kept *= self._diffuse(axis, variance)
+            left = 1.0 - kept
+        kept_cells = cells = self._belief.ravel()
+        if taken_in is not None:
+            box = taken_in.references.index(self._unmoved_states.T + self._offset)
+            cells_in_box = np.bincount(box, minlength=len(taken_in.weights))
+            density = (taken_in.weights / np.maximum(cells_in_box, 1))[box]
+            kept_cells = (1.0 - taken_in.fraction) * cells
+            cells = kept_cells + taken_in.fraction * density / density.sum()
+            self._belief = cells.reshape(self._shape)
+        self._alive = self._living(cells)
+        weights = cells.take(self._alive)
+        states = self._unmoved_states.take(self._alive, axis=1)
         states += self._offset[:, None]
-        self._states = states.T
-        return self._states, self._log_prior
+        self._states, self._posterior = states.T, weights
+        ancestors = self._ancestors(before, shifted)
+        continued = np.where(ancestors < 0, 0.0, kept_cells.take(self._alive) / weights)
+        # What has next to no weight is dropped.
+        return Prediction(
+            self._states, np.log(weights) - math.log(weights.sum()), np.maximum(ancestors, 0), continued, left
+        )
 
-    def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`.BayesFilter.ancestors`; a cell's is where it was, and diffusion counts for nothing."""
-        rows = np.full(self._shape, -1)
-        rows.ravel()[self._before] = np.arange(len(self._before))
-        for axis in np.flatnonzero(self._shift_since):
-            rows = self._rolled(rows, int(axis), int(self._shift_since[axis]), -1)
-        index = rows.ravel()[self._alive]
-        return np.maximum(index, 0), np.where(index < 0, 0.0, 1.0 - self._injected / self._weights)
-
-    def update(self, log_likelihood: np.ndarray) -> None:
-        """See :meth:`.BayesFilter.update`."""
-        log_posterior = self._log_prior + log_likelihood
-        peak = log_posterior.max()
-        if peak > -math.inf:
-            log_posterior -= peak
-            posterior = np.exp(log_posterior, out=log_posterior)
-            posterior /= posterior.sum()
-            self._weighted = None if self._in_blocks else posterior
-            apart, belief = len(self._alive), np.zeros(self._size)
-            if self._blocks is not None and self._in_blocks:
-                belief = self._blocks.spread(posterior[apart:])
-            belief[self._alive] = posterior[:apart]
-            self._belief = belief.reshape(self._shape)
-
-    def belief(self) -> Belief:
-        """See :meth:`.BayesFilter.belief`; the spread within a cell counts."""
+    def update(self, log_likelihood: np.ndarray) -> Belief:
+        """See :meth:`.BayesFilter.update`; the spread within a cell counts."""
+        prior = self._posterior / self._posterior.sum()
+        log_posterior, log_normalizer = normalize(np.log(prior) + log_likelihood)
+        self._posterior = np.exp(log_posterior) if log_normalizer > -math.inf else prior
+        belief = np.zeros(self._size)
+        belief[self._alive] = self._posterior
+        self._belief = belief.reshape(self._shape)
+        mean, covariance = moments(self._states, self._posterior, self._wraps)
         within = self._cell**2 / 12.0 + self._pending * self._cell**2
-        if self._weighted is not None:
-            mean, covariance = moments(self._states, self._weighted, self._wraps)
-            covariance.ravel()[:: len(within) + 1] += within
-            return self._summary(mean, covariance, self._weighted)
-        dimension = len(self._shape)
-        marginals = [self._marginal(axis) for axis in range(dimension)]
-        mean = np.empty(dimension)
-        for axis, weights in enumerate(marginals):
-            centres = self._centres(axis)
-            mean[axis] = weights @ centres
-            if self._wraps[axis]:
-                mean[axis] = math.atan2(weights @ np.sin(centres), weights @ np.cos(centres))
-        deviations = [self._deviation(axis, mean[axis]) for axis in range(dimension)]
-        covariance = np.diag(within)
-        for a in range(dimension):
-            covariance[a, a] += marginals[a] @ deviations[a] ** 2
-            for b in range(a):
-                covariance[a, b] = covariance[b, a] = deviations[b] @ self._marginal(b, a) @ deviations[a]
-        return self._summary(mean, covariance, self._belief.ravel())
+        covariance.ravel()[:: len(within) + 1] += within
+        effective = 1.0 / float(self._posterior @ self._posterior)
+        return Belief(mean, covariance, effective, len(self._alive))
+
+    def weights(self) -> np.ndarray:
+        """See :meth:`.BayesFilter.weights`."""
+        return self._posterior
 
     def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
         """See :meth:`.BayesFilter.mass_near`."""
-        if self._weighted is not None:
-            away = (self._states - mean).T
-            if self._turns:
-                away = np.where(self._wraps[:, None], wrap_angle(away), away)
-            away /= radius[:, None]
-            return float(self._weighted[np.square(away, out=away).sum(axis=0) <= 1.0].sum())
-        squared, near = np.zeros(()), []
-        for axis, half in enumerate(radius):
-            along = (self._deviation(axis, mean[axis]) / half) ** 2
-            near.append(np.flatnonzero(along <= 1.0))
-            squared = np.add.outer(squared, along[near[-1]])
-        return float(self._belief[np.ix_(*near)][squared <= 1.0].sum())
+        away = (self._states - mean).T
+        if self._turns:
+            away = np.where(self._wraps[:, None], wrap_angle(away), away)
+        away = away / radius[:, None]
+        return float(self._posterior[np.square(away).sum(axis=0) <= 1.0].sum())
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
-        weights = self._belief.ravel()
-        alive = self._living(weights)
+        cells = self._belief.ravel()
+        alive = self._living(cells)
         states = self._unmoved_states.take(alive, axis=1).T + self._offset
-        return states, weights[alive] / weights[alive].sum()
+        return states, cells[alive] / cells[alive].sum()
 
     def _place(self, belief: np.ndarray) -> None:
         self._belief = belief / belief.sum()
         self._offset = np.zeros(len(self._shape))
         self._pending = np.zeros(len(self._shape))
         self._alive = np.zeros(0, dtype=np.intp)
-        self._shifted = np.zeros(len(self._shape), dtype=int)
-        self._injected = 0.0
-        self._weighted = None
 
-    def _living(self, weights: np.ndarray) -> np.ndarray:
+    def _living(self, cells: np.ndarray) -> np.ndarray:
         """Indices of the cells that have weight."""
-        return (weights > _NEGLIGIBLE / self._size).nonzero()[0]
+        return (cells > _NEGLIGIBLE / self._size).nonzero()[0]
 
-    def _summary(self, mean: np.ndarray, covariance: np.ndarray, weights: np.ndarray) -> Belief:
-        """A belief with these moments and weights (P,)."""
-        return Belief(mean, covariance, 1.0 / float(weights @ weights), len(self._living(weights)))
-
-    def _centres(self, axis: int) -> np.ndarray:
-        """Centres of the cells along an axis."""
-        return self._unmoved[axis] + self._offset[axis]
+    def _ancestors(self, before: np.ndarray, shifted: list[int]) -> np.ndarray:
+        """Index (P,) of the cells ``before`` from which the living ones moved; -1: of none."""
+        if len(before) == len(self._alive) and not any(shifted) and np.array_equal(before, self._alive):
+            return np.arange(len(before))
+        rows = np.full(self._shape, -1)
+        rows.ravel()[before] = np.arange(len(before))
+        for axis, cells in enumerate(shifted):
+            if cells:
+                rows = self._rolled(rows, axis, cells, -1)
+        return np.asarray(rows.ravel()[self._alive])
 
     def _deviation(self, axis: int, place: float) -> np.ndarray:
         """Distances of the cells' centres from a place along an axis."""
-        deviation = self._centres(axis) - place
+        deviation = self._unmoved[axis] + self._offset[axis] - place
         return wrap_angle(deviation) if self._wraps[axis] else deviation
-
-    def _marginal(self, *axes: int) -> np.ndarray:
-        """Probabilities along one or two axes."""
-        others = tuple(axis for axis in range(len(self._shape)) if axis not in axes)
-        return self._belief.sum(axis=others) if others else self._belief
 
     def _shift(self, axis: int, cells: int) -> float:
         """Move the cells along one axis; what leaves a scene that does not wrap is lost."""
         self._offset[axis] -= cells * self._cell[axis]
-        self._shifted[axis] += cells
         return self._normalize(self._rolled(self._belief, axis, cells, 0.0))
 
     def _rolled(self, values: np.ndarray, axis: int, cells: int, empty: float) -> np.ndarray:

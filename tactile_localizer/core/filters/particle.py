@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 
+from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel, levers
+from tactile_localizer.core.geometry.references import TakenIn
 from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
@@ -84,8 +86,23 @@ class ParticleFilter:
         states = mean + self._rng.standard_normal((self._most, len(mean))) * std
         self._place(np.where(self._wraps, wrap_angle(states), np.clip(states, self._lower, self._upper)))
 
-    def predict(self, displacement: np.ndarray, travel: float) -> float:
-        """See :meth:`.BayesFilter.predict`."""
+    def predict(self, displacement: np.ndarray, travel: float, taken_in: TakenIn | None = None) -> Prediction:
+        """See :meth:`.BayesFilter.predict`; the lightest particles make room for those taken in."""
+        left = self._move(displacement, travel)
+        if taken_in is not None:
+            present = len(self._states)
+            count = min(int(self._rng.binomial(present, taken_in.fraction)), present - 1)
+            boxes = self._rng.choice(len(taken_in.weights), count, p=taken_in.weights)
+            within = (self._rng.random((count, len(self._lower))) - 0.5) * taken_in.references.pitch
+            self._replace_lightest(taken_in.references.states[boxes] + within)
+        if self._random:
+            self._replace_lightest(self._spread(self._random))
+        before, self._ancestors = self._ancestors, np.arange(len(self._states))
+        continued = np.where(before < 0, 0.0, 1.0)
+        return Prediction(self._states, self._log_weights, np.maximum(before, 0), continued, left)
+
+    def _move(self, displacement: np.ndarray, travel: float) -> float:
+        """Resample if that is due, and move; returns the fraction that left the scene."""
         self._resample_if_needed()
         self._states = self._motion.sample(self._states, displacement, travel, self._rng)
         if self._wraps.any():
@@ -100,34 +117,18 @@ class ParticleFilter:
             self._log_weights, _ = normalize(self._log_weights)
         return 1.0 - min(kept, 1.0)
 
-    def inject(self, fraction: float) -> None:
-        """See :meth:`.BayesFilter.inject`: the lightest make room, each new one has average weight."""
-        present = len(self._states)
-        count = min(int(self._rng.binomial(present, min(fraction, 1.0))), present - 1)
-        if count:
-            self._replace_lightest(count)
-
-    def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`.BayesFilter.prior`."""
-        if self._random:
-            self._replace_lightest(self._random)
-        self._before, self._ancestors = self._ancestors, np.arange(len(self._states))
-        return self._states, self._log_weights
-
-    def ancestors(self) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`.BayesFilter.ancestors`."""
-        return np.maximum(self._before, 0), np.where(self._before < 0, 0.0, 1.0)
-
-    def update(self, log_likelihood: np.ndarray) -> None:
+    def update(self, log_likelihood: np.ndarray) -> Belief:
         """See :meth:`.BayesFilter.update`."""
-        log_weights, log_total = normalize(self._log_weights + log_likelihood)
-        if log_total > -math.inf:
+        log_weights, log_normalizer = normalize(self._log_weights + log_likelihood)
+        if log_normalizer > -math.inf:
             self._log_weights = log_weights
-
-    def belief(self) -> Belief:
-        """See :meth:`.BayesFilter.belief`."""
         mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
-        return Belief(mean, covariance, effective_sample_size(self._log_weights), len(self._states))
+        effective = effective_sample_size(self._log_weights)
+        return Belief(mean, covariance, effective, len(self._states))
+
+    def weights(self) -> np.ndarray:
+        """See :meth:`.BayesFilter.weights`."""
+        return np.exp(self._log_weights)
 
     def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
         """See :meth:`.BayesFilter.mass_near`."""
@@ -152,11 +153,14 @@ class ParticleFilter:
         strata = np.stack([self._rng.permutation(count) for _ in range(len(self._lower))], axis=1)
         return self._lower + (strata + self._rng.random(strata.shape)) / count * (self._upper - self._lower)
 
-    def _replace_lightest(self, count: int) -> None:
+    def _replace_lightest(self, states: np.ndarray) -> None:
+        count = len(states)
+        if not count:
+            return
         # In random order: after resampling all weigh the same, and neighbours have one ancestor.
         order = self._rng.permutation(len(self._states))
         lightest = order[np.argpartition(self._log_weights[order], count - 1)[:count]]
-        self._states[lightest] = self._spread(count)
+        self._states[lightest] = np.where(self._wraps, states, np.clip(states, self._lower, self._upper))
         self._ancestors[lightest] = -1
         self._log_weights[lightest] = -math.log(len(self._states))
         self._log_weights, _ = normalize(self._log_weights)

@@ -6,13 +6,14 @@ The map, the alternatives to it and the offset of a sweep all use this noise mod
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
+from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
@@ -42,6 +43,9 @@ _NEW_SESSION_VARIANCE_RATIO = 4.0
 """Ratio of the variance of a new sweep's offset to that within the scan: another session differs twice as
 much. With ten noise standard deviations instead, 45 of 100 sweeps that started on a simulated feature
 converged falsely, because the feature was mistaken for an offset; with this none did."""
+TREND_MEMORY = 0.01
+"""m over which the trend of a sweep is averaged on material that is felt everywhere. 5 to 20 mm are nearly
+equal on fabrics."""
 _JUDGED = 100
 """Largest number of sweeps that are compared with the others, which suffices for a few dozen parameters."""
 _SMOOTHING = 0.002
@@ -112,12 +116,8 @@ class NoiseEstimate(NamedTuple):
     featureless: bool
 
 
-def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None) -> NoiseEstimate:
+def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
     """Estimate the noise of one visit from how the scan's sweeps differ.
-
-    Parameters
-    ----------
-    whitening : (C, C) to use instead of the scan's own, so that several scans can be compared
 
     Raises
     ------
@@ -127,7 +127,7 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     recorded = tracks = tracks_of(scan, scene)
     spacing = line_spacing(tracks, scene)
     resolution = _resolution(scan.strain_on(scene))
-    first = _whitening(_between_sweeps(tracks, scene, spacing, centred=True), resolution, scene.layout)
+    first = _whitening(_between_sweeps(tracks, scene, spacing, np.inf), resolution, scene.layout)
     flat = [_featureless_strain(track.strain @ first.T) for track in tracks]
     level = np.array(flat) @ np.linalg.inv(first).T
     moved = [Track(track.positions, track.strain - own) for track, own in zip(tracks, level, strict=True)]
@@ -136,13 +136,12 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
     if featureless:
         level = level - np.outer(_yaws(recorded, scene), turning)
         tracks, centre = moved, level.mean(axis=0)
-        differences = _between_sweeps(tracks, scene, spacing, centred=False)
+        differences = _between_sweeps(tracks, scene, spacing)
     else:
         centre = np.mean([track.strain.mean(axis=0) for track in tracks], axis=0)
         tracks = [Track(track.positions, track.strain - centre) for track in tracks]
-        differences = _between_sweeps(tracks, scene, spacing, centred=True)
-    if whitening is None:
-        whitening = _whitening(differences, resolution, scene.layout)
+        differences = _between_sweeps(tracks, scene, spacing, TREND_MEMORY)
+    whitening = _whitening(differences, resolution, scene.layout)
     # Without featureless places an offset cannot be distinguished from a change of place.
     variance = np.zeros(scene.layout.size)
     if featureless:
@@ -155,33 +154,6 @@ def estimate_noise(scan: Scan, scene: Scene, whitening: np.ndarray | None = None
         shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
     moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
     return NoiseEstimate(model, shown, visits, recorded, moved_by, spacing, featureless)
-
-
-def common_whitening(models: Sequence[NoiseModel]) -> np.ndarray:
-    """The whitening (C, C) for the mean of several noise covariances.
-
-    Materials are compared under a common one, because a smaller noise alone increases a density.
-    """
-    inverses = [np.linalg.inv(model.whitening) for model in models]
-    covariance = np.mean([inverse @ inverse.T for inverse in inverses], axis=0)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
-
-
-def with_common_offsets(estimates: Sequence[NoiseEstimate]) -> list[NoiseEstimate]:
-    """Estimates under a common whitening, with a common prior of a new sweep's offset.
-
-    They are unchanged if the offsets of some material are unknown.
-    """
-    if not all(estimate.featureless for estimate in estimates):
-        return list(estimates)
-    models = [estimate.model for estimate in estimates]
-    centre = np.mean([model.centre for model in models], axis=0)
-    levels = np.concatenate([each.offsets + each.model.centre for each in estimates]) @ models[0].whitening.T
-    variance = _NEW_SESSION_VARIANCE_RATIO * _offset_variance(levels, models[0].layout)
-    return [
-        each._replace(model=replace(each.model, centre=centre, offset_variance=variance))
-        for each in estimates
-    ]
 
 
 def held_out(
@@ -197,8 +169,13 @@ def held_out(
     return found
 
 
-def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centred: bool) -> list[np.ndarray]:
-    """Differences of each track from the others, (n, C), scaled to the variance of one visit."""
+def _between_sweeps(
+    tracks: Sequence[Track], scene: Scene, spacing: float, memory: float | None = None
+) -> list[np.ndarray]:
+    """Differences of each track from the others, (n, C), scaled to the variance of one visit.
+
+    With ``memory``, m, they are innovations, infinite: deviations from the median.
+    """
     if len(tracks) == 1:  # the roughness along the sweep is the only measure of noise
         strain = tracks[0].strain
         if len(strain) < 3:
@@ -208,8 +185,12 @@ def _between_sweeps(tracks: Sequence[Track], scene: Scene, spacing: float, centr
     for _, residual, expected in held_out(tracks, tracks, scene, spacing, 1):
         inside = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH)
         rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
-        difference = residual[rows, 0] / np.sqrt(1.0 + expected.noise[rows])
-        found.append(difference - np.median(difference, axis=0) if centred else difference)
+        difference = residual[:, 0] / np.sqrt(1.0 + expected.noise)
+        if memory is not None and np.isfinite(memory):
+            difference = innovations(difference, memory, PITCH)
+        elif memory is not None:
+            difference = difference - np.median(difference[rows], axis=0)
+        found.append(difference[rows])
     return found
 
 
@@ -298,8 +279,11 @@ def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Tr
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    """Moving averages of values (n, C) along a track, padded by the values at its ends."""
-    width = max(1, round(_SMOOTHING / PITCH))
+    return moving_average(values, round(_SMOOTHING / PITCH))
+
+
+def moving_average(values: np.ndarray, width: int) -> np.ndarray:
+    """Averages over ``width`` of values (n, C) along a track, padded by the values at its ends."""
     padded = np.pad(values, ((width // 2, (width - 1) // 2), (0, 0)), mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).mean(axis=-1))
 

@@ -11,18 +11,31 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.noise_model import NoiseEstimate, held_out
+from tactile_localizer.core.likelihood.drift import innovations
+from tactile_localizer.core.likelihood.noise_model import (
+    TREND_MEMORY,
+    NoiseEstimate,
+    Residuals,
+    held_out,
+    moving_average,
+)
 from tactile_localizer.core.likelihood.student_t import log_density
-from tactile_localizer.core.scan.tracks import PITCH, Expectation, Track, expectation
+from tactile_localizer.core.scan.tracks import PAIRS, PITCH, Expectation, Track, expectation
 from tactile_localizer.scene import Scene
 
-_NODES_PER_CELL = 2
+NODES_PER_CELL = 2
 """Nodes of the lattice per cell and axis; on three axes one, for memory."""
 MOST_CELLS_IN_SPACE = 25_000
 """Largest number of cells on three axes, with which a measurement update from a uniform prior takes less than
 10 ms: 50 mm x 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
 _NODES_AT_ONCE = 2**15
 """Nodes computed in double precision at a time."""
+_SCALE_LENGTH = 0.02
+"""m over which the local factor of the variance is averaged."""
+_SCALES = 0.5, 20.0
+"""Range of that factor."""
+_BEFORE = 10
+"""Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
 _LONGEST_CORRELATION = 0.03
 """Largest lag of the residual's autocorrelation, m."""
 
@@ -120,7 +133,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     if len(estimate.tracks) < 2:
         return VarianceModel()
     layout = scene.layout
-    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing)
+    residuals = _residuals(estimate, scene)
     thinned = [residual.thinned() for residual in residuals]
     squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
     expected = Expectation(
@@ -151,9 +164,34 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     signals = [(r.visit.strain, r.expected.mean[:, 0]) for r in residuals]
     return replace(
         fitted,
-        summed_correlation=_summed_correlation([(each, each) for each in scaled], fitted.summed_correlation),
-        signal_correlation=_summed_correlation(signals, fitted.signal_correlation),
+        summed_correlation=summed_correlation([(each, each) for each in scaled], fitted.summed_correlation),
+        signal_correlation=summed_correlation(signals, fitted.signal_correlation),
     )
+
+
+def _residuals(estimate: NoiseEstimate, scene: Scene) -> list[Residuals]:
+    """Residuals of held-out sweeps; innovations of them, where the material is felt everywhere."""
+    if estimate.featureless:
+        return held_out(estimate.tracks, estimate.visits, scene, estimate.spacing)
+    found = []
+    for each in held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, 1):
+        left = innovations(each.residual[:, 0], TREND_MEMORY, PITCH)
+        kept = slice(_BEFORE if len(left) > 2 * _BEFORE else 0, None)
+        visit = Track(each.visit.positions[kept], each.visit.strain[kept])
+        expected = Expectation(*(part[kept] for part in each.expected))
+        found.append(Residuals(visit, left[kept, None], expected))
+    return found
+
+
+def local_scale(estimate: NoiseEstimate, scene: Scene, variance: VarianceModel) -> list[Track]:
+    """Factor of the variance along each track, (n, 1): repeats differ more where a slide starts."""
+    width = round(_SCALE_LENGTH / PITCH)
+    found = []
+    for visit, residual, expected in _residuals(estimate, scene):
+        spread = scene.layout.expand(variance.variance(expected, scene.layout)[:, 0])
+        energy = np.mean(residual[:, 0] ** 2 / spread, axis=1, keepdims=True)
+        found.append(Track(visit.positions, moving_average(energy, width)))
+    return found
 
 
 def build_map(
@@ -164,11 +202,13 @@ def build_map(
     variance: VarianceModel,
     featureless: bool,
     turning: np.ndarray,
-    nodes_per_cell: int = _NODES_PER_CELL,
+    scale: Sequence[Track] | None = None,
+    nodes_per_cell: int = NODES_PER_CELL,
 ) -> StrainMap:
     """Tables for a filter whose cells have the size ``cell`` (d,).
 
-    ``turning`` (C,) is the whitened change of featureless strain per rad of yaw.
+    ``turning`` (C,) is the whitened change of featureless strain per rad of yaw, ``scale`` of
+    :func:`local_scale`. Where the material is felt everywhere there is one component, the nearest pair.
     """
     per_cell = 1 if scene.dimension == 3 else nodes_per_cell
     extent = scene.extent
@@ -180,8 +220,11 @@ def build_map(
     tables: list[np.ndarray] = []
     for begin in range(0, len(places), _NODES_AT_ONCE):
         part = slice(begin, begin + _NODES_AT_ONCE)
-        expected = expectation(tracks, scene, places[part], spacing)
+        expected = expectation(tracks, scene, places[part], spacing, PAIRS if featureless else 1)
         spread = variance.variance(expected, scene.layout)
+        if scale is not None:
+            factor = expectation(scale, scene, places[part], spacing, 1).mean
+            spread = spread * factor.clip(*_SCALES)
         found = (expected.mean, spread, expected.log_prior)
         if not tables:
             tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
@@ -197,7 +240,7 @@ def build_map(
     return StrainMap(origin, step, shape, mean, spread, prior, least, np.outer(yaws, turning))
 
 
-def _summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwise: float) -> float:
+def summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwise: float) -> float:
     """Integrated cross-correlation, m, of pairs of series (n, C) along tracks; a default if not positive."""
     lags = round(_LONGEST_CORRELATION / PITCH)
     products, counts = np.zeros(lags), np.zeros(lags)

@@ -8,9 +8,6 @@ import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
 
-MAX_LOG_ODDS = 14.0
-"""nats that evidence can reach: odds of a million can still be overcome by later measurements."""
-
 
 def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     """Scale weights to sum to one.
@@ -39,6 +36,11 @@ def log_sum(log_values: np.ndarray) -> float:
     if peak == -math.inf:
         return -math.inf
     return peak + math.log(float(np.exp(log_values - peak).sum()))
+
+
+def probability(log_odds: float) -> float:
+    """Probability of what has these odds."""
+    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0)))
 
 
 def effective_sample_size(log_weights: np.ndarray) -> float:

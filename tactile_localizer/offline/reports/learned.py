@@ -77,7 +77,6 @@ def learned_values(scene: Scene, mixture: SweepMixture, calibration: Calibration
     return {
         "material": TEXTURED if mixture.map.featureless_variance is None else FEATURELESS,
         "information length": f"{calibration.information_length * MM:.1f} mm",
-        "presence length": f"{mixture.presence_length * MM:.1f} mm",
         "registration": registration,
     }
 

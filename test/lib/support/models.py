@@ -8,6 +8,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
+from tactile_localizer.core.filters.base import BayesFilter
+from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.geometry.references import TakenIn
 
 
 class LinearModel:
@@ -63,9 +66,23 @@ class KalmanFilter:
         return float(-0.5 * (squared + np.linalg.slogdet(S)[1] + size * math.log(2 * math.pi)))
 
 
-def weight(bayes_filter, model, strain: np.ndarray, exponent: float = 1.0) -> float:
-    """One measurement update of a filter; the logarithm of the marginal likelihood."""
-    states, log_prior = bayes_filter.prior()
-    log_likelihood = model.log_likelihood(states, strain)
-    bayes_filter.update(exponent * log_likelihood)
-    return float(logsumexp(log_prior + log_likelihood))
+def step(
+    bayes_filter: BayesFilter,
+    model: LinearModel | FlatModel,
+    strain: np.ndarray,
+    displacement: np.ndarray | None = None,
+    travel: float = 0.0,
+    taken_in: TakenIn | None = None,
+) -> tuple[Belief, float]:
+    """The belief after a motion and a measurement, and the logarithm of the marginal likelihood."""
+    dimension = bayes_filter.hypotheses()[0].shape[1]
+    moved = np.zeros(dimension) if displacement is None else displacement
+    prediction = bayes_filter.predict(moved, travel, taken_in)
+    log_likelihood = model.log_likelihood(prediction.states, strain)
+    belief = bayes_filter.update(log_likelihood)
+    return belief, float(logsumexp(prediction.log_weights + log_likelihood))
+
+
+def belief_of(bayes_filter: BayesFilter) -> Belief:
+    """The belief of a filter, after a measurement that says nothing."""
+    return step(bayes_filter, FlatModel(), np.zeros(1))[0]

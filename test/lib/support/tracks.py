@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_localizer.core.decision.convergence import State
+from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.io.recording import NO_CONTACT
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Axis, Phalanx, Scene

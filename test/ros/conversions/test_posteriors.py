@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tactile_localizer.core.decision.convergence import State
+from tactile_localizer.core.hypotheses.convergence import State
 
 pytestmark = pytest.mark.ros
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.decision.phalanx_consistency import PhalanxConsistency
+from tactile_localizer.core.hypotheses.phalanx_consistency import PhalanxConsistency
 
 BOTH = np.ones(2, dtype=bool)
 STEP = 0.0005

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.decision.convergence import (
+from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
     State,

@@ -1,1 +1,0 @@
-"""Whether the map explains what is felt, and whether the position has converged."""

@@ -1,0 +1,1 @@
+"""Explanations of what is felt, their probabilities, and convergence."""

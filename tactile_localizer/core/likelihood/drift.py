@@ -1,0 +1,130 @@
+"""Slow difference of a sweep from the scan: a level and a rate that drift along the travel.
+
+Load cells drift, fingers flex and the squeezing force differs, so a strain is compared with the map by its
+*innovation*, what a local linear trend (Harvey, 1989) does not predict from the strains before it. The trend
+is a linear filter with one gain for all places, so the innovation of the residual is that of the strain less
+that of the map, and each trajectory carries only the level and rate of its map.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+_LARGEST_GAIN = 1.0 - 1e-9
+"""Gain of the first strain of a sweep whose level is unknown: its innovation has a variance of 1e9."""
+
+
+class Trend(NamedTuple):
+    """Levels and rates after some updates; N trajectories, C channels.
+
+    Parameters
+    ----------
+    measurements : number of independent measurements taken in
+    level, rate : (C,) of the whitened strain, and its change per metre
+    map_level, map_rate : (N, C) of the map along each trajectory
+    """
+
+    measurements: float
+    level: np.ndarray
+    rate: np.ndarray
+    map_level: np.ndarray
+    map_rate: np.ndarray
+
+    def followed(self, ancestors: np.ndarray, continued: np.ndarray, begun: np.ndarray) -> Trend:
+        """The trend along M other trajectories.
+
+        Parameters
+        ----------
+        ancestors, begun : (M,) int, trajectories that each of them continues
+        continued : (M,) fraction of its weight that came from the first; the rest came from the second
+        """
+        level, rate = self.map_level.take(ancestors, axis=0), self.map_rate.take(ancestors, axis=0)
+        rows = (continued < 1.0).nonzero()[0]
+        if len(rows):
+            fraction = (1.0 - continued[rows, None]).astype(np.float32)
+            level[rows] += fraction * (self.map_level[begun[rows]] - level[rows])
+            rate[rows] += fraction * (self.map_rate[begun[rows]] - rate[rows])
+        return self._replace(map_level=level, map_rate=rate)
+
+
+class Innovation(NamedTuple):
+    """A strain and the map at N places less what their trends predict.
+
+    Parameters
+    ----------
+    strain : (C,)
+    map : (N, C), of the first component
+    map_trend : (N, C) prediction that was subtracted from the map
+    level_variance : (C,) of the level
+    novelty : (C,) fraction of a constant that the trend has not yet taken in
+    """
+
+    strain: np.ndarray
+    map: np.ndarray
+    map_trend: np.ndarray
+    level_variance: np.ndarray
+    novelty: np.ndarray
+
+
+class Drift:
+    """Filter of the level and rate by which a sweep differs from the scan.
+
+    Parameters
+    ----------
+    memory : m of travel over which the level is averaged; infinite for a constant
+    variance : of a strain about its level
+    level_variance : (C,) prior variance of the level; infinite: the level is unknown
+    """
+
+    def __init__(self, memory: float, variance: float, level_variance: np.ndarray) -> None:
+        self.memory, self._variance = memory, variance
+        # The prior counts as so many measurements of level zero.
+        self._prior = variance / np.maximum(level_variance, 1e-12)
+
+    def start(self, count: int) -> Trend:
+        """The trend before the first strain, along ``count`` trajectories."""
+        zero, every = np.zeros(len(self._prior)), np.zeros((count, len(self._prior)), dtype=np.float32)
+        return Trend(0.0, zero, zero, every, every)
+
+    def update(
+        self, trend: Trend, strain: np.ndarray, expected: np.ndarray, travel: float, information: float
+    ) -> tuple[Innovation, Trend]:
+        """Innovations of a whitened ``strain`` (C,) and of the map's ``expected`` strain (N, C) float32.
+
+        ``travel`` is that since the last update, m; ``information`` the fraction of an independent
+        measurement that the strain is.
+        """
+        known = trend.measurements + self._prior
+        gain = np.minimum(
+            np.maximum(information / (known + information), travel / self.memory), _LARGEST_GAIN
+        )
+        predicted = trend.level + travel * trend.rate
+        map_trend = trend.map_level + np.float32(travel) * trend.map_rate
+        strain_left, map_left = strain - predicted, expected - map_trend
+        # The first strain sets the level, of which the rate is the change.
+        rate_gain = travel / (4.0 * self.memory**2) if trend.measurements else 0.0
+        narrow = gain.astype(np.float32)
+        following = Trend(
+            trend.measurements + information,
+            predicted + gain * strain_left,
+            trend.rate + rate_gain * strain_left,
+            map_trend + narrow * map_left,
+            trend.map_rate + np.float32(rate_gain) * map_left if rate_gain else trend.map_rate,
+        )
+        level_variance = self._variance * gain / (1.0 - gain) / information
+        novelty = self._prior / np.maximum(known, 1e-300)
+        return Innovation(strain_left, map_left, map_trend, level_variance, novelty), following
+
+
+def innovations(values: np.ndarray, memory: float, pitch: float) -> np.ndarray:
+    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep; the first is zero."""
+    count, channels = values.shape
+    drift, nowhere = Drift(memory, 1.0, np.full(channels, np.inf)), np.zeros((0, channels), dtype=np.float32)
+    trend, found = drift.start(0), np.zeros_like(values)
+    for row in range(count):
+        innovation, trend = drift.update(trend, values[row], nowhere, pitch, 1.0)
+        found[row] = innovation.strain
+    found[:1] = 0.0
+    return found

@@ -1,0 +1,47 @@
+"""Reference places represent the whole map, and move with the palm."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.scans import scene
+
+from tactile_localizer.core.geometry.references import References
+from tactile_localizer.scene import Scene
+
+SCENES = [scene(1), scene(2), scene(3, full_turn=True)]
+every_scene = pytest.mark.parametrize("of", SCENES, ids=["line", "plane", "turn"])
+displacements = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3)
+
+
+@every_scene
+@given(along=displacements)
+def test_they_move_with_the_palm_and_return_at_the_opposite_bound(of: Scene, along: list[float]) -> None:
+    references = References(of)
+    before, displacement = references.states, np.array(along[: of.dimension])
+    references.move(displacement)
+    turns = (references.states - before - displacement) / of.extent
+    np.testing.assert_allclose(turns, np.rint(turns), atol=1e-9)
+    assert (references.states >= of.lower - 1e-9).all()
+    assert (references.states <= of.upper + 1e-9).all()
+    references.reset()
+    np.testing.assert_array_equal(references.states, before)
+
+
+@every_scene
+@given(along=displacements, seed=st.integers(0, 2**32 - 1))
+def test_a_state_is_in_the_box_whose_centre_is_nearest(of: Scene, along: list[float], seed: int) -> None:
+    references = References(of)
+    references.move(np.array(along[: of.dimension]))
+    states = of.lower + np.random.default_rng(seed).random((50, of.dimension)) * of.extent
+    away = (states - references.states[references.index(states)]) / of.extent
+    away = (away - np.rint(away)) * of.extent
+    assert (np.abs(away) <= 0.5 * references.pitch + 1e-9).all()
+    np.testing.assert_array_equal(references.index(references.states), np.arange(len(references)))
+
+
+@every_scene
+def test_states_beyond_the_bounds_are_in_some_box(of: Scene) -> None:
+    references = References(of)
+    index = references.index(np.array([of.lower - 10.0 * of.extent, of.upper + 10.0 * of.extent]))
+    assert ((index >= 0) & (index < len(references))).all()

@@ -1,0 +1,91 @@
+"""Innovations: what a level and a rate do not predict from the strains before."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_localizer.core.likelihood.drift import Drift, innovations
+
+STEP, UNKNOWN = 0.0005, np.full(2, np.inf)
+NOWHERE = np.zeros((0, 2), dtype=np.float32)
+MEMORIES = (0.01, np.inf)
+
+
+def of_strains(drift: Drift, strains: np.ndarray) -> np.ndarray:
+    """Innovations (n, C) of strains (n, C)."""
+    trend, found = drift.start(0), []
+    for strain in strains:
+        innovation, trend = drift.update(trend, strain, NOWHERE, STEP, 1.0)
+        found.append(innovation.strain)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("memory", MEMORIES)
+def test_a_constant_leaves_no_innovation_once_it_was_felt(memory: float) -> None:
+    found = of_strains(Drift(memory, 1.0, UNKNOWN), np.tile([3.0, -700.0], (100, 1)))
+    np.testing.assert_allclose(found[1:], 0.0, atol=1e-5)
+
+
+def test_a_ramp_leaves_no_bias() -> None:
+    """Of 10 noise widths per 100 mm, after a few memories."""
+    ramp = np.outer(100.0 * STEP * np.arange(400), [1.0, -1.0])
+    assert np.abs(of_strains(Drift(0.01, 1.0, UNKNOWN), ramp)[200:]).max() < 1e-3
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1), memory=st.sampled_from(MEMORIES), variance=st.sampled_from([1.0, np.inf])
+)
+def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
+    seed: int, memory: float, variance: float
+) -> None:
+    """Along the way of each trajectory, however the trajectories continue each other."""
+    rng = np.random.default_rng(seed)
+    drift, trajectories, steps = Drift(memory, 1.0, np.full(2, variance)), 5, 20
+    strains = 10.0 * rng.standard_normal((steps, 2))
+    trend, felt = drift.start(trajectories), np.zeros((0, trajectories, 2))
+    for strain in strains:
+        ancestors = rng.integers(0, trajectories, trajectories)
+        trend, felt = trend.followed(ancestors, np.ones(trajectories), ancestors), felt[:, ancestors]
+        expected = 10.0 * rng.standard_normal((trajectories, 2)).astype(np.float32)
+        innovation, trend = drift.update(trend, strain, expected, STEP, 1.0)
+        felt = np.concatenate([felt, expected[None]])
+    for trajectory in range(trajectories):
+        direct = of_strains(drift, strains - felt[:, trajectory])[-1]
+        np.testing.assert_allclose(innovation.strain - innovation.map[trajectory], direct, atol=1e-4)
+
+
+def test_a_trajectory_continues_its_ancestor_and_what_was_taken_in_by_their_fractions() -> None:
+    drift = Drift(np.inf, 1.0, np.ones(2))
+    _, trend = drift.update(drift.start(2), np.zeros(2), np.array([[0, 0], [8, 8]], np.float32), STEP, 1.0)
+    mixed = trend.followed(np.array([0, 1]), np.array([0.25, 1.0]), np.array([1, 0]))
+    np.testing.assert_allclose(mixed.map_level[:, 0], [0.75 * 4.0, 4.0])
+
+
+@pytest.mark.parametrize("prior", [0.1, 1.0, 25.0])
+def test_a_constant_with_a_prior_is_the_kalman_filter(prior: float) -> None:
+    noise, variance, level = 2.0, prior, 0.0
+    drift = Drift(np.inf, noise, np.full(2, prior))
+    trend = drift.start(0)
+    for strain in np.random.default_rng(0).normal(5.0, 1.4, (50, 2)):
+        innovation, trend = drift.update(trend, strain, NOWHERE, STEP, 1.0)
+        np.testing.assert_allclose(innovation.strain, strain - level)
+        np.testing.assert_allclose(innovation.level_variance, variance)
+        gain = variance / (variance + noise)
+        level, variance = level + gain * (strain - level), (1.0 - gain) * variance
+        np.testing.assert_allclose(trend.level, level)
+
+
+def test_the_first_strain_of_an_unknown_level_carries_no_information() -> None:
+    drift = Drift(np.inf, 1.0, UNKNOWN)
+    innovation, trend = drift.update(drift.start(0), np.full(2, 1e3), NOWHERE, STEP, 1.0)
+    assert innovation.level_variance.min() > 1e8
+    innovation, _ = drift.update(trend, np.full(2, 1e3), NOWHERE, STEP, 1.0)
+    np.testing.assert_allclose(innovation.level_variance, 1.0, rtol=1e-3)
+
+
+def test_innovations_along_a_sweep_are_those_of_the_filter() -> None:
+    strains = np.random.default_rng(0).standard_normal((50, 2))
+    found = innovations(strains, 0.01, STEP)
+    np.testing.assert_allclose(found[1:], of_strains(Drift(0.01, 1.0, UNKNOWN), strains)[1:])
+    assert not found[0].any()
