@@ -30,7 +30,7 @@ log_likelihood = st.floats(-1e4, 1e4) | st.just(IMPOSSIBLE)
 @given(
     st.booleans(),
     st.lists(
-        st.tuples(*[log_likelihood] * 4, st.floats(0, 10), st.floats(0, 1), st.floats(0, 1)), max_size=20
+        st.tuples(*[log_likelihood] * 4, st.floats(0, 10), st.floats(0, 1), st.floats(0.01, 1)), max_size=20
     ),
 )
 def test_probabilities_always_sum_to_one(only_map: bool, steps: list[tuple[float, ...]]) -> None:

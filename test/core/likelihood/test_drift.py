@@ -28,9 +28,11 @@ def test_a_constant_leaves_no_innovation_once_it_was_felt(memory: float) -> None
 
 
 def test_a_ramp_leaves_no_bias() -> None:
-    """Of 10 noise widths per 100 mm, after a few memories."""
-    ramp = np.outer(100.0 * STEP * np.arange(400), [1.0, -1.0])
-    assert np.abs(of_strains(Drift(0.01, 1.0, UNKNOWN), ramp)[200:]).max() < 1e-3
+    """Of 10 noise widths per 100 mm; the rate is learned over some 10 memories."""
+    ramp = np.outer(100.0 * STEP * np.arange(500), [1.0, -1.0])
+    found = np.abs(of_strains(Drift(0.01, 1.0, UNKNOWN), ramp))
+    assert found.max() < 1.0
+    assert found[400:].max() < 2e-3
 
 
 @given(
