@@ -41,7 +41,7 @@ def localizer(built):
     return built
 
 
-def slide(localizer, start=(0.01, 0.02), steps=40, step=(0.0006, 0.0002), first_ns=0):
+def slide(localizer, start=(0.01, 0.02), steps=50, step=(0.0006, 0.0002), first_ns=0):
     """Truth and estimates along a straight way."""
     for n in range(steps):
         truth = np.array(start) + n * np.array(step)
@@ -63,7 +63,7 @@ def test_it_finds_where_the_palm_is_whatever_the_arms_frame(localizer):
     assert np.linalg.norm(estimate.mean - truth) < 0.001
     assert estimate.converged, estimate.reason
     assert estimate.trace == pytest.approx(np.trace(estimate.covariance))
-    assert estimate.travel == pytest.approx(39 * math.hypot(0.0006, 0.0002))
+    assert estimate.travel == pytest.approx(49 * math.hypot(0.0006, 0.0002))
 
 
 def test_a_fast_hand_is_updated_at_most_every_8_ms_and_moved_along_between(localizer):
@@ -79,23 +79,6 @@ def test_a_fast_hand_is_updated_at_most_every_8_ms_and_moved_along_between(local
     # Eight updates leave a particle filter up to 3 mm off, depending on its seed, and it says so.
     assert np.linalg.norm(estimate.mean - truth) < 3.0 * math.sqrt(estimate.trace)
     assert estimate.travel == pytest.approx(59 * 0.0005)
-
-
-def test_what_a_stretch_of_travel_tells_does_not_depend_on_the_update_distance():
-    gained = []
-    for distance in (0.0005, 0.002):
-        estimates = [e for _, e in slide(build(update_distance=distance), steps=60, step=(0.0005, 0))]
-        gained.append(sum(estimate.exponent for estimate in estimates))
-    assert gained[0] == pytest.approx(gained[1], rel=0.1)
-
-
-def test_a_hand_at_rest_learns_nothing(localizer):
-    list(slide(localizer, steps=10))
-    place = np.array([0.0154, 0.0218])
-    resting = [localizer.update(10**9 + n, place + ANYWHERE, strain_at(place[None])[0]) for n in range(200)]
-    assert not any(estimate.updated for estimate in resting)
-    assert len({estimate.trace for estimate in resting}) == 1
-    assert {estimate.probability for estimate in resting} == {resting[0].probability}
 
 
 def test_a_hand_at_rest_learns_nothing_from_an_arm_that_trembles(localizer):
@@ -115,36 +98,8 @@ def test_between_updates_the_estimate_moves_along_and_widens(localizer):
     place = np.array([0.010, 0.020]) + 9 * np.array([0.0006, 0.0002]) + [0.0002, 0.0]
     moved = localizer.update(10**9, place + ANYWHERE, strain_at(place[None])[0])
     assert not moved.updated
-    assert moved.exponent == 0.0
     np.testing.assert_allclose(moved.mean - updated.mean, [0.0002, 0.0], atol=1e-9)
     assert moved.trace > updated.trace
-
-
-def test_coasting_equals_strains_one_by_one(localizer):
-    """The last strain is an update distance further on, and is not taken in."""
-    positions = ANYWHERE + np.array([0.01, 0.02]) + np.outer(np.arange(9), [0.00006, 0.00003])
-    strain, stamp_ns = strain_at(np.array([[0.01, 0.02]]))[0], 10_000_000 * np.arange(9)
-    localizer.update(0, positions[0], strain)
-    coasting = localizer.coast(stamp_ns[1:], positions[1:])
-    assert len(coasting.travel) == 7
-    for n in range(1, 8):
-        estimate = localizer.update(int(stamp_ns[7]) + n, positions[n], strain)
-        assert not estimate.updated
-        np.testing.assert_array_equal(coasting.mean[n - 1], estimate.mean)
-        np.testing.assert_array_equal(coasting.covariance[n - 1], estimate.covariance)
-        assert coasting.travel[n - 1] == estimate.travel
-    assert localizer.update(int(stamp_ns[8]), positions[8], strain).updated
-
-
-def test_coasting_ends_where_stamps_jump_back(localizer):
-    position = ANYWHERE + np.array([[0.01, 0.02]])
-    localizer.update(50, position[0], strain_at(position - ANYWHERE)[0])
-    coasting = localizer.coast(np.array([51, 52, 10, 11]), np.repeat(position, 4, axis=0))
-    assert len(coasting.travel) == 2
-
-
-def test_nothing_coasts_before_the_first_strain(localizer):
-    assert len(localizer.coast(np.array([1]), ANYWHERE[None]).travel) == 0
 
 
 def test_the_same_way_in_smaller_steps_gives_the_same_answer_with_the_grid():
@@ -279,5 +234,5 @@ def test_whatever_comes_an_estimate_is_finite_and_its_covariance_is_one(built, m
             continue
         assert np.isfinite(estimate.mean).all()
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0
-        assert 0 <= estimate.exponent <= 1
+        assert 0.0 <= estimate.probability <= estimate.on_map + 1e-12 <= 1.0 + 2e-12
         assert built.hypotheses()[1].sum() == pytest.approx(1.0)
