@@ -54,6 +54,7 @@ def test_a_scan_that_cannot_be_calibrated_is_a_warning(node_process, probe, file
     write_scan(files["scan_file"], calibrated=False)
     arrays = probe.listen(DiagnosticArray, "/diagnostics", 100)
     process = node_process("mapping_node", files)
+    probe.until(lambda: levels(arrays, "mapping: calibration"), "the first status")
     file = files["scan_file"] / "sweep_0003.npz"
     file.write_bytes(file.read_bytes()[:-100])
     warning = DiagnosticStatus.WARN

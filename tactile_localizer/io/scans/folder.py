@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -178,15 +179,13 @@ class ScanFolder:
         return [files[number] for number in sorted(files)]
 
     def _read(self, file: Path) -> StoredSweep:
-        if file.suffix == IN_PROGRESS:
-            try:
-                return read_recording(file, self.scene)
-            except FileNotFoundError:  # it was completed in the meantime
-                file = file.with_suffix(COMPLETE)
         try:
-            return read_sweep(file, self.scene)
-        except FileNotFoundError:
-            raise ScanError(f"{file}: removed while it was read") from None
+            if file.suffix == IN_PROGRESS:
+                with suppress(FileNotFoundError):  # completed in the meantime
+                    return read_recording(file, self.scene)
+            return read_sweep(file.with_suffix(COMPLETE), self.scene)
+        except OSError as error:
+            raise ScanError(f"{file}: could not be read, {error.strerror}") from None
 
 
 def sweep_number(file: Path) -> int:

@@ -28,11 +28,13 @@ _BATCH = 256
 
 @dataclass
 class _Sweep:
-    """A planned sweep: samples after ``after_ns`` up to ``until_ns`` (``None``: still open)."""
+    """A planned sweep, its losses, and its samples: after ``after_ns`` up to ``until_ns`` (``None``: open)."""
 
     number: int
     after_ns: int
     until_ns: int | None = None
+    gaps: int = 0
+    skipped: int = 0
 
 
 class SweepRecorder:
@@ -75,8 +77,6 @@ class SweepRecorder:
         self._detected = 0
         self._newest_ns = _BEFORE_ALL_NS
         self._batch: list[Pair[StrainSample]] = []
-        self._sweep_gaps = 0
-        self._sweep_skipped = 0
         for sweep in known:
             coverage.add(sweep.position)
 
@@ -194,7 +194,7 @@ class SweepRecorder:
         if self._planned and pair.stamp_ns > self._planned[0].after_ns:
             if pair.position is None:
                 self.gaps += 1
-                self._sweep_gaps += 1
+                self._planned[0].gaps += 1
             else:
                 self._batch.append(pair)
 
@@ -227,7 +227,7 @@ class SweepRecorder:
         self._batch = []
         screening = screen(self.store.scene, states, strain, status)
         self.skipped += screening.skipped
-        self._sweep_skipped += screening.skipped
+        self._planned[0].skipped += screening.skipped
         keep = screening.keep
         if keep.any():
             self._coverage.add(states[keep])
@@ -237,18 +237,13 @@ class SweepRecorder:
     def _finish(self) -> None:
         """End the oldest sweep in the scan and begin the next planned one."""
         self._flush()
-        self._planned.popleft()
-        gaps, skipped = self._sweep_gaps, self._sweep_skipped
-        self._sweep_gaps = self._sweep_skipped = 0
-        self.store.end_sweep(gaps=gaps, skipped=skipped)
+        sweep = self._planned.popleft()
+        self.store.end_sweep(gaps=sweep.gaps, skipped=sweep.skipped)
         if self._planned:
             self.store.begin_sweep(self._planned[0].number)
 
     def _abandon(self) -> None:
-        self._planned.clear()
-        self._batch = []
-        self._detected = 0
+        planned, self._planned, self._batch, self._detected = self._planned, deque(), [], 0
         if self.store.active_sweep is not None:
             with contextlib.suppress(ScanError):
-                self.store.end_sweep(gaps=self._sweep_gaps, skipped=self._sweep_skipped)
-        self._sweep_gaps = self._sweep_skipped = 0
+                self.store.end_sweep(gaps=planned[0].gaps, skipped=planned[0].skipped)

@@ -103,10 +103,10 @@ def read_sweep(path: Path, scene: Scene) -> StoredSweep:
 
     Raises
     ------
-    FileNotFoundError
-        There is no such file.
+    OSError
+        The file cannot be read.
     ScanError
-        The file cannot be read, is damaged, or belongs to another scene.
+        It is damaged, or belongs to another scene.
     """
     try:
         content = path.read_bytes()
@@ -116,10 +116,8 @@ def read_sweep(path: Path, scene: Scene) -> StoredSweep:
         with np.load(io.BytesIO(content)) as file:
             arrays = {name: file[name] for name in file.files}
         return _checked(int(path.stem.partition("_")[2]), arrays, scene)
-    except FileNotFoundError:
+    except OSError:
         raise
-    except OSError as error:
-        raise ScanError(f"{path}: could not be read, {error.strerror}") from None
     except Exception as error:  # damaged archives raise errors of zipfile, zlib, struct, numpy and others
         raise ScanError(f"{path}: damaged, {type(error).__name__ if not str(error) else error}") from None
 
@@ -147,18 +145,10 @@ def read_recording(path: Path, scene: Scene, strain_unit: str = "V") -> StoredSw
 
     Raises
     ------
-    FileNotFoundError
-        There is no such file.
-    ScanError
+    OSError
         The file cannot be read.
     """
-    kind = record_type(scene)
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise ScanError(f"{path}: could not be read, {error.strerror}") from None
+    kind, content = record_type(scene), path.read_bytes()
     found = np.frombuffer(content, kind, count=len(content) // kind.itemsize)
     intact = found["crc"] == _checksums(found)
     pairs = found["pair"][intact]

@@ -32,6 +32,7 @@ from tactile_localizer.io.scans.folder import (
 )
 from tactile_localizer.io.scans.sweep_files import (
     ENDED,
+    ENDED_EARLY,
     StoredSweep,
     read_recording,
     records,
@@ -126,7 +127,9 @@ class ScanWriter(ScanFolder):
         """
         self._require_pairs(sweep.stamp_ns, sweep.position, sweep.strain)
         number = self._free_number(sweep.number)
-        self._complete(replace(sweep, number=number, strain_unit=self._strain_unit))
+        with self._writing(f"sweep {number}"):
+            sweep = replace(sweep, number=number, strain_unit=self._strain_unit)
+            write_sweep(self._file(number, COMPLETE), sweep, self.scene)
         return number
 
     def begin_sweep(self, number: int | None = None) -> int:
@@ -203,9 +206,7 @@ class ScanWriter(ScanFolder):
         if number is None:
             raise ScanError(f"{self.path}: expected an active sweep, found none")
         os.close(self._records)
-        recording = self._file(number, IN_PROGRESS)
-        recorded = read_recording(recording, self.scene, self._strain_unit)
-        self._complete(replace(recorded, gaps=gaps, skipped=recorded.skipped + skipped, ending=ENDED))
+        self._complete(number, gaps=gaps, skipped=skipped, ending=ENDED)
 
     def note(self, what: str, **detail: Any) -> None:
         """Add a line to the history, which tells where the pairs come from.
@@ -239,17 +240,18 @@ class ScanWriter(ScanFolder):
     def _finish_interrupted(self) -> None:
         """Complete the sweeps that a killed process, or a full disk, has left in progress."""
         for file in self.path.glob(f"sweep_*{IN_PROGRESS}"):
-            sweep = read_recording(file, self.scene, self._strain_unit)
-            if not file.with_suffix(COMPLETE).exists():
-                self.note(sweep.ending, sweep=sweep.number, pairs=len(sweep))
-            self._complete(sweep)
+            self._complete(sweep_number(file), ending=ENDED_EARLY)
+            self.note(ENDED_EARLY, sweep=sweep_number(file))
 
-    def _complete(self, sweep: StoredSweep) -> None:
-        with self._writing(f"sweep {sweep.number}"):
-            complete = self._file(sweep.number, COMPLETE)
+    def _complete(self, number: int, *, gaps: int = 0, skipped: int = 0, ending: str) -> None:
+        """Make a sweep of its recording."""
+        recording, complete = self._file(number, IN_PROGRESS), self._file(number, COMPLETE)
+        with self._writing(f"sweep {number}"):
             if not complete.exists():
-                write_sweep(complete, sweep, self.scene)
-            self._file(sweep.number, IN_PROGRESS).unlink(missing_ok=True)
+                sweep = read_recording(recording, self.scene, self._strain_unit)
+                skipped += sweep.skipped
+                write_sweep(complete, replace(sweep, gaps=gaps, skipped=skipped, ending=ending), self.scene)
+            recording.unlink()
 
     def _file(self, number: int, suffix: str) -> Path:
         return self.path / f"sweep_{number:04}{suffix}"
