@@ -9,8 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.geometry.phalanges import phalanx_positions, turned_offsets
+from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import tracks_of
 from tactile_localizer.scene import Phalanx, Scene
 
 NODES = {1: 1200, 2: 120}
@@ -18,9 +21,6 @@ NODES = {1: 1200, 2: 120}
 
 _NEIGHBOURS = 8
 """Neighbours from which a node is interpolated; the paper's k."""
-
-_SWEEPS, _PAIRS = 40, 200
-"""Numbers of sweeps, and about half the pairs per sweep, from which the sweep distance is computed."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,9 @@ class TactileMap:
 def make_map(scan: Scan, scene: Scene) -> TactileMap:
     """Interpolate a scan on a regular grid over the scene's bounds, axes and phalanges.
 
-    A node's value is the mean of its nearest neighbours within 1.5 sweep distances, with biweight weights
+    A node's value is the mean of its nearest neighbours within 1.5 line spacings, with biweight weights
     that fall to zero at the next neighbour, so that the map is continuous. Pairs are first averaged over
-    cells of half the sweep distance, so that the neighbours lie on several sweeps and a slow palm does not
+    cells of half a line spacing, so that the neighbours lie on several sweeps and a slow palm does not
     outweigh a fast one. Of three axes the first two are shown, with the pairs at all values of the third;
     if that is yaw, each phalanx is shown at its own position: nodes are palm positions at yaw zero.
 
@@ -79,7 +79,7 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
         The scene names an axis or a phalanx that the scan does not have.
     """
     shown = min(scene.dimension, 2)
-    scale = axis_scale(scene)[:shown]
+    scale, distance = levers(scene)[:shown], line_spacing(tracks_of(scan, scene), scene)
     lower, upper = scene.lower[:shown] * scale, scene.upper[:shown] * scale
     step = float(np.max(upper - lower)) / (NODES[shown] - 1)
     counts = [max(2, math.floor(extent / step + 1e-9) + 1) for extent in upper - lower]
@@ -93,7 +93,6 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
         scene.phalanx_names,
         scene.layout.counts,
     )
-    distance = sweep_distance(scan, step)
     cell = max(step, distance / 2)
     reach = max(1.5 * distance, 1.5 * _pair_distance(scan), cell)
     queries = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
@@ -126,26 +125,6 @@ def axis_scale(scene: Scene) -> np.ndarray:
     if angle.all() or not angle.any():
         return np.ones(len(extent))
     return np.where(angle, extent[~angle].max() / extent, 1.0)
-
-
-def sweep_distance(scan: Scan, least: float = 0.0) -> float:
-    """Median distance from a pair to the nearest pair of another sweep in the plane, m; 0 for one sweep.
-
-    Pairs within ``least``, m, of a sweep are taken to be on the same line, as those of a return, and ignored.
-    """
-    numbers = scan.sweep_numbers
-    rows = [np.flatnonzero(scan.sweep == number) for number in numbers]
-    rows = [own[:: max(1, len(own) // _PAIRS)] for own in rows]
-    distances = [np.empty(0)]
-    for index in np.unique(np.linspace(0, len(numbers) - 1, _SWEEPS).astype(int)):
-        mine = scan.states[rows[index], :2]
-        others = scan.states[np.concatenate([rows[index][:0], *rows[:index], *rows[index + 1 :]]), :2]
-        if least and len(others):
-            others = others[cKDTree(mine).query(others)[0] > least]
-        if len(others):
-            distances.append(cKDTree(others).query(mine)[0])
-    found = np.concatenate(distances)
-    return float(np.median(found)) if len(found) else 0.0
 
 
 def _pair_distance(scan: Scan) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tactile_map import make_map, sweep_distance
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SQUARE = Scene("s", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.04)), (Phalanx("index", (0.0, 0.0)),))
@@ -39,7 +39,8 @@ def test_nodes_are_equally_spaced_and_reach_the_bounds():
 
 
 def test_nodes_far_from_all_sweeps_have_no_value():
-    tactile_map = make_map(raster(np.array([0.0, 0.0025, 0.005, 0.035, 0.0375, 0.04])), SQUARE)
+    lines = np.arange(0.0, 0.0081, 0.001)
+    tactile_map = make_map(raster(np.concatenate([lines, 0.04 - lines])), SQUARE)
     y = tactile_map.nodes[1]
     np.testing.assert_array_equal(tactile_map.covered.all(axis=0), tactile_map.covered.any(axis=0))
     covered = tactile_map.covered[0]
@@ -47,7 +48,7 @@ def test_nodes_far_from_all_sweeps_have_no_value():
     assert not covered[(y > 0.01) & (y < 0.03)].any()
 
 
-def test_yaw_is_scaled_by_its_extent():
+def test_yaw_counts_by_its_lever():
     scene = Scene("turn", (Axis("x", 0.0, 0.1), Axis("yaw", -np.pi, np.pi)), (Phalanx("index", (0.0, 0.0)),))
     x = np.linspace(0.0, 0.1, 200)
     states = np.concatenate(
@@ -57,7 +58,7 @@ def test_yaw_is_scaled_by_its_extent():
     tactile_map = make_map(
         Scan(states, strain, np.repeat(np.arange(25), 200), ("x", "yaw"), ("index",)), scene
     )
-    assert tactile_map.values.shape == (120, 120, 8)
+    assert tactile_map.values.shape == (95, 120, 8)
     places = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)
     inner = np.s_[8:-8, 8:-8]
     expected = 50 * places[..., 0] + places[..., 1]
@@ -67,8 +68,6 @@ def test_yaw_is_scaled_by_its_extent():
 def test_returns_on_the_same_line_leave_no_holes():
     scan = raster(np.repeat(np.arange(0, 0.0401, 0.0025), 2))
     assert make_map(scan, SQUARE).covered.all()
-    assert sweep_distance(scan) == 0.0
-    assert sweep_distance(scan, 0.0004) == pytest.approx(0.0025, rel=0.01)
 
 
 def test_a_sparse_sweep_leaves_no_gaps():
@@ -120,8 +119,3 @@ def test_few_pairs_cover_only_their_surroundings(pairs):
     assert tactile_map.covered.any()
     assert not tactile_map.covered.all()
     np.testing.assert_allclose(tactile_map.values[tactile_map.covered], 1.0)
-
-
-def test_sweep_distance_is_that_to_the_nearest_other_sweep():
-    assert sweep_distance(raster(np.arange(0, 0.0401, 0.0025))) == pytest.approx(0.0025, rel=0.01)
-    assert sweep_distance(raster(np.array([0.01]))) == 0.0
