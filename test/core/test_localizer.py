@@ -1,7 +1,6 @@
 """The localizer: strains and palm positions in, an estimate out, by travelled distance."""
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
@@ -9,24 +8,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.scans import line_scan, scene, strain_at
 
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.errors import MeasurementError
 
 OF = scene()
 SCAN = line_scan(np.random.default_rng(0), OF)
+CALIBRATION = Calibration(0.0017, np.full(2, 4e-4))
+"""Given, so that no test waits for it to be learned."""
 ANYWHERE = np.array([3.0, -2.0])
 """Where the arm's frame has its origin, seen from the material."""
 
 
-@cache
-def calibration():
-    return learn(SCAN, OF)
-
-
 def build(**choices):
     return build_localizer(
-        SCAN, OF, Configuration(**choices), np.random.default_rng(1), calibration=calibration()
+        SCAN, OF, Configuration(**choices), np.random.default_rng(1), calibration=CALIBRATION
     )
 
 

@@ -1,0 +1,220 @@
+"""From a scan of a material that is felt everywhere to a converged position, on waves known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.localizer import Estimate, Localizer
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+LENGTH, STEP, NOISE_V = 0.3, 0.0005, 0.05
+SCENE = Scene("cloth", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,)), Phalanx("middle", (0.0,))))
+CALIBRATION = Calibration(0.005, np.array([1e-4]))
+"""Given, so that no test waits for it to be learned."""
+X = np.arange(0.0, LENGTH, STEP)
+
+
+def strain(x: np.ndarray, material: int, seed: int) -> np.ndarray:
+    """Waves with wavelengths of 5 to 40 mm that differ between materials, with noise, (n, 16) V."""
+    waves = np.random.default_rng(material)
+    frequency, phase = waves.uniform(150.0, 1200.0, (16, 4)), waves.uniform(0.0, 6.28, (16, 4))
+    clean = 0.1 * np.sin(x[:, None, None] * frequency + phase).sum(axis=2)
+    return np.asarray(clean + NOISE_V * np.random.default_rng(seed).standard_normal(clean.shape))
+
+
+def cloth_scan(sweeps: int = 3, volts: float = 1.0, noise: float = 0.0) -> Scan:
+    felt = np.concatenate([strain(X, 1, 10 + sweep) for sweep in range(sweeps)])
+    felt += noise * np.random.default_rng(7).standard_normal(felt.shape)
+    sweep = np.repeat(np.arange(sweeps), len(X))
+    return Scan(np.tile(X, sweeps)[:, None], volts * felt, sweep, ("x",), ("index", "middle"))
+
+
+def build(scan: Scan, kind: str = "grid", scene: Scene = SCENE) -> Localizer:
+    configuration, rng = Configuration(filter=kind), np.random.default_rng(0)
+    return build_localizer(scan, scene, configuration, rng, calibration=CALIBRATION)
+
+
+@pytest.fixture(scope="module", params=["grid", "particle"])
+def built(request: pytest.FixtureRequest) -> Localizer:
+    return build(cloth_scan(), request.param)
+
+
+@pytest.fixture
+def localizer(built: Localizer) -> Localizer:
+    built.reset()
+    return built
+
+
+def fed(
+    localizer: Localizer, felt: np.ndarray, first_ns: int = 0, present: np.ndarray | None = None
+) -> list[Estimate]:
+    """Estimates along a sweep from anywhere in the arm's frame."""
+    return [
+        localizer.update(first_ns + 10_000_000 * n, np.array([0.7 + n * STEP]), row, present)
+        for n, row in enumerate(felt)
+    ]
+
+
+def off(estimates: list[Estimate], start: float) -> np.ndarray:
+    """Errors (n,), m, of estimates along a sweep from ``start``."""
+    return np.array([abs(float(e.mean[0]) - start - n * STEP) for n, e in enumerate(estimates)])
+
+
+def way(start: float, travel: float = 0.1) -> np.ndarray:
+    return start + np.arange(0.0, travel, STEP)
+
+
+def assert_found(localizer: Localizer, felt: np.ndarray, start: float) -> None:
+    """At the end, and never converged at another place."""
+    estimates = fed(localizer, felt)
+    errors = off(estimates, start)
+    assert estimates[-1].converged, estimates[-1].reason
+    assert errors[-1] < 0.001
+    assert not any(e.converged and error > 0.005 for e, error in zip(estimates, errors, strict=True))
+
+
+@pytest.mark.parametrize("start", [0.01, 0.08, 0.17])
+def test_a_sweep_from_an_unknown_start_converges_to_its_place(localizer: Localizer, start: float) -> None:
+    assert_found(localizer, strain(way(start), 1, 5), start)
+
+
+SIGNS = np.random.default_rng(3).choice([-1.0, 1.0], 16)
+RAMP = np.outer(way(0.0) / 0.1, SIGNS)
+NOISY = 20.0 * np.random.default_rng(4).standard_normal(len(RAMP))[:, None] * np.eye(16)[5]
+
+
+@pytest.mark.parametrize("gain", [0.75, 1.0, 1.3])
+@pytest.mark.parametrize(
+    "change",
+    [3.0 * SIGNS, 30.0 * SIGNS, 3.0 * RAMP, 10.0 * RAMP, NOISY],
+    ids=["offset", "large offset", "drift", "strong drift", "a noisy channel"],
+)
+def test_a_sweep_of_another_session_converges_to_its_place(
+    localizer: Localizer, change: np.ndarray, gain: float
+) -> None:
+    """Another squeezing force and, in noise widths, another tare or a drift per 100 mm."""
+    assert_found(localizer, gain * strain(way(0.1), 1, 5) + NOISE_V * change, 0.1)
+
+
+@pytest.mark.parametrize("material", [2, 3, 4])
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (1.0, 30.0), (0.3, 30.0)])
+def test_another_material_never_converges(
+    localizer: Localizer, material: int, gain: float, offset: float
+) -> None:
+    estimates = fed(localizer, gain * strain(way(0.05), material, 5) + offset * NOISE_V)
+    assert not any(estimate.converged for estimate in estimates)
+    assert estimates[-1].on_map < 0.1
+
+
+@pytest.mark.parametrize("material", [None, 2, 3])
+def test_on_a_faint_map_neither_smooth_nor_other_material_converges(material: int | None) -> None:
+    """The noise is as large as the signal: a belief that follows each strain fits it somewhere."""
+    faint = build(cloth_scan(noise=3.0 * NOISE_V))
+    for start in (0.02, 0.1, 0.19):
+        faint.reset()
+        felt = strain(way(start), material or 1, 5)
+        noise = 3.0 * NOISE_V * np.random.default_rng(8).standard_normal(felt.shape)
+        assert not any(e.converged for e in fed(faint, noise + (felt if material else felt.mean(axis=0))))
+
+
+def test_a_hand_that_was_put_down_elsewhere_is_found_again(localizer: Localizer) -> None:
+    fed(localizer, strain(way(0.02, 0.06), 1, 5))
+    estimates = fed(localizer, strain(way(0.2, 0.08), 1, 6), 10**10)
+    assert estimates[-1].converged, estimates[-1].reason
+    assert off(estimates, 0.2)[-1] < 0.002
+
+
+def test_a_hand_beyond_the_bounds_is_elsewhere(localizer: Localizer) -> None:
+    assert fed(localizer, strain(way(0.1), 1, 5))[-1].converged
+    assert not localizer.update(10**12, np.array([1.5]), np.zeros(16)).converged
+
+
+def test_a_stuck_phalanx_is_left_out_and_does_not_mislead(localizer: Localizer) -> None:
+    felt = strain(way(0.1), 1, 8)
+    felt[:, 8:] = felt[0, 8:]
+    estimates = fed(localizer, felt)
+    assert estimates[-1].consistent.tolist() == [True, False]
+    assert off(estimates, 0.1)[-1] < 0.002
+
+
+def test_an_absent_phalanx_is_tolerated(localizer: Localizer) -> None:
+    felt = strain(way(0.1), 1, 9)
+    felt[:, :8] = np.nan
+    assert off(fed(localizer, felt, present=np.array([False, True])), 0.1)[-1] < 0.002
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_what_is_not_finite_is_refused_and_the_belief_untouched(localizer: Localizer, bad: float) -> None:
+    fed(localizer, strain(way(0.1, 0.01), 1, 5))
+    before = localizer.hypotheses()[1].copy()
+    for position, felt in ((0.0, bad), (bad, 0.0)):
+        with pytest.raises(MeasurementError):
+            localizer.update(10**12, np.array([position]), np.full(16, felt))
+    np.testing.assert_array_equal(localizer.hypotheses()[1], before)
+
+
+@pytest.mark.parametrize("volts", [1e-9, 1e9])
+def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(volts: float) -> None:
+    felt = strain(way(0.1, 0.06), 1, 5)
+    one, other = fed(build(cloth_scan()), felt), fed(build(cloth_scan(volts=volts)), volts * felt)
+    np.testing.assert_allclose(off(other, 0.1), off(one, 0.1), atol=1e-4)
+    assert [e.converged for e in other] == [e.converged for e in one]
+
+
+def test_duplicate_pairs_change_nothing() -> None:
+    scan, felt = cloth_scan(2), strain(way(0.1, 0.04), 1, 5)
+    twice = scan.select(np.repeat(np.arange(len(scan)), 2))
+    np.testing.assert_allclose(off(fed(build(twice), felt), 0.1), off(fed(build(scan), felt), 0.1), atol=1e-9)
+
+
+def test_a_channel_that_never_changes_does_not_matter() -> None:
+    scan, felt = cloth_scan(), strain(way(0.1), 1, 5)
+    scan.strain[:, 2] = felt[:, 2] = 0.7
+    assert_found(build(scan), felt, 0.1)
+
+
+def test_strains_a_million_widths_from_the_map_converge_nowhere(localizer: Localizer) -> None:
+    far = 1e6 * NOISE_V * np.random.default_rng(10).standard_normal((80, 16))
+    estimates = fed(localizer, strain(way(0.05, 0.04), 1, 5) + far)
+    assert np.isfinite(estimates[-1].covariance).all()
+    assert not any(estimate.converged for estimate in estimates)
+
+
+def test_yaw_wraps_around() -> None:
+    scene = Scene("knob", (Axis("yaw", -np.pi, np.pi),), (Phalanx("index", (0.0,), 4),))
+    yaw, rng, waves = np.arange(-np.pi, np.pi, 0.02), np.random.default_rng(0), np.arange(1.0, 5.0)
+
+    def turned(at: np.ndarray) -> np.ndarray:
+        return np.sin(at[:, None] * waves + waves) + 0.02 * rng.standard_normal((len(at), 4))
+
+    felt, sweep = np.concatenate([turned(yaw) for _ in range(3)]), np.repeat(np.arange(3), len(yaw))
+    localizer = build(Scan(np.tile(yaw, 3)[:, None], felt, sweep, ("yaw",), ("index",), (4,)), scene=scene)
+    way = np.pi - 0.5 + np.arange(0.0, 1.0, 0.02)
+    for n, (place, row) in enumerate(zip(way, turned(way), strict=True)):
+        estimate = localizer.update(10_000_000 * n, np.array([(place + np.pi) % (2 * np.pi) - np.pi]), row)
+    assert (float(estimate.mean[0]) - way[-1] + np.pi) % (2.0 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_whatever_is_felt_the_estimate_is_a_distribution(built: Localizer, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    built.reset()
+    for n in range(20):
+        felt = 10.0 ** rng.uniform(-6.0, 6.0) * rng.standard_normal(16)
+        present = rng.random(2) < 0.8
+        present[rng.integers(2)] = True
+        estimate = built.update(10_000_000 * n, rng.uniform(-0.01, 0.01, 1), felt, present)
+        assert np.isfinite(estimate.mean).all()
+        assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
+        assert built.hypotheses()[1].sum() == pytest.approx(1.0)
+        assert 0.0 <= estimate.probability <= estimate.on_map + 1e-12 <= 1.0 + 1e-12
+        assert sum(built.explanations[:4]) == pytest.approx(1.0)
