@@ -13,7 +13,12 @@ from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.geometry.references import References, TakenIn
-from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria, State
+from tactile_localizer.core.hypotheses.convergence import (
+    Convergence,
+    ConvergenceCriteria,
+    State,
+    probability_within,
+)
 from tactile_localizer.core.hypotheses.correlation import AWAY, PRIOR, Correlation, Sums
 from tactile_localizer.core.hypotheses.explanations import Explanations
 from tactile_localizer.core.hypotheses.phalanx_consistency import PhalanxConsistency
@@ -262,7 +267,7 @@ class Localizer:
         self._travel += travel
         self._pending = np.zeros(self.scene.dimension)
         self._pending_travel = 0.0
-        self._decide(belief, travel)
+        self._decide(prediction.states, weights, belief, travel)
 
     def _predict(self, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""
@@ -299,7 +304,7 @@ class Localizer:
             strain = self.model.in_volts(innovation.strain + trend)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
-    def _decide(self, belief: Belief, travel: float) -> None:
+    def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:
         """Whether the position has converged."""
         explanations = self._sweep.explanations
         on_map, unknown = explanations.on_map, explanations.unknown
@@ -307,7 +312,9 @@ class Localizer:
             on_map = probability(self._sweep.log_odds)
             unknown = 1.0 - on_map
         self._on_map = on_map
-        near = self.filter.mass_near(belief.mean, self._convergence.criteria.radius)
+        away = self._motion.displacement(belief.mean, states)
+        radius, registration = self._convergence.criteria.radius, self._registration.diagonal()
+        near = probability_within(away, weights, radius, registration)
         tracked = on_map * explanations.tracked / max(explanations.on_map, 1e-300)
         self._convergence.update(near, tracked, unknown, travel)
 

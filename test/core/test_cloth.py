@@ -1,4 +1,4 @@
-"""From a scan of a material that is felt everywhere to a converged position, on waves known in closed form."""
+"""From a scan of a material felt everywhere to a converged position, on waves known in closed form."""
 
 from __future__ import annotations
 

@@ -57,8 +57,5 @@ class BayesFilter(Protocol):
     def weights(self) -> np.ndarray:
         """Weights (P,) of the predicted states after the update, with a sum of one."""
 
-    def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
-        """Probability of the ellipsoid with half-axes ``radius`` (d,) about ``mean`` (d,)."""
-
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) and weights (P,) that sum to one."""

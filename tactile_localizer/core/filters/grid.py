@@ -144,14 +144,6 @@ class GridFilter:
         """See :meth:`.BayesFilter.weights`."""
         return self._posterior
 
-    def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
-        """See :meth:`.BayesFilter.mass_near`."""
-        away = (self._states - mean).T
-        if self._turns:
-            away = np.where(self._wraps[:, None], wrap_angle(away), away)
-        away = away / radius[:, None]
-        return float(self._posterior[np.square(away).sum(axis=0) <= 1.0].sum())
-
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
         cells = self._belief.ravel()

@@ -130,14 +130,6 @@ class ParticleFilter:
         """See :meth:`.BayesFilter.weights`."""
         return np.exp(self._log_weights)
 
-    def mass_near(self, mean: np.ndarray, radius: np.ndarray) -> float:
-        """See :meth:`.BayesFilter.mass_near`."""
-        deviation = self._states - mean
-        if self._wraps.any():
-            deviation[:, self._wraps] = wrap_angle(deviation[:, self._wraps])
-        inside = np.square(deviation / radius) @ np.ones(len(radius)) <= 1.0
-        return float(np.exp(self._log_weights[inside]).sum())
-
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
         return self._states.copy(), np.exp(self._log_weights)

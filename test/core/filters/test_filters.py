@@ -186,19 +186,6 @@ def test_a_state_continues_its_ancestor_but_for_what_was_taken_in(make: Make) ->
 
 
 @both
-def test_the_mass_near_the_mean_is_the_weight_of_an_ellipsoid(make: Make) -> None:
-    made = make(TURNING, 40.0)
-    made.seed(np.array([0.028, 0.024, 3.1]), np.array([0.004, 0.004, 0.3]))
-    mean, radius = belief_of(made).mean, np.array([0.006, 0.005, 0.4])
-    states, weights = made.hypotheses()
-    deviation = states - mean
-    deviation[:, 2] = wrap_angle(deviation[:, 2])
-    inside = np.sum((deviation / radius) ** 2, axis=1) <= 1.0
-    assert made.mass_near(mean, radius) == pytest.approx(weights[inside].sum(), abs=3e-4)  # negligible cells
-    assert made.mass_near(np.full(3, 1.0), np.full(3, 0.005)) == 0.0
-
-
-@both
 def test_hypotheses_handed_out_do_not_change_afterwards(make: Make) -> None:
     made = make()
     states, weights = made.hypotheses()

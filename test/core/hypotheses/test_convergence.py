@@ -9,6 +9,7 @@ from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
     State,
+    probability_within,
 )
 
 CRITERIA = ConvergenceCriteria(np.array([0.005]), probability=0.99, sustain=0.002)
@@ -97,3 +98,15 @@ def test_a_reason_always_agrees_with_the_state(updates: list[tuple[float, float,
     assert convergence.reason.startswith(beginning[convergence.state])
     assert convergence.converged == (convergence.state is State.CONVERGED)
     assert 0.0 <= convergence.probability <= 1.0
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+@pytest.mark.parametrize("std", [1e-4, 0.002, 0.004])
+def test_the_probability_includes_the_registration_error(dimension: int, std: float) -> None:
+    rng = np.random.default_rng(dimension)
+    away = np.concatenate([rng.normal(0.0, 0.001, (60, dimension)), rng.normal(0.03, 0.001, (20, dimension))])
+    weights, radius = rng.dirichlet(np.ones(len(away))), np.full(dimension, 0.0075)
+    moved = away[:, None] + std * rng.standard_normal((4000, dimension))
+    inside = (np.square(moved / radius).sum(axis=-1) <= 1.0).mean(axis=1)
+    found = probability_within(away, weights, radius, np.full(dimension, std**2))
+    assert found == pytest.approx(weights @ inside, abs=0.01)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_localizer.core.likelihood.noise_model import common_whitening, estimate_noise, held_out
+from tactile_localizer.core.likelihood.noise_model import estimate_noise, held_out
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -129,18 +129,6 @@ def test_strains_outside_the_region_are_zero() -> None:
     scene = dataclasses.replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
     for track in estimate_noise(sheet(), scene).tracks:
         assert (track.strain[track.positions[:, 0] < 0.025] == 0.0).all()
-
-
-def test_common_whitening_of_one_model() -> None:
-    model = estimate_noise(cloth(), CLOTH).model
-    np.testing.assert_allclose(common_whitening([model]), model.whitening, rtol=1e-6, atol=1e-9)
-
-
-def test_common_whitening_is_that_of_the_mean_covariance() -> None:
-    one, other = (estimate_noise(cloth(volts=volts), CLOTH).model for volts in (1.0, 2.0))
-    common = np.linalg.inv(common_whitening([one, other]))
-    covariances = [np.linalg.inv(m.whitening) @ np.linalg.inv(m.whitening).T for m in (one, other)]
-    np.testing.assert_allclose(common @ common.T, np.mean(covariances, axis=0), rtol=1e-6, atol=1e-9)
 
 
 def test_the_noise_is_estimated_from_a_sample_of_the_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
