@@ -62,8 +62,8 @@ def test_the_reason_names_the_factor_that_fails(update: tuple[float, float, floa
 
 
 def test_a_converged_position_is_kept_until_it_is_improbable() -> None:
-    assert after(HOLDS, HOLDS, (0.9, 0.6, 0.3)).state is State.CONVERGED
-    lost = after(HOLDS, HOLDS, (0.9, 0.5, 0.5))
+    assert after(HOLDS, HOLDS, (1.0, 0.92, 0.08)).state is State.CONVERGED
+    lost = after(HOLDS, HOLDS, (1.0, 0.88, 0.12))
     assert lost.state is State.LOST
     assert lost.reason.startswith("lost: the map explains")
 

@@ -82,15 +82,6 @@ def test_whitened_strains_do_not_depend_on_the_unit(volts: float, seed: int) -> 
     np.testing.assert_allclose(other.model.log_volume, one.model.log_volume - 4 * np.log(volts), atol=1e-5)
 
 
-def test_first_contact_does_not_inflate_the_noise() -> None:
-    scan = cloth()
-    start = scan.states[:, 0] < 0.01
-    spoiled = scan.strain + np.where(start, 50.0, 0.0)[:, None] * (1.0 + scan.sweep[:, None])
-    rough = estimate_noise(dataclasses.replace(scan, strain=spoiled), CLOTH).model
-    plain = estimate_noise(scan, CLOTH).model
-    np.testing.assert_allclose(rough.log_volume, plain.log_volume, atol=1.0)
-
-
 def test_featureless_places_are_exactly_equal() -> None:
     estimate = estimate_noise(sheet(), SHEET)
     assert estimate.featureless

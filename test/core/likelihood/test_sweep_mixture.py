@@ -62,10 +62,10 @@ def log_constant(channels: int) -> float:
 
 
 def direct(
-    model: SweepMixture, node: int, strain: np.ndarray, inflation: float = 1.0, components: int = COMPONENTS
+    model: SweepMixture, node: int, volts: np.ndarray, inflation: float = 1.0, components: int = COMPONENTS
 ) -> float:
-    """The density at a node in volts, by scipy and float64."""
-    total = 0.0
+    """The density at a node, by scipy and float64."""
+    total, strain = 0.0, model.whitened(volts)
     for phalanx, own in enumerate(model.noise.layout.slices):
         terms, size = [], own.stop - own.start
         for component in range(components):
@@ -120,7 +120,7 @@ def test_the_mixture_drops_an_absent_phalanx() -> None:
 
 
 def test_uncertainty_of_the_level_widens_every_density() -> None:
-    model, far = mixture((3, 5)), np.full(8, 30.0)
+    model, far = mixture((3, 5)), np.full(8, 300.0)
     sure, unsure = (evaluated(model, far, level_variance=variance) for variance in (0.0, 100.0))
     for one, other in zip(sure, unsure, strict=True):
         assert (np.asarray(other) > one).all()
