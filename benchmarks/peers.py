@@ -80,9 +80,8 @@ class Own:
 
     def step(self, strain: np.ndarray) -> None:
         """Predict, weight, resample."""
-        self._filter.predict(STEP, float(STEP[0]))
-        states, _ = self._filter.prior()
-        self._filter.update(self._model.log_likelihood(states, strain))
+        predicted = self._filter.predict(STEP, float(STEP[0]))
+        self._filter.update(self._model.log_likelihood(predicted.states, strain))
 
 
 class Filterpy:
