@@ -64,20 +64,6 @@ def frames() -> list[can.Message]:
     ]
 
 
-def test_own_load_cells_are_recognized_in_a_log(copied: Callable[[str], Path]) -> None:
-    folder = copied("own_dbc")
-    with can.Logger(folder / "frames.log") as log:
-        for number in range(50):
-            for frame in frames():
-                frame.timestamp = 1000.0 + 0.01 * number
-                log(frame)
-    command = ["tactile-localizer", "can", "check", "--config", "driver.yaml", "--log", "frames.log"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "no problems found" in done.stdout
-    assert "+0.1000 to +0.8000" in done.stdout
-
-
 @pytest.mark.ros
 def test_the_driver_publishes_own_load_cells(
     copied: Callable[[str], Path], node_process: Any, probe: Any, simulated_can: dict[str, Any]
@@ -90,7 +76,7 @@ def test_the_driver_publishes_own_load_cells(
     best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
     received = probe.listen(StrainVectors, "strain", best_effort)
     bus = {name: simulated_can[name] for name in ("interface", "channel")}
-    bus |= {"bus_options": [f"port={simulated_can['port']}"], "cycle_timeout_s": 0.2}
+    bus |= {"bus_options": [f"port={simulated_can['port']}"], "period_s": 0.4}
     own = {**bus, "dbc": folder / "hand.dbc", "tare_file": folder / "tare.yaml"}
     node_process("driver_node", own, parameter_files=[folder / "driver.yaml"])
     with can.Bus(**simulated_can, fd=True, hop_limit=0) as hand:
@@ -101,7 +87,7 @@ def test_the_driver_publishes_own_load_cells(
             probe.executor.spin_once(timeout_sec=0.05)
             return [message for message in received if not any(message.status)]
 
-        found = wait_until(send_and_receive, "a strain vector of aligned cycles", 30.0)[-1]
+        found = wait_until(send_and_receive, "a strain vector", 30.0)[-1]
     assert found.phalanges == ["index", "middle"]
     np.testing.assert_allclose(found.strain, np.concatenate(list(VOLTS.values())), atol=1e-6)
 

@@ -19,7 +19,6 @@ from tactile_localizer.errors import TactileLocalizerError
 
 COMMANDS: dict[str, str] = {
     "demo": "scan a simulated feature and localize on it with all ROS 2 nodes running",
-    "can": "decode and check the load cells on a CAN bus, or in a CAN log",
     "import": "make a scan from recordings (CSV or rosbag2)",
     "scan": "describe and plot a scan",
     "tradeoff": "measure accuracy against computing time of configurations, and choose one",

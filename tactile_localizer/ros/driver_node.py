@@ -18,8 +18,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, parse_options
-from tactile_localizer.io.can.cycle import Cycle
 from tactile_localizer.io.can.driver import DriverSettings, LoadCellDriver
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
@@ -67,7 +67,7 @@ class DriverNode(ManagedNode):
         )
         settings = DriverSettings(
             bus,
-            parameters["cycle_timeout_s"],
+            parameters["period_s"],
             parameters["reconnect_delay_s"],
             parameters["reconnect_delay_limit_s"],
             parameters["wait_for_interface"],
@@ -125,8 +125,8 @@ class DriverNode(ManagedNode):
         stamp_ns = self.now_ns if self._use_sim_time else cycle.stamp_ns
         message.header.stamp = from_ns(stamp_ns)
         message.strain = array("d", cycle.strain.tobytes())
-        message.status = cycle.status
-        message.sequence = cycle.sequence
+        message.status = array("B", cycle.status.tobytes())
+        message.sequence = array("I", cycle.sequence.tobytes())
         try:
             self._strain.publish(message)
         except RuntimeError:

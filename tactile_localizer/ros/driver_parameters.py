@@ -17,11 +17,18 @@ PARAMETERS = (
     Parameter("status_signal", "status", "DBC signal of the load cell status (0 is OK), if the DBC has one"),
     Parameter("interface", "socketcan", "python-can interface of the CAN bus"),
     Parameter("channel", "can0", "Channel of the interface"),
-    Parameter("bus_options", [], "Options of the interface, each as name=value"),
+    Parameter("bus_options", [], "Options of the interface, each as name=value, such as ['fd=true']"),
     Parameter(
         "receive_buffer", 1 << 20, "Receive buffer of the kernel; 0 for its default", "byte", 0, 1 << 28
     ),
-    Parameter("cycle_timeout_s", 0.03, "Time that a cycle waits for its frames", "s", 0.0005, 1.0),
+    Parameter(
+        "period_s",
+        0.0,
+        "Period of the load cells; a cycle holds what is received within half of it. 0: estimated",
+        "s",
+        0.0,
+        1.0,
+    ),
     Parameter(
         "stale_timeout_s",
         0.5,

@@ -59,7 +59,7 @@ PARAMETERS = (
     Parameter("material_frame_id", "material", "Frame of the ground truth"),
     Parameter("interface", "udp_multicast", "python-can interface of the CAN bus"),
     Parameter("channel", "239.74.163.2", "Channel of the interface"),
-    Parameter("bus_options", [], "Options of the interface, each as name=value"),
+    Parameter("bus_options", [], "Options of the interface, each as name=value, such as ['port=43114']"),
     Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name"),
     Parameter("fault.drop", 0.0, "Probability that a frame is lost", "", 0.0, 1.0, live=True),
     Parameter("fault.garbage", 0.0, "Probability of garbage after each frame", "", 0.0, 1.0, live=True),

@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 import can
 import numpy as np
 
-from tactile_localizer.io.can.assembler import CycleAssembler
+from tactile_localizer.io.can.assembler import Counts, Cycle, CycleAssembler
 from tactile_localizer.io.can.bus import BusSettings, open_bus
-from tactile_localizer.io.can.cycle import Counts, Cycle
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.can.reader import LONGEST_WAIT_S, BusStatus, CanReader
 from tactile_localizer.io.can.tare import TareAverage
@@ -25,13 +24,13 @@ class DriverSettings:
     Parameters
     ----------
     bus : bus to open
-    cycle_timeout_s : timeout of a cycle after its first frame, s
+    period_s : period of the samples, s; 0: estimated
     wait_for_interface : whether to wait for an interface that is absent at the start
     backoff_s, backoff_limit_s : see :class:`~tactile_localizer.io.can.reader.CanReader`
     """
 
     bus: BusSettings
-    cycle_timeout_s: float = 0.03
+    period_s: float = 0.0
     backoff_s: float = 0.1
     backoff_limit_s: float = 5.0
     wait_for_interface: bool = False
@@ -61,7 +60,7 @@ class LoadCellDriver:
         self.offset = np.zeros(protocol.channels.size)  # V, subtracted from each strain vector
         self.latest: Cycle | None = None  # before subtraction of the offset
         self._on_cycle = on_cycle
-        self._assembler = CycleAssembler(protocol, settings.cycle_timeout_s)
+        self._assembler = CycleAssembler(protocol, settings.period_s)
         self._average: TareAverage | None = None
         self._reader = CanReader(
             lambda: open_bus(settings.bus, protocol),
@@ -81,9 +80,9 @@ class LoadCellDriver:
         return self._assembler.counts
 
     @property
-    def aligned(self) -> list[bool]:
-        """Whether the assignment of samples to cycles is certain, for each phalanx."""
-        return self._assembler.aligned
+    def period_ns(self) -> int:
+        """Period of the samples, ns; 0 before the first estimate."""
+        return self._assembler.period_ns
 
     @property
     def status(self) -> BusStatus:
@@ -134,7 +133,7 @@ class LoadCellDriver:
         for cycle in cycles:
             self.latest = cycle
             if average is not None:
-                average.add(cycle.strain, np.array(cycle.status))
+                average.add(cycle.strain, cycle.status)
             self._on_cycle(replace(cycle, strain=cycle.strain - self.offset))
         remaining_ns = self._assembler.remaining_ns(time.time_ns())
         return LONGEST_WAIT_S if remaining_ns is None else remaining_ns * 1e-9

@@ -16,7 +16,6 @@ from cantools.database.can import Database, Message, Signal
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import CanError
-from tactile_localizer.io.can.frames import EXTENDED, MAX_BYTES, wire_length
 
 # cantools logs errors that are raised below as one line.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
@@ -27,13 +26,10 @@ GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(DEFAULT_CHANNELS))
 VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6}
 """Factor from a gauge signal to V, by its unit in the DBC."""
 
-MAX_DBC_BITS = 8 * 1785
-"""Largest message size accepted in a DBC, bits: that of J1939's transport protocol, on the same bus."""
+MAX_BYTES = 64
+"""Data bytes of the longest CAN FD frame."""
 
-_QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
-_SIGNAL_SIZE = re.compile(r"\bSG_\s+(\w{1,500})[^:|]{0,500}:\s*\+?(\d+)\s*\|\s*\+?(\d+)\s*@")
-_MESSAGE_SIZE = re.compile(r"\bBO_\s+\d+\s+(\w+)\s*:\s*\+?(\d+)")
-_VALUES = re.compile(r"(\d+)\s*-\s*(\d+)")
+_FD_LENGTHS = (12, 16, 20, 24, 32, 48, 64)
 
 PhalanxMessages: TypeAlias = tuple[tuple[Message, ...], ...]
 
@@ -112,15 +108,16 @@ class LoadCellMessage:
     counter: Signal | None
     status: Signal | None
 
-    @cached_property
-    def key(self) -> int:
-        """Key of its frames."""
-        return self.definition.frame_id | (EXTENDED if self.definition.is_extended_frame else 0)
+    @property
+    def key(self) -> tuple[int, bool]:
+        """Identifier, and whether it has 29 bits."""
+        return self.definition.frame_id, bool(self.definition.is_extended_frame)
 
     @cached_property
     def length(self) -> int:
-        """Data bytes of a frame on the bus."""
-        return wire_length(self.definition.length)
+        """Data bytes of a frame on the bus; above 8, CAN FD allows only some lengths."""
+        length = self.definition.length
+        return length if length <= 8 else next(n for n in _FD_LENGTHS if n >= length)
 
     @property
     def counter_bits(self) -> int:
@@ -138,41 +135,14 @@ def load_dbc(path: str | Path) -> Database:
     """
     try:
         text = Path(path).read_text(encoding="cp1252", errors="replace")
-        _check_sizes(text)
         database = cantools.database.load_string(text, database_format="dbc", prune_choices=False)
     except OSError as error:
         raise CanError(f"{path}: expected a DBC file, {error.strerror or error}") from error
-    except CanError as error:
-        raise CanError(f"{path}: {error}") from None
     except (cantools.Error, UnicodeError, ValueError, KeyError, TypeError) as error:
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise CanError(f"{path}: expected a DBC file, {reason}") from error
     assert isinstance(database, Database)
     return database
-
-
-def _check_sizes(text: str) -> None:
-    """Refuse sizes for which cantools would allocate gigabytes."""
-    text = _QUOTED.sub('""', text)
-    for name, start, bits in _SIGNAL_SIZE.findall(text):
-        if _exceeds(start, MAX_DBC_BITS) or _exceeds(bits, MAX_DBC_BITS):
-            raise CanError(
-                f"signal {name!r:.60}: expected at most {MAX_DBC_BITS} bits, got {bits:.12} at {start:.12}"
-            )
-    for name, size in _MESSAGE_SIZE.findall(text):
-        if _exceeds(size, MAX_DBC_BITS // 8):
-            raise CanError(
-                f"message {name!r:.60}: expected at most {MAX_DBC_BITS // 8} bytes, got {size:.12}"
-            )
-    for entry in text.split(";"):
-        for first, last in _VALUES.findall(entry) if "SG_MUL_VAL_" in entry else ():
-            if _exceeds(last, MAX_DBC_BITS):
-                raise CanError(f"multiplexed values {first:.12}-{last:.12}: expected at most {MAX_DBC_BITS}")
-
-
-def _exceeds(number: str, limit: int) -> bool:
-    digits = number.lstrip("+0")
-    return len(digits) > len(str(limit)) or int(digits or 0) > limit
 
 
 def phalanx_messages(
@@ -212,17 +182,6 @@ def phalanx_messages(
     return tuple(answer)
 
 
-def phalanges_of(database: Database, names: SignalNames) -> list[str]:
-    """Phalanges after which messages of ``database`` are named that have the first gauge pair."""
-    found: dict[str, None] = {}
-    for message in database.messages:
-        phalanx = re.sub("_[A-Za-z0-9]$", "", message.name)
-        gauge = names.gauges[0].replace("{phalanx}", phalanx)
-        if any(signal.name == gauge for signal in message.signals):
-            found[phalanx] = None
-    return list(found)
-
-
 def compile_layout(
     phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames
 ) -> tuple[tuple[LoadCellMessage, ...], ChannelLayout]:
@@ -253,7 +212,7 @@ def compile_layout(
     for key in {message.key for message in found}:
         shared = [message.definition.name for message in found if message.key == key]
         if len(shared) > 1:
-            raise CanError(f"frame 0x{key & 0x1FFFFFFF:X}: expected one message, found {', '.join(shared)}")
+            raise CanError(f"frame 0x{key[0]:X}: expected one message, found {', '.join(shared)}")
     return tuple(found), ChannelLayout(tuple(counts))
 
 
@@ -299,6 +258,14 @@ def _check_message(message: Message) -> None:
         raise CanError(f"message {message.name!r}: expected no multiplexed signals, found some")
     if message.length > MAX_BYTES:
         raise CanError(f"message {message.name!r}: expected at most {MAX_BYTES} bytes, got {message.length}")
+
+
+def bits_of(signal: Signal) -> list[int]:
+    """Numbers of the bits of ``signal`` in its message, the least significant first."""
+    if signal.byte_order == "little_endian":
+        return list(range(signal.start, signal.start + signal.length))
+    first = signal.start ^ 7  # bits count down in a byte, and bytes count up
+    return [place ^ 7 for place in reversed(range(first, first + signal.length))]
 
 
 def raw_range(signal: Signal) -> tuple[float, float]:

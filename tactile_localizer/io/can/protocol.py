@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Literal
 
 import can
 import numpy as np
 
-from tactile_localizer.io.can.frames import ERROR, REMOTE, frame_key
 from tactile_localizer.io.can.layout import (
+    LoadCellMessage,
     PhalanxMessages,
     SignalNames,
+    bits_of,
     compile_layout,
     load_dbc,
     phalanx_messages,
 )
+from tactile_localizer.io.status import FAULT, SATURATED
 
 
 class FrameKind(enum.IntEnum):
-    """Classification of a frame; the assembler reclassifies some ``DATA`` frames to the last two kinds."""
+    """Kind of a frame; the assembler determines the last two."""
 
     DATA = 0
     UNKNOWN_ID = 1
@@ -31,27 +32,6 @@ class FrameKind(enum.IntEnum):
     ERROR = 4
     DUPLICATE = 5
     OUT_OF_ORDER = 6
-
-
-class Decoded(NamedTuple):
-    """Content of a frame.
-
-    Attributes
-    ----------
-    kind : what the frame is; the other attributes are valid for ``DATA`` only
-    slot : index of the message, in the order of :attr:`LoadCellProtocol.messages`
-    counter : rolling counter, 0 if the message has none
-    fault : the load cell's status is not 0, or a voltage is not finite
-    saturated : a gauge pair is at an end of its range
-    voltage : voltages of the message's gauges, V
-    """
-
-    kind: FrameKind
-    slot: int = -1
-    counter: int = 0
-    fault: bool = False
-    saturated: bool = False
-    voltage: Sequence[float] = ()
 
 
 class LoadCellProtocol:
@@ -65,6 +45,7 @@ class LoadCellProtocol:
     messages : of all phalanges
     channels : channels of the strain vector by phalanx
     is_fd : whether any message needs CAN FD
+    size : bytes of the frames of one cycle, one frame of each message
     """
 
     def __init__(self, phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> None:
@@ -72,6 +53,38 @@ class LoadCellProtocol:
         self.messages, self.channels = compile_layout(self.phalanges, messages, names)
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
+        self._ends = np.cumsum([message.length for message in self.messages]).tolist()
+        self.size = self._ends[-1]
+        self._counters = [_shift_of(message) for message in self.messages]
+        self._compile()
+
+    def _compile(self) -> None:
+        """Prepare the decoding of all gauges and statuses at once: S signals, the first C of them gauges.
+
+        Bits above a signal's own repeat its sign, or are those of a byte of zeros behind the frames.
+        """
+        gauges = sorted(
+            ((gauge, slot) for slot, message in enumerate(self.messages) for gauge in message.gauges),
+            key=lambda one: one[0].column,
+        )
+        statuses = [(message.status, slot) for slot, message in enumerate(self.messages) if message.status]
+        signals = [(gauge.signal, slot) for gauge, slot in gauges] + statuses
+        width = next(bits for bits in (8, 16, 32, 64) if bits >= max(one.length for one, _ in signals))
+        zero = 8 * self.size
+        self._bits = np.empty((len(signals), width), int)
+        kinds: dict[str, list[int]] = {}
+        for row, (signal, slot) in enumerate(signals):
+            bits = [8 * self.bytes_of(slot).start + bit for bit in bits_of(signal)]
+            above = bits[-1] if signal.is_signed else zero
+            self._bits[row] = bits + [above] * (width - len(bits))
+            size = signal.length if signal.is_float else width
+            kind = "f" if signal.is_float else "i" if signal.is_signed else "u"
+            kinds.setdefault(f"<{kind}{size // 8}", []).append(row)
+        self._kinds = [(kind, np.array(rows)) for kind, rows in kinds.items()]
+        self._scale, self._offset, self._volts, self._lowest, self._highest = np.array(
+            [(one.scale, one.offset, one.volts, one.lowest, one.highest) for one, _ in gauges]
+        ).T
+        self._status_phalanx = [self.messages[slot].phalanx for _, slot in statuses]
 
     @classmethod
     def from_dbc(
@@ -99,11 +112,6 @@ class LoadCellProtocol:
         return cls(phalanges, definitions, names or SignalNames())
 
     @property
-    def message_names(self) -> tuple[str, ...]:
-        """Name of each message."""
-        return tuple(message.definition.name for message in self.messages)
-
-    @property
     def filters(self) -> list[can.typechecking.CanFilter]:
         """Filters for the kernel or the adapter that pass exactly the messages in use."""
         return [
@@ -115,35 +123,60 @@ class LoadCellProtocol:
             for definition in (message.definition for message in self.messages)
         ]
 
-    def decode(self, frame: can.Message) -> Decoded:
-        """Decode a frame; never raises, whatever its content."""
-        key = frame_key(frame)
-        slot = self._slots.get(key)
-        if slot is None:
-            flag = FrameKind.REMOTE if key & REMOTE else FrameKind.UNKNOWN_ID
-            return Decoded(FrameKind.ERROR if key & ERROR else flag)
-        message = self.messages[slot]
-        if len(frame.data) != message.length:
-            return Decoded(FrameKind.WRONG_LENGTH)
-        raw: dict[str, Any] = message.definition.decode_simple(
-            bytes(frame.data[: message.definition.length]), decode_choices=False, scaling=False
-        )
-        fault, saturated, volts = bool(message.status and raw[message.status.name] != 0), False, []
-        for gauge in message.gauges:
-            value = (raw[gauge.signal.name] * gauge.scale + gauge.offset) * gauge.volts
-            volts.append(value)
-            if not gauge.lowest < value < gauge.highest:
-                saturated = saturated or value == value
-                fault = fault or not math.isfinite(value)
-        counter = raw[message.counter.name] & ((1 << message.counter_bits) - 1) if message.counter else 0
-        return Decoded(FrameKind.DATA, slot, counter, fault, saturated, volts)
+    def bytes_of(self, slot: int) -> slice:
+        """Place of a message's frame in the data of a cycle."""
+        return slice(self._ends[slot] - self.messages[slot].length, self._ends[slot])
+
+    def classify(self, frame: can.Message) -> tuple[FrameKind, int, int]:
+        """Kind of a frame, and for ``DATA`` the index of its message and its counter (0 without one).
+
+        Never raises, whatever the content of the frame.
+        """
+        slot = self._slots.get((frame.arbitration_id, frame.is_extended_id), -1)
+        if frame.is_error_frame:
+            return FrameKind.ERROR, slot, 0
+        if frame.is_remote_frame:
+            return FrameKind.REMOTE, slot, 0
+        if slot < 0:
+            return FrameKind.UNKNOWN_ID, slot, 0
+        if len(frame.data) != self.messages[slot].length:
+            return FrameKind.WRONG_LENGTH, slot, 0
+        order, shift, mask = self._counters[slot]
+        return FrameKind.DATA, slot, int.from_bytes(frame.data, order) >> shift & mask if mask else 0
+
+    def decode(self, data: bytes | bytearray) -> tuple[np.ndarray, np.ndarray]:
+        """Decode the frames of one cycle.
+
+        Parameters
+        ----------
+        data : :attr:`size` bytes, in the order of :attr:`messages`
+
+        Returns
+        -------
+        strain : (C,) V
+        status : (F,) uint8 bits ``SATURATED`` and ``FAULT`` of :mod:`~tactile_localizer.io.status`
+        """
+        bits = np.unpackbits(np.frombuffer(data + b"\0", np.uint8), bitorder="little")
+        words = np.packbits(bits[self._bits], axis=1, bitorder="little")
+        raw = np.empty(len(words))
+        with np.errstate(all="ignore"):  # floats can be anything
+            for kind, rows in self._kinds:
+                raw[rows] = words[rows].view(kind)[:, 0]
+            strain = (raw[: self.channels.size] * self._scale + self._offset) * self._volts
+        status = np.zeros(len(self.phalanges), np.uint8)
+        saturated = self.saturated(strain)
+        if saturated.any():
+            status[self.channels.phalanx[saturated]] |= SATURATED
+        finite = np.isfinite(strain)
+        if not finite.all():
+            status[self.channels.phalanx[~finite]] |= FAULT
+        if raw[self.channels.size :].any():
+            status[np.array(self._status_phalanx)[raw[self.channels.size :] != 0]] |= FAULT
+        return strain, status
 
     def saturated(self, strain: np.ndarray) -> np.ndarray:
-        """Whether each gauge of a decoded ``strain`` (C,), V, is at an end of its range: (C,) bool."""
-        saturated = np.zeros(len(strain), dtype=bool)
-        for gauge in (gauge for message in self.messages for gauge in message.gauges):
-            saturated[gauge.column] = not gauge.lowest < strain[gauge.column] < gauge.highest
-        return saturated
+        """Whether each gauge of a ``strain`` (C,), V, is at an end of its range: (C,) bool."""
+        return np.asarray((strain <= self._lowest) | (strain >= self._highest))
 
     def encode(
         self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0
@@ -163,9 +196,7 @@ class LoadCellProtocol:
         for message in self.messages:
             if message.phalanx != phalanx:
                 continue
-            values: dict[str, float] = dict.fromkeys(
-                (signal.name for signal in message.definition.signals), 0
-            )
+            values: dict[str, float] = {signal.name: 0 for signal in message.definition.signals}
             for gauge in message.gauges:
                 values[gauge.signal.name] = gauge.raw(float(strain[gauge.column - first]))
             if message.counter:
@@ -183,3 +214,14 @@ class LoadCellProtocol:
                 )
             )
         return frames
+
+
+def _shift_of(message: LoadCellMessage) -> tuple[Literal["little", "big"], int, int]:
+    """Byte order, shift and mask of a message's counter; mask 0 without one."""
+    if message.counter is None:
+        return "little", 0, 0
+    mask = (1 << message.counter_bits) - 1
+    lowest = bits_of(message.counter)[0]
+    if message.counter.byte_order == "little_endian":
+        return "little", lowest, mask
+    return "big", 8 * message.length - 1 - (lowest ^ 7), mask

@@ -109,7 +109,11 @@ class Parameters:
                 raise ParameterError(
                     f"parameter {parameter.name}: {_reason(error, parameter.name)}"
                 ) from error
-            if not self._has_value(parameter.name):
+            if not self._has_value(parameter.name):  # [] on the command line has no type
+                if parameter.default != []:
+                    raise ParameterError(
+                        f"parameter {parameter.name}: expected a value such as {parameter.default!r}, got []"
+                    )
                 self._node.set_parameters([rclpy.Parameter(parameter.name, default, [])])
 
     def __iter__(self) -> Iterator[Parameter]:

@@ -5,20 +5,21 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_localizer.io.can.cycle import PhalanxCounts
+from tactile_localizer.io.can.assembler import PhalanxCounts
 from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.error_frames import ERROR_KINDS
 from tactile_localizer.io.can.protocol import FrameKind
 from tactile_localizer.io.can.reader import OPEN
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 
-_MIN_INTERLEAVED = 10
-_INTERLEAVED_FRACTION = 0.2
-"""Fraction of frames inconsistent with the counter, since the last status, that indicates two senders."""
+_MIN_JUMPS = 10
+_JUMPS_FRACTION = 0.2
+"""Fraction of samples before which the counter jumps, since the last status, that is reported."""
 
 _SUSPECT = (FrameKind.ERROR, FrameKind.WRONG_LENGTH, FrameKind.OUT_OF_ORDER, FrameKind.DUPLICATE)
 
@@ -63,14 +64,35 @@ class DriverDiagnostics:
         counts, previous = copy.deepcopy(self._driver.counts), self._previous
         drops = self._driver.status.queue_drops
         new_frames = [a - b for a, b in zip(counts.frames, previous.frames, strict=True)]
-        statuses = [self._bus_status(counts.frames, new_frames, drops - self._previous_drops, elapsed_s)]
-        for i, (now, before) in enumerate(zip(counts.phalanges, previous.phalanges, strict=True)):
+        self._driver.counts.skew_ns = 0  # the largest since this status
+        phalanges = list(zip(counts.phalanges, previous.phalanges, strict=True))
+        missing = [
+            name
+            for name, (now, before) in zip(self._driver.protocol.phalanges, phalanges, strict=True)
+            if now.missing > before.missing
+        ]
+        new_drops, self._previous_drops = drops - self._previous_drops, drops
+        values = {
+            "cycles": counts.cycles,
+            "cycles_incomplete": counts.incomplete,
+            "cycles_per_s": f"{(counts.cycles - previous.cycles) / elapsed_s:.1f}",
+            "period_ms": f"{self._driver.period_ns * 1e-6:.2f}",
+            "max_skew_ms": f"{counts.skew_ns * 1e-6:.2f}",
+            "missing_phalanges": " ".join(missing),
+        }
+        statuses = [self._bus_status(counts.frames, new_frames, new_drops, elapsed_s, values)]
+        for i, (now, before) in enumerate(phalanges):
             statuses.append(self._phalanx_status(i, now, before, counts.cycles > 0, elapsed_s))
-        self._previous, self._previous_drops, self._previous_s = counts, drops, now_s
+        self._previous, self._previous_s = counts, now_s
         return statuses
 
     def _bus_status(
-        self, frames: list[int], new_frames: list[int], new_drops: int, elapsed_s: float
+        self,
+        frames: list[int],
+        new_frames: list[int],
+        new_drops: int,
+        elapsed_s: float,
+        cycle_values: dict[str, Any],
     ) -> DiagnosticStatus:
         status = self._driver.status
         new = {kind: new_frames[kind] for kind in _SUSPECT if new_frames[kind]}
@@ -101,8 +123,7 @@ class DriverDiagnostics:
             "unreadable": status.unreadable,
             **{f"errors_{kind.replace(' ', '_')}": errors[kind] for kind in ERROR_KINDS},
             "strain_publishers": publishers,
-            "cycles": self._driver.counts.cycles,
-            "cycles_incomplete": self._driver.counts.incomplete,
+            **cycle_values,
             "queue_bytes": status.queue_used,
             "queue_limit_bytes": status.queue_limit,
             "queue_drops": status.queue_drops,
@@ -125,8 +146,8 @@ class DriverDiagnostics:
             "missing": now.missing,
             "gaps": now.gaps,
             "drops": now.drops,
-            "unaligned": now.unaligned,
-            "interleaved": now.interleaved,
+            "jumps": now.jumps,
+            "restarts": now.restarts,
             "saturated_samples": now.saturated,
             "saturated_gauges": " ".join(map(str, saturated)),
             "faults": now.faults,
@@ -144,25 +165,27 @@ class DriverDiagnostics:
             return DiagnosticStatus.OK, "idle"
         if age_s > self._stale_timeout_s:
             return DiagnosticStatus.ERROR, f"stale: no frames for {age_s:.1f} s"
-        received = now.samples + now.missing - before.samples - before.missing
-        interleaved = now.interleaved - before.interleaved
-        if interleaved > max(_MIN_INTERLEAVED, _INTERLEAVED_FRACTION * received):
-            text = (
-                f"two senders with the same identifiers: {interleaved} frames inconsistent with the counter"
-            )
-            return DiagnosticStatus.ERROR, text
         if now.faults > before.faults:
             return DiagnosticStatus.ERROR, "fault reported by the load cell"
         if now.saturated > before.saturated:
             return DiagnosticStatus.WARN, "saturated"
-        if now.drops > before.drops:
-            return DiagnosticStatus.WARN, f"{now.drops - before.drops} frames lost"
-        if now.unaligned > before.unaligned:
-            return (
-                DiagnosticStatus.WARN,
-                f"{now.unaligned - before.unaligned} samples discarded: ambiguous cycle",
-            )
+        return _counter_level(now, before)
+
+
+def _counter_level(now: PhalanxCounts, before: PhalanxCounts) -> tuple[bytes, str]:
+    received = now.samples + now.missing - before.samples - before.missing
+    jumps, lost = now.jumps - before.jumps, now.drops - before.drops
+    if now.restarts > before.restarts:
+        text = "the counter restarted: the load cell restarted, or another one has its identifiers"
+    elif jumps > max(_MIN_JUMPS, _JUMPS_FRACTION * received):
+        text = f"the counter jumped {jumps} times: losses, or two load cells with its identifiers"
+    elif lost:
+        text = f"{lost} frames lost"
+    elif now.missing > before.missing:
+        text = f"missing in {now.missing - before.missing} of {received} cycles"
+    else:
         return DiagnosticStatus.OK, "OK"
+    return DiagnosticStatus.WARN, text
 
 
 def _words(kind: FrameKind) -> str:

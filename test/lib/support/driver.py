@@ -36,7 +36,7 @@ class Listener:
             hand.send(1)
             return bool(self.strains) and not any(self.strains[-1].status)
 
-        self.probe.until(is_complete, "the driver's strain, aligned")
+        self.probe.until(is_complete, "the driver's strain")
         self.probe.until(lambda: self.numbers()[-1] == {hand.number - 1}, "the last cycle sent")
         self.strains.clear()
 

@@ -7,15 +7,11 @@ from collections.abc import Sequence
 import can
 import numpy as np
 
-from tactile_localizer.io.can.assembler import CycleAssembler
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.resources import resource_path
 
 PERIOD_NS = 5_000_000
 """Period of the cycles, ns."""
-
-WARM_UP = 32
-"""Cycles after which load cells are aligned, and the order of their frames is known."""
 
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first cycle, ns."""
@@ -49,22 +45,3 @@ def sample(
 def cycle(protocol: LoadCellProtocol, number: int, stamp_ns: int | None = None) -> list[can.Message]:
     """Frames of one sample of every phalanx."""
     return [frame for p in range(len(protocol.phalanges)) for frame in sample(protocol, p, number, stamp_ns)]
-
-
-def warm_up(assembler: CycleAssembler, protocol: LoadCellProtocol) -> CycleAssembler:
-    """Let it align the load cells in the cycles before number 0; it counts from here."""
-    for n in range(-WARM_UP, 0):
-        assembler.feed(cycle(protocol, n))
-    count_from_here(assembler)
-    return assembler
-
-
-def count_from_here(assembler: CycleAssembler) -> None:
-    """Count frames from here, and let the next sample be number 0."""
-    counts = assembler.counts
-    counts.frames[:] = [0] * len(counts.frames)
-    counts.cycles = counts.incomplete = 0
-    for phalanx in counts.phalanges:
-        phalanx.samples = phalanx.missing = phalanx.gaps = phalanx.drops = phalanx.unaligned = 0
-    for cell in assembler._cells:
-        cell.sequence = -1

@@ -26,7 +26,7 @@ def test_an_unknown_parameter_is_reported_with_a_near_match(
     bus = {name: simulated_can[name] for name in ("interface", "channel")}
     bus |= {"bus_options": [f"port={simulated_can['port']}"]}
     qos = {"qos_overrides./strain.publisher.reliability": "reliable"}
-    driver = node_process("driver_node", {**bus, **qos, "cycle_timeout": 0.1, "colour": "red"})
-    driver.wait_for_line("parameter cycle_timeout .did you mean cycle_timeout_s")
+    driver = node_process("driver_node", {**bus, **qos, "periods": 0.1, "colour": "red"})
+    driver.wait_for_line("parameter periods .did you mean period_s")
     driver.wait_for_line("parameter colour: .*ignored")
     assert driver.output.count("ignored") == 2
