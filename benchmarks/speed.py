@@ -41,7 +41,7 @@ from simulated import paper_sized_scan, read_us, recording_of, shipped_scene
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.io.can.assembler import CycleAssembler
-from tactile_localizer.io.can.layout import SignalNames, load_dbc, phalanges_of
+from tactile_localizer.io.can.layout import load_dbc
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.resources import resource_path
@@ -89,14 +89,15 @@ def on_folder(folder: Path) -> list[Row]:
 def decoding(cycles: int) -> list[Row]:
     """Decoding of two classic frames of each of 14 load cells."""
     dbc = resource_path("config/loadcells.dbc")
-    protocol = LoadCellProtocol.from_dbc(dbc, phalanges_of(load_dbc(dbc), SignalNames()))
+    names = dict.fromkeys(message.name.rpartition("_")[0] for message in load_dbc(dbc).messages)
+    protocol = LoadCellProtocol.from_dbc(dbc, tuple(names))
     rng = np.random.default_rng(0)
     frames: list[can.Message] = []
     for number in range(cycles):
         for cell in range(len(protocol.phalanges)):
             stamp_s = 1.7e9 + number / CAN_RATE_HZ
             frames += protocol.encode(cell, rng.normal(0, 0.5, 8), number, stamp_s=stamp_s)
-    assembler = CycleAssembler(protocol, wait_s=0.01)
+    assembler = CycleAssembler(protocol)
     began = time.process_time()
     made = sum(len(assembler.feed(frames[i : i + _BATCH])) for i in range(0, len(frames), _BATCH))
     taken_s = time.process_time() - began

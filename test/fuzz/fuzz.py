@@ -77,7 +77,7 @@ def _arguments() -> argparse.Namespace:
 
 def _warm_up() -> None:
     """Import the modules of the commands once for all processes."""
-    for name in ("import_", "scan", "replay", "can"):
+    for name in ("import_", "scan", "replay"):
         __import__(f"tactile_localizer.cli.{name}")
 
 

@@ -11,18 +11,15 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import can
 import numpy as np
 from fuzz_mutators import HOSTILE_VALUES, mutated_bytes, mutated_text
 from support.bags import slide, write_bag
-from support.load_cells import cycle, protocol
 
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import save_scene
-from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene(
@@ -47,13 +44,6 @@ filter: particle
 particles: 50
 cell: 1.0
 update_distance: 0.0015
-"""
-DRIVER = """
-/driver:
-  ros__parameters:
-    dbc: loadcells.dbc
-    phalanges: [index, middle]
-    cycle_timeout_s: 0.02
 """
 
 
@@ -87,10 +77,6 @@ def write_good_files(folder: Path) -> tuple[Target, ...]:
     (folder / "test.csv").write_text("\n".join(lines[:60]) + "\n")
     (folder / "columns.yaml").write_text(COLUMNS)
     (folder / "configuration.yaml").write_text(CONFIGURATION)
-    (folder / "driver.yaml").write_text(DRIVER)
-    for name in ("loadcells.dbc", "loadcells_fd.dbc"):
-        (folder / name).write_bytes(resource_path(f"config/{name}").read_bytes())
-    _write_log(folder / "frames.log")
     events = slide(0, 400)
     for storage, compression in (("sqlite3", "none"), ("mcap", "none"), ("mcap", "message")):
         write_bag(folder / f"{storage}_{compression}", events, storage, compression)
@@ -106,11 +92,6 @@ def _targets(digests: frozenset[str]) -> tuple[Target, ...]:
     of_columns = ("import csv test.csv --scene scene.yaml --columns MUT -o OUT/bump_scan",)
     of_configuration = ("replay test.csv --scan bump_scan --config MUT",)
     of_csv = import_csv, f"{import_csv} --force", "replay MUT --scan bump_scan"
-    of_dbc = (
-        "can check --dbc MUT --log frames.log",
-        "can dump --dbc MUT --log frames.log --phalanges index",
-    )
-    of_log = "can check --log MUT", "can dump --log MUT --phalanges index middle"
     of_bag = (
         "import bag MUT --scene scene.yaml -o OUT/bump_scan",
         "replay MUT --scan bump_scan --material-frame material",
@@ -124,10 +105,6 @@ def _targets(digests: frozenset[str]) -> tuple[Target, ...]:
         Target("scene", "scene.yaml", of_scene, mutated_text),
         Target("configuration", "configuration.yaml", of_configuration, mutated_text),
         Target("columns", "columns.yaml", of_columns, mutated_text),
-        Target("dbc", "loadcells.dbc", of_dbc, mutated_text),
-        Target("dbc of CAN FD", "loadcells_fd.dbc", of_dbc, mutated_text),
-        Target("driver", "driver.yaml", ("can check --config MUT --log frames.log",), mutated_text),
-        Target("log", "frames.log", of_log, mutated_text),
         Target("csv", "test.csv", of_csv, mutated_text),
         Target("sqlite bag", "sqlite3_none/sqlite3_none.db3", of_bag, _mutated_database),
         Target("mcap", "mcap_none/mcap_none.mcap", of_bag, mutated_bytes),
@@ -174,14 +151,6 @@ def _write_csv(scan: Scan, path: Path) -> None:
     columns = np.column_stack([5e-3 * np.arange(len(scan)), scan.sweep, scan.states, scan.strain])
     names = ["stamp_s", "sweep", *scan.axes, *(f"{name}_{n}" for name in scan.phalanges for n in range(1, 9))]
     np.savetxt(path, columns, "%.17g", ",", header=",".join(names), comments="")
-
-
-def _write_log(path: Path) -> None:
-    hand = protocol()
-    with can.Logger(path) as log:
-        for number in range(60):
-            for frame in cycle(hand, number):
-                log.on_message_received(frame)
 
 
 _UPDATES = (

@@ -29,7 +29,10 @@ BAD_PARAMETERS = {
     "a period out of range": ({"period_s": 5.0}, "period_s"),
     "a period that is text": ({"period_s": "long"}, "period_s: expected a value such as 0.0"),
     "an option without a value": ({"bus_options": ["port"]}, "bus option 'port': expected name=value"),
-    "no phalanges": ({"phalanges": []}, "parameter phalanges: expected a value such as ['index', 'middle'], got []"),
+    "no phalanges": (
+        {"phalanges": []},
+        "parameter phalanges: expected a value such as ['index', 'middle'], got []",
+    ),
     "a file that is no tare": ({"tare_file": str(Path(__file__))}, "expected YAML"),
 }
 
