@@ -78,10 +78,6 @@ class ModelParameters:
                 raise ParameterError(f"measurement {name}: expected one number or {count}, got {len(width)}")
         return parameters
 
-    def to_mapping(self) -> dict[str, Any]:
-        """As numbers and lists, rounded to four digits, for a scene file."""
-        return {name: _plain(value) for name, value in vars(self).items() if value is not None}
-
 
 def _positive(value: Any, what: str, largest: float) -> Any:
     """One positive number, or a list of them."""
@@ -92,10 +88,3 @@ def _positive(value: Any, what: str, largest: float) -> Any:
             raise ParameterError(f"{what}: expected a number or a list of numbers, got none")
         return [number(each, what, lower=_SMALLEST, upper=largest) for each in value]
     return number(value, what, lower=_SMALLEST, upper=largest)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, bool | int):
-        return value
-    values = np.asarray(value, dtype=np.float64)
-    return float(f"{values:.4g}") if values.ndim == 0 else [float(f"{each:.4g}") for each in values]

@@ -39,15 +39,14 @@ def test_an_invalid_choice_is_refused(values: dict[str, Any], message: str) -> N
         Configuration.from_mapping(values)
 
 
-def test_model_parameters_survive_conversion() -> None:
+def test_model_parameters_are_read() -> None:
     given = {
         "position_std": [0.001, 0.002],
         "strain_std": 0.03,
         "correlation_length": 0.004,
         "neighbours": 12,
     }
-    parameters = ModelParameters.from_mapping(given)
-    assert parameters.to_mapping() == given
+    assert vars(ModelParameters.from_mapping(given)) == given
 
 
 @pytest.mark.parametrize(
@@ -63,10 +62,3 @@ def test_model_parameters_survive_conversion() -> None:
 def test_an_invalid_model_parameter_is_refused(values: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match="measurement"):
         ModelParameters.from_mapping(values)
-
-
-def test_parameters_are_written_with_four_digits() -> None:
-    written = ModelParameters([0.07 * 3, 1 / 3], 0.1 + 0.2, 0.004).to_mapping()
-    assert written["position_std"] == [0.21, 0.3333]
-    assert written["strain_std"] == 0.3
-    assert written["neighbours"] == 8

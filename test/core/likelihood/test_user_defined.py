@@ -55,7 +55,7 @@ def test_a_user_defined_model_gets_scan_scene_and_parameters() -> None:
 @pytest.mark.parametrize("kind", ["grid", "particle"])
 def test_both_filters_localize_with_a_user_defined_model(kind: str) -> None:
     configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)
-    scene = dataclasses.replace(SCENE, measurement=PARAMETERS.to_mapping())
+    scene = dataclasses.replace(SCENE, measurement=vars(PARAMETERS))
     localizer = build_localizer(SCAN, scene, configuration, np.random.default_rng(1), None, CALIBRATION)
     for step in range(4):
         estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * DEFAULT_CHANNELS))
