@@ -16,6 +16,7 @@ from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan, select
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.quantity import whole_number
 from tactile_localizer.scene import Scene
 
 
@@ -58,7 +59,7 @@ def make_localizer(
         A parameter is out of range.
     """
     calibration = None if scan_file is None else learned_calibration(scan_file, scan, scene)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(whole_number(seed, "seed", lower=0))
     return build_localizer(scan, scene, configuration or Configuration(), rng, calibration=calibration)
 
 

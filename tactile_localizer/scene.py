@@ -28,11 +28,17 @@ LARGEST_POSITION = 1e3
 SMALLEST_EXTENT = 1e-6
 """Least distance between the bounds of an axis, m or rad."""
 
+FULL_TURN_TOLERANCE = 1e-4
+"""Difference to 2 pi up to which a range of yaw is a full turn, rad: bounds of [-3.1416, 3.1416]."""
+
 MOST_PHALANGES = 100
 """Largest number of phalanges of a scene."""
 
 LARGEST_STRAIN = 1e10
 """Largest valid strain, V or counts: more than a 32-bit converter can produce."""
+
+MOST_CELLS = 4_000_000
+"""Largest number of cells that cover the bounds: a sheet of 4 m by 4 m at 2 mm."""
 
 MOST_CHANNELS = 4096
 """Largest number of channels of a phalanx."""
@@ -64,10 +70,11 @@ class Axis:
                 f"got [{self.lower}, {self.upper}]"
             )
         if self.name == "yaw" and (
-            self.extent > 2 * math.pi + 1e-9 or (self.wraps and abs(self.lower + math.pi) > 1e-9)
+            self.extent > 2 * math.pi + FULL_TURN_TOLERANCE
+            or (self.wraps and abs(self.lower + math.pi) > FULL_TURN_TOLERANCE)
         ):
             raise SceneError(
-                f"axis yaw: expected at most a full turn, [-pi, pi], got [{self.lower}, {self.upper}]"
+                f"axis yaw: expected at most a full turn, [-3.1416, 3.1416], got [{self.lower}, {self.upper}]"
             )
         if not (math.isfinite(self.motion_std) and self.motion_std >= 0):
             raise SceneError(f"axis {self.name}: expected motion_std >= 0, got {self.motion_std}")
@@ -90,7 +97,7 @@ class Axis:
     @property
     def wraps(self) -> bool:
         """Whether the axis is a full turn, so that its ends are the same place."""
-        return self.name == "yaw" and self.extent >= 2 * math.pi - 1e-9
+        return self.name == "yaw" and self.extent >= 2 * math.pi - FULL_TURN_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -218,6 +225,28 @@ class Scene:
     def wraps(self) -> np.ndarray:
         """Whether each axis is a full turn, (d,) bool."""
         return np.array([axis.wraps for axis in self.axes])
+
+    def cells(self, size: np.ndarray | float, most: int = MOST_CELLS) -> np.ndarray:
+        """Number of cells along each axis, (d,) int, that cover the bounds; call it before allocating them.
+
+        Parameters
+        ----------
+        size : largest size of a cell, m (yaw: rad), of all axes or (d,)
+        most : largest number of cells in all
+
+        Raises
+        ------
+        SceneError
+            There would be more.
+        """
+        counts = np.maximum(np.ceil(self.extent / size - 1e-9), 1.0)
+        if float(np.prod(counts)) > most:
+            bounds = ", ".join(f"{axis.name} {axis.lower:g} to {axis.upper:g}" for axis in self.axes)
+            raise SceneError(
+                f"scene {self.name}: expected at most {most:,} cells, got {np.prod(counts):,.0f} for the "
+                f"bounds {bounds} in m (in mm?)"
+            )
+        return counts.astype(int)
 
     def columns(self, names: tuple[str, ...]) -> np.ndarray:
         """Indices (d,) of this scene's axes among the axes ``names``.

@@ -76,10 +76,15 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "bounds at one place": ({"axes": {"x": {"bounds": [0, 1e-9]}}}, "axis x: expected bounds at least 1e-06"),
     "phalanges without names": (
         {"phalanges": [["index"]]},
-        "phalanges: expected text of 1 to 100 characters",
+        "phalanges: expected text of 1 to 100 printable",
     ),
     "a phalanx twice": ({"phalanges": ["index", "index"]}, "phalanges: expected each name once"),
     "more phalanges than a hand has": ({"phalanges": [f"p{n}" for n in range(101)]}, "expected at most 100"),
+    "a number in quotes": (
+        {"axes": {"x": {"bounds": [0, "0.1"]}}},
+        "axis x bounds: expected a finite number, got '0.1'; remove the quotes",
+    ),
+    "a name with a control character": ({"phalanges": ["a\x00"]}, "expected text of 1 to 100 printable"),
     "a name that is a list": ({"name": [1]}, "scene name: expected text"),
     "a width that is a word": (
         {"measurement": {"position_std": "wide"}},
@@ -133,32 +138,37 @@ def test_a_write_error_names_the_file(tmp_path: Path) -> None:
 
 
 def test_phalanges_may_be_a_list_of_names() -> None:
-    content = {**GOOD, "phalanges": ["index", "middle"], "axes": {"x": {"bounds": [0, "1e-1"]}}}
+    content = {**GOOD, "phalanges": ["index", "middle"], "axes": {"x": {"bounds": [0, 0.1]}}}
     scene = scene_from_dict(content)
     assert scene.phalanx_names == ("index", "middle")
     assert scene.axes[0].upper == 0.1
     assert scene_to_dict(scene)["phalanges"]["index"] == {"offset": {"x": 0.0}}
 
 
-def test_numbers_may_be_text(tmp_path: Path) -> None:
+def test_numbers_may_have_an_exponent_and_a_full_turn_wraps(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(
         """
-        axes: {x: {bounds: [-5e-3, .5], motion_std: 3e-3}, yaw: {bounds: [-pi, pi], motion_std: pi/180}}
-        phalanges: {index: {offset: {x: 1e-2, yaw: -pi/2}}, thumb: {}}
-        feature: {yaw: [-.inf, 0.25*pi]}
+        axes: {x: {bounds: [-5e-3, .5], motion_std: 3e-3}, yaw: {bounds: [-3.1416, 3.1416]}}
+        phalanges: {index: {offset: {x: 1e-2}}, thumb: {}}
+        feature: {yaw: [-.inf, 0.8]}
         measurement: {position_std: [3e-3, .1], strain_std: 2e-2, neighbours: 8}
         """
     )
     scene = load_scene(path)
-    assert [(axis.lower, axis.upper) for axis in scene.axes] == [(-0.005, 0.5), (-math.pi, math.pi)]
+    assert (scene.axes[0].lower, scene.axes[0].upper, scene.axes[0].motion_std) == (-0.005, 0.5, 0.003)
     assert scene.wraps.tolist() == [False, True]
-    assert scene.axes[1].motion_std == pytest.approx(math.radians(1))
-    assert scene.phalanges[0].offset == (0.01, -math.pi / 2)
-    assert scene.feature == Region((-math.inf, -math.inf), (math.inf, 0.25 * math.pi))
-    assert scene.measurement == {
-        "position_std": [0.003, 0.1], "strain_std": 0.02, "neighbours": 8
-    }  # fmt: skip
+    assert scene.feature == Region((-math.inf, -math.inf), (math.inf, 0.8))
+    assert scene.measurement == {"position_std": [0.003, 0.1], "strain_std": 0.02, "neighbours": 8}
+
+
+def test_cells_are_counted_before_they_are_allocated() -> None:
+    sheet = Scene("sheet", (Axis("x", -3, 63), Axis("y", -3, 63)), (Phalanx("index", (0.0, 0.0)),))
+    with pytest.raises(
+        SceneError, match=r"at most 4,000,000 cells, got 1,089,000,000 .* -3 to 63 in m .in mm.."
+    ):
+        sheet.cells(0.002)
+    assert sheet.cells(1.0).tolist() == [66, 66]
 
 
 @pytest.mark.parametrize(
@@ -187,9 +197,7 @@ def test_invalid_model_parameters_are_refused_on_reading(
 
 
 def test_widths_of_strain_in_counts_may_be_large() -> None:
-    assert scene_from_dict({**GOOD, "measurement": {"strain_std": "25e3"}}).measurement == {
-        "strain_std": 25e3
-    }
+    assert scene_from_dict({**GOOD, "measurement": {"strain_std": 25e3}}).measurement == {"strain_std": 25e3}
 
 
 def test_an_infinite_bound_of_a_region_is_no_limit() -> None:

@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import yaml
+import numpy as np
 
 from tactile_localizer.cli.recording_options import (
     add_bag_arguments,
     add_csv_arguments,
+    add_gap_argument,
     bag_options,
     naming_from_arguments,
 )
-from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
-from tactile_localizer.errors import ScanError
-from tactile_localizer.io.bags.recording import read_bag
-from tactile_localizer.io.csv.columns import naming_to_dict
-from tactile_localizer.io.csv.guess import Guess, guess_columns
+from tactile_localizer.errors import SceneError
+from tactile_localizer.io.csv.columns import MissingColumnError, naming_to_dict
+from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scans.importer import import_recording
-from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.offline.table import Table
+from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
+
+_CELL_M = 0.002
+"""Size of the smallest cells of a map, m; rougher scans have larger ones."""
+
+_BOUNDS_RATIO = 10.0
+"""Bounds that are so many times larger than what the recording covers are reported (judgement)."""
+
+_LEAST_COVERED = 0.005
+"""What a recording is taken to cover at least on an axis, m or rad: a single line has no width."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,9 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "files", nargs="+", metavar="FILE", help="one sweep per file, unless a column has the sweep numbers"
     )
     add_csv_arguments(from_csv)
-    from_bag = kinds.add_parser(
-        "bag", help="one or more bags: SQLite or MCAP, directory or file, also compressed"
-    )
+    from_bag = kinds.add_parser("bag", help="one or more bags: SQLite or MCAP, directory or file")
     from_bag.add_argument("files", nargs="+", metavar="BAG", help="directory, *.mcap or *.db3")
     add_bag_arguments(from_bag)
     from_bag.add_argument(
@@ -49,8 +54,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="detect sweeps in the motion; one_way: without the return strokes (default: as recorded by the "
         "mapping node)",
     )
-    for kind in (from_csv, from_bag):
-        kind.add_argument("--scene", required=True, help="scene file (YAML), or the name of a shipped one")
+    for kind, proposed in ((from_csv, " (default: a proposed one, written beside the scan)"), (from_bag, "")):
+        add_gap_argument(kind)
+        kind.add_argument(
+            "--scene",
+            required=not proposed,
+            help=f"scene file (YAML), or the name of a shipped one{proposed}",
+        )
         kind.add_argument(
             "-o", "--output", required=True, metavar="SCAN", help="folder of the scan to create"
         )
@@ -61,10 +71,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Import, and print the numbers of sweeps, pairs and skipped samples."""
-    scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
-    read = _read_csv if args.kind == "csv" else _read_bags
-    recording, detail, unit = read(args, scene)
-    detail = {"files": args.files, **detail}
+    scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
+    unit, detail = "V", {"files": args.files}
+    if args.kind == "csv":
+        naming = naming_from_arguments(args, scene)
+        unit = naming.strain_unit
+        detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
+        try:
+            if scene is None:
+                scene = _proposed(args, propose_scene(Path(args.output).name, args.files, naming, args.poses))
+            scene.cells(_CELL_M / levers(scene))
+            recording = read_csv(args.files, scene, naming, poses=args.poses, max_gap_s=args.max_gap)
+        except MissingColumnError as error:
+            print(error.template)
+            raise
+    else:
+        scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
+        scene.cells(_CELL_M / levers(scene))
+        detail |= {"detect_sweeps": args.detect_sweeps}
+        recording = join([_read_bag(file, args, scene) for file in args.files])
     report = import_recording(
         recording,
         scene,
@@ -75,55 +100,42 @@ def run(args: argparse.Namespace) -> int:
         force=args.force,
     )
     print(f"{args.output}: {report.sweeps} sweeps, {report.pairs} pairs")
-    for note in report.notes:
+    for note in (*report.notes, *_wide_bounds(scene, recording)):
         print(f"  {note}")
     return 0
 
 
-def _read_csv(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:
-    naming = naming_from_arguments(args, scene)
-    naming.check(scene)
-    guess = guess_columns(args.files[0], scene, naming)
-    if guess.guessed:
-        _print_guess(guess, scene, args)
-    recording = read_csv(args.files, scene, guess.naming)
-    return recording, {"speed": dict(guess.naming.speed)}, guess.naming.strain_unit
+def _proposed(args: argparse.Namespace, proposal: tuple[Scene, list[str]]) -> Scene:
+    """Write a proposed scene and print what was assumed."""
+    scene, assumptions = proposal
+    path = Path(f"{args.output}.scene.yaml")
+    if path.exists():
+        raise SceneError(
+            f"{path}: expected no file; pass it by --scene {path}, or remove it for a new proposal"
+        )
+    save_scene(scene, path)
+    print(f"{path}: a proposed scene; correct it and import again with --scene {path} if this is wrong:")
+    for line in assumptions:
+        print(f"  {line}")
+    return scene
 
 
-def _print_guess(guess: Guess, scene: Scene, args: argparse.Namespace) -> None:
-    """Print the guessed columns and write them to a file for reuse."""
-    rows = []
-    for quantity, why in guess.guessed.items():
-        speed = guess.naming.speed.get(quantity)
-        if quantity in guess.naming.columns:
-            columns = guess.naming.columns[quantity]
-            first, last = columns.names[0], columns.names[-1]
-            names = first if len(columns.names) == 1 else f"{first} to {last} ({len(columns.names)})"
-            rows.append([quantity, names, f"{columns.scale}", why])
-        else:
-            rows.append([quantity, f"{speed:g} m/s x time", "", why])
-    print_tables(
-        [Table(f"{args.files[0]}: guessed columns", ["quantity", "columns", "factor", "reason"], rows)]
-    )
-    path = Path(args.output).with_suffix(".columns.yaml")
-    content = yaml.safe_dump(
-        naming_to_dict(guess.naming), sort_keys=False, default_flow_style=None, width=100
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as unfinished:
-            unfinished.write_text(f"# Guessed columns of {Path(args.files[0]).name}: check them.\n{content}")
-    except OSError as error:
-        raise ScanError(f"{path}: expected to write the columns, {error.strerror}") from None
-    print(f"{path}: the guessed columns; if they are wrong, correct them and pass --columns {path}")
+def _read_bag(file: str, args: argparse.Namespace, scene: Scene) -> Recording:
+    # Imported here because rosbags takes 0.3 s, which CSV files do not need.
+    from tactile_localizer.io.bags.recording import read_bag
+
+    one_way = args.detect_sweeps == "one_way"
+    detector = SweepDetector(scene.axes, one_way=one_way) if args.detect_sweeps else None
+    return read_bag(file, scene, detector=detector, **bag_options(args, scene))
 
 
-def _read_bags(args: argparse.Namespace, scene: Scene) -> tuple[Recording, dict[str, Any], str]:
-    options = bag_options(args, scene)
-    recordings = []
-    for file in args.files:
-        detector = None
-        if args.detect_sweeps:
-            detector = SweepDetector(scene.axes, one_way=args.detect_sweeps == "one_way")
-        recordings.append(read_bag(file, scene, detector=detector, **options))
-    return join(recordings), {"detect_sweeps": args.detect_sweeps}, "V"
+def _wide_bounds(scene: Scene, recording: Recording) -> Iterator[str]:
+    """A warning for each axis whose bounds are many times larger than what the recording covers."""
+    position = np.concatenate([sweep.position for sweep in recording.sweeps])
+    covered = np.maximum(np.ptp(position, axis=0), _LEAST_COVERED)
+    for axis, span in zip(scene.axes, covered.tolist(), strict=True):
+        if axis.extent > _BOUNDS_RATIO * span and not axis.wraps:
+            yield (
+                f"warning: the bounds of {axis.name} are {axis.extent:.4g} long, the recording covers "
+                f"{span:.4g} (in mm?)"
+            )

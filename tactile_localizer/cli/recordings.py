@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_localizer.cli.recording_options import (
     add_bag_arguments,
     add_csv_arguments,
+    add_gap_argument,
     bag_options,
     naming_from_arguments,
 )
@@ -23,7 +24,8 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.io.recording import Recording, is_bag, join
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.recording import Recording, is_bag, is_scan, join
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scene_file import load_scene
@@ -94,6 +96,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -
     )
     add_csv_arguments(parser)
     add_bag_arguments(parser)
+    add_gap_argument(parser)
 
 
 def add_start_arguments(parser: argparse.ArgumentParser) -> None:
@@ -131,10 +134,23 @@ def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, 
         A recording cannot be read, or only some of them are bags.
     """
     bags = [is_bag(Path(path)) for path in args.recordings]
-    if any(bags) and not all(bags):
-        raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
-    options = {"naming": naming_from_arguments(args, scene), **bag_options(args, scene)}
-    return join([read_recording(path, scene, **options) for path in args.recordings]), not any(bags)
+    if any(bags):
+        if not all(bags):
+            raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
+        options = bag_options(args, scene)
+        return join([read_recording(path, scene, **options) for path in args.recordings]), False
+    tables = [path for path in args.recordings if not is_scan(Path(path))]
+    read = [read_recording(path, scene) for path in args.recordings if path not in tables]
+    if tables:
+        naming = naming_from_arguments(args, scene, imported_columns(args.scan))
+        read.append(read_csv(tables, scene, naming, poses=args.poses, max_gap_s=args.max_gap))
+    return join(read), True
+
+
+def imported_columns(scan: str) -> Mapping[str, Any]:
+    """Column naming that a scan was imported with, in its YAML form; empty if it was not."""
+    found = [entry.get("columns") for entry in ScanFolder(scan).history() if entry["what"] == "import csv"]
+    return found[-1] if found and isinstance(found[-1], Mapping) else {}
 
 
 class Recordings(NamedTuple):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import (
@@ -24,12 +23,21 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.core.scan.range import ScanRange, describe_misfit
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import printable
+from tactile_localizer.io.recording import Recording, usable
+from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.metrics import INCH, with_contact
+from tactile_localizer.offline.metrics import with_contact, wrong_sweeps
+from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import Track, replay
-from tactile_localizer.offline.reports.learned import learned_values
-from tactile_localizer.offline.reports.replay import replay_document
+from tactile_localizer.offline.replay_document import learned_values, replay_document
 from tactile_localizer.offline.table import Table
+from tactile_localizer.scene import Scene
+
+NOT_LOCALIZED = 1
+"""Exit status if a sweep did not converge, or converged to a wrong position."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,14 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_recording_arguments(parser)
     add_start_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error along the travel (*.png)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay, print the error along the travel, and with ``--json`` write every estimate."""
+    """Replay and print errors and convergence; 0 if every sweep converged to the right position, else 1."""
     check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
-    _, recording, odometry = odometry_from_arguments(args, scene)
+    recorded, recording, odometry = odometry_from_arguments(args, scene)
     with progress_bars() as progress:
         localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
         tracks = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
@@ -55,68 +64,67 @@ def run(args: argparse.Namespace) -> int:
     document = replay_document(
         scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
     )
-    if configuration.uses_kernel_widths:
-        # An import of half a second that the default model does not need.
-        from tactile_localizer.core.calibration.kernel_widths import describe_unfit_widths
-
-        if unfit := describe_unfit_widths(scan, scene):
-            print(unfit)
-    _print(document)
-    for line in _unconverged(tracks):
-        print(line)
     if args.json is not None:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {len(document['updates'])} updates")
-    return 0
+    if args.plot is not None:
+        from tactile_localizer.offline.figures.replay import replay_figure  # matplotlib takes a second
+
+        args.plot.parent.mkdir(parents=True, exist_ok=True)
+        replay_figure(scene, tracks).savefig(args.plot, dpi=120)
+        print(args.plot)
+    for line in (*recording.notes, *_misfit(scan, scene, recorded, odometry)):
+        print(f"note: {printable(line)}")
+    _print(document, args.scan)
+    return _verdict(scene, tracks, configuration.convergence_radius)
 
 
-def _unconverged(tracks: Sequence[Track]) -> Iterator[str]:
-    """One line with the reason for each sweep that did not converge."""
-    for track in tracks:
-        if not len(track):
-            yield f"sweep {track.number} did not converge: no usable sample"
-        elif not track.converged.any():
-            reason = track.reason[-1].partition(": ")[2] or track.reason[-1]
-            yield f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}"
+def _misfit(scan: Scan, scene: Scene, recorded: Recording, odometry: str) -> list[str]:
+    """A warning if strains or positions are outside the range of the scan."""
+    bounds = ScanRange.of(scan, scene)
+    beyond, outside = [np.zeros(0, bool)], [np.zeros(0, bool)]
+    for sweep in recorded.sweeps:
+        beyond.append(bounds.strains_outside(sweep.strain, usable(sweep.status)))
+        if odometry == RECORDED:
+            outside.append(bounds.positions_outside(sweep.position, sweep.position[:1].sum(axis=0)))
+        else:
+            inside = (sweep.position >= scene.lower) & (sweep.position <= scene.upper)
+            outside.append(~(inside | scene.wraps).all(axis=1))
+    strains, positions = (np.concatenate(parts) for parts in (beyond, outside))
+    found = describe_misfit(float(strains.mean()), float(positions.mean())) if len(strains) else ""
+    return [found] if found else []
 
 
-def _print(document: dict[str, Any]) -> None:
-    console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
+def _print(document: dict[str, Any], scan: str) -> None:
     summary, timing, configuration = document["summary"], document["timing"], document["configuration"]
-    for note in document["recording"]["notes"]:
-        console.print(f"note: {note}")
-    console.print(
+    print(
         f"{summary['sweeps']} sweeps, {summary['strains']} samples, "
         f"{summary['measurement_updates']} measurement updates"
         + (f", {summary['refused']} refused" if summary["refused"] else "")
         + f"; {configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
     )
-    console.print("learned: " + ", ".join(f"{name} {value}" for name, value in document["learned"].items()))
+    print(f"learned from {scan}:")
+    for name, value in document["learned"].items():
+        print(f"  {name:20} {value}")
     if summary["contacts"]:
-        console.print(f"travel counts from contact, which {summary['contacts']} sweeps reach")
+        print(f"travel counts from contact, which {summary['contacts']} sweeps reach")
     if summary["error_m"]["count"]:
         print_tables([_table(summary)])
         if "error_rad" in summary and summary["error_rad"]["count"]:
-            median, mean, largest = (
-                np.degrees(summary["error_rad"][name]) for name in ("median", "mean", "max")
-            )
-            console.print(f"yaw error {median:.2f}° (median), {mean:.2f}° (mean), {largest:.2f}° (largest)")
-        console.print(
+            middle, largest = (np.degrees(summary["error_rad"][name]) for name in ("median", "max"))
+            print(f"yaw error {middle:.2f}° (median), {largest:.2f}° (largest)")
+        print(
             f"95 % region covers {summary['coverage_95']:.1%}, "
             f"NEES {summary['nees']:.2f} per degree of freedom"
         )
     else:
-        console.print("errors are unknown: the recording has no ground truth")
+        print("errors are unknown: the recording has no ground truth")
     arrived = summary["travel_to_convergence_m"]
-    after = ""
     if arrived["count"]:
-        distance = f"{arrived['median'] * 1e3:.1f} mm"
-        after = f", {distance} after contact" if summary["contacts"] else f", after {distance} of travel"
-        after += " (median)"
-    converged = f"{summary['converged_sweeps']} of {summary['sweeps']} sweeps"
-    console.print(f"{converged} converged{after}")
+        place = "contact" if summary["contacts"] else "the start"
+        print(f"converged {arrived['median'] * MM:.1f} mm after {place} (median)")
     if timing["update_median_us"] is not None:
-        console.print(
+        print(
             f"measurement update {timing['update_median_us']:.0f} µs (median), "
             f"{timing['update_p99_us']:.0f} µs (99th percentile); "
             f"{timing['strain_mean_us']:.0f} µs per sample"
@@ -124,15 +132,33 @@ def _print(document: dict[str, Any]) -> None:
 
 
 def _table(summary: dict[str, Any]) -> Table:
-    rows = []
-    for mark, error in summary["error_after_travel_m"].items():
-        place = f"after {float(mark) * 1e3:g} mm" if float(mark) else "at contact"
-        rows.append((place, str(error["count"]), *_lengths(error)))
+    after = summary["error_after_travel_m"].items()
+    rows = {f"after {float(mark) * MM:g} mm" if float(mark) else "at contact": error for mark, error in after}
     names = {"error_m": "all samples", "error_contact_m": "in contact", "error_converged_m": "converged"}
-    rows += [(title, "", *_lengths(summary[name])) for name, title in names.items() if summary[name]["count"]]
-    return Table("", ("error", "sweeps", "median mm", "inch", "mean mm", "inch", "largest mm", "inch"), rows)
+    rows |= {title: summary[name] for name, title in names.items()}
+    cells = [
+        (title, str(error["count"]), *(f"{error[name] * MM:.2f}" for name in ("median", "mean", "max")))
+        for title, error in rows.items()
+        if error["count"]
+    ]
+    return Table("", ("error", "number", "median mm", "mean mm", "largest mm"), cells)
 
 
-def _lengths(error: dict[str, Any]) -> list[str]:
-    values = [error[name] for name in ("median", "mean", "max")]
-    return [text for value in values for text in (f"{value * 1e3:.2f}", f"{value / INCH:.3f}")]
+def _verdict(scene: Scene, tracks: Sequence[Track], radius: float) -> int:
+    """Print which sweeps did not converge, or to a wrong position; returns the exit status."""
+    for track in tracks:
+        if not len(track):
+            print(f"sweep {track.number} did not converge: no usable sample")
+        elif not track.converged.any():
+            reason = track.reason[-1].partition(": ")[2] or track.reason[-1]
+            print(f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}")
+    wrong = wrong_sweeps(scene, tracks, radius)
+    for number, error in wrong.items():
+        print(f"sweep {number} converged to a wrong position: error {error * MM:.1f} mm")
+    converged = sum(bool(track.converged.any()) for track in tracks)
+    passed = converged == len(tracks) > 0 and not wrong
+    print(
+        f"{'localized' if passed else 'NOT localized'}: {converged} of {len(tracks)} sweeps converged, "
+        f"{len(wrong)} of them to a wrong position"
+    )
+    return 0 if passed else NOT_LOCALIZED

@@ -98,8 +98,7 @@ class Configuration:
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")
         for name, (lower, upper) in RANGES.items():
-            if not lower <= getattr(self, name) <= upper:
-                raise ParameterError(f"{name}: expected {lower:g} to {upper:g}, got {getattr(self, name)}")
+            number(getattr(self, name), name, lower=lower, upper=upper)
         if self.random_particles and self.filter == "grid":
             raise ParameterError(
                 f"random_particles: expected 0 with filter grid, got {self.random_particles}"

@@ -13,6 +13,7 @@ from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.geometry.references import References, TakenIn
+from tactile_localizer.core.geometry.stamps import StampUnit
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
@@ -142,6 +143,7 @@ class Localizer:
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._consistency = PhalanxConsistency(scene.layout)
         self._references = References(scene)
+        self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
         self._updated_ns = 0
         self._updated_at: np.ndarray | None = None
@@ -179,7 +181,7 @@ class Localizer:
 
         Parameters
         ----------
-        stamp_ns : of the strain; one before the last (a bag that loops) resets the belief
+        stamp_ns : of the strain, ns; one before the last (a bag that loops) resets the belief
         position : (d,) palm in any frame that is fixed while the sweep lasts; only its differences count
         strain : (C,) V
         present : (F,) bool, phalanges to use; ``None``: all
@@ -187,7 +189,8 @@ class Localizer:
         Raises
         ------
         MeasurementError
-            A position or strain that is not finite or not of the expected shape; the belief is untouched.
+            A position or strain that is not finite or not of the expected shape, or a palm that travels
+            while the stamps stand still; the belief is untouched.
         """
         position = np.array(position, dtype=np.float64)
         if position.shape != (self.scene.dimension,) or not usable(position):
@@ -195,6 +198,7 @@ class Localizer:
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"
             )
         strain, here = checked(strain, self.scene.layout, present)
+        self._stamp_unit.check(stamp_ns, position)
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self.reset()
         self._stamp_ns = stamp_ns
@@ -222,6 +226,7 @@ class Localizer:
             explanations=Explanations.start(references, only_map=self._correlation is not None),
             log_odds=-PRIOR,
         )
+        self._stamp_unit.reset()
         self._stamp_ns = None
         self._updated_ns = 0
         self._updated_at = None

@@ -41,12 +41,7 @@ def load_scene(path: str | Path) -> Scene:
         The file is missing, is not YAML, or describes an invalid scene.
     """
     shipped = sorted(file.name for file in resource_path("config/scenes").iterdir())
-    scene = load_yaml(path, f"a scene file or one of {', '.join(shipped)}", SceneError, scene_from_dict)
-    try:
-        ModelParameters.of_scene(scene)
-    except ParameterError as error:
-        raise SceneError(f"{path}: {error}") from None
-    return scene
+    return load_yaml(path, f"a scene file or one of {', '.join(shipped)}", SceneError, scene_from_dict)
 
 
 def save_scene(scene: Scene, path: str | Path) -> None:
@@ -85,13 +80,18 @@ def scene_from_dict(content: Any) -> Scene:
     phalanges = tuple(
         _phalanx(_name(name, "phalanx"), value, names) for name, value in _mapping(raw, "phalanges").items()
     )
-    return Scene(
+    scene = Scene(
         name=_name(top.get("name", "scene"), "scene name"),
         axes=axes,
         phalanges=phalanges,
         feature=_region(top["feature"], names) if top.get("feature") is not None else None,
-        measurement=_measurement(_mapping(top.get("measurement") or {}, "measurement")),
+        measurement=dict(_mapping(top.get("measurement") or {}, "measurement")),
     )
+    try:
+        ModelParameters.of_scene(scene)
+    except ParameterError as error:
+        raise SceneError(str(error)) from None
+    return scene
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
@@ -121,7 +121,6 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 def _phalanx_to_dict(phalanx: Phalanx, axes: tuple[str, ...]) -> dict[str, Any]:
     content: dict[str, Any] = {"offset": dict(zip(axes, map(float, phalanx.offset), strict=True))}
-    # The default is omitted, so that earlier versions of the package can read the scene.
     return content if phalanx.channels == DEFAULT_CHANNELS else {**content, "channels": phalanx.channels}
 
 
@@ -133,11 +132,13 @@ def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
 
 def _name(value: Any, what: str) -> str:
     # A number in YAML is accepted as a name.
-    if isinstance(value, bool | list | Mapping) or not 1 <= len(str(value)) <= _MAX_NAME_CHARACTERS:
+    text = "" if isinstance(value, bool | list | Mapping) else str(value)
+    if not 1 <= len(text) <= _MAX_NAME_CHARACTERS or not text.isprintable():
         raise SceneError(
-            f"{what}: expected text of 1 to {_MAX_NAME_CHARACTERS} characters, got {reprlib.repr(value)}"
+            f"{what}: expected text of 1 to {_MAX_NAME_CHARACTERS} printable characters, "
+            f"got {reprlib.repr(value)}"
         )
-    return str(value)
+    return text
 
 
 def _names(values: list[Any], what: str) -> list[str]:
@@ -164,24 +165,6 @@ def _interval(value: Any, what: str, *, finite: bool = True) -> tuple[float, flo
     limit = LARGEST_POSITION if finite else math.inf
     lower, upper = (_number(each, what, limit=limit, finite=finite) for each in value)
     return lower, upper
-
-
-def _measurement(values: Mapping[Any, Any]) -> dict[str, Any]:
-    """Parameters of the measurement model with numbers converted; the model validates their meaning."""
-    converted: dict[str, Any] = {}
-    for name, value in values.items():
-        what = f"measurement {name}"
-        if isinstance(value, bool):
-            converted[str(name)] = value
-        elif isinstance(value, list):
-            converted[str(name)] = [_plain_number(each, what) for each in value]
-        else:
-            converted[str(name)] = _plain_number(value, what)
-    return converted
-
-
-def _plain_number(value: Any, what: str) -> float | int:
-    return value if type(value) is int else _number(value, what)
 
 
 def _axis(name: Any, value: Any) -> Axis:

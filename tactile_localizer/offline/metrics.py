@@ -186,6 +186,17 @@ def timing(tracks: Sequence[Track]) -> dict[str, Any]:
     }
 
 
+def wrong_sweeps(scene: Scene, tracks: Sequence[Track], radius: float) -> dict[int, float]:
+    """Sweeps whose median error while converged exceeds ``radius``, m, by number with that error, m."""
+    wrong = {}
+    for track in tracks:
+        errors = position_error(scene, track)[track.converged]
+        error = float(np.median(errors[np.isfinite(errors)])) if np.isfinite(errors).any() else 0.0
+        if error > radius:
+            wrong[track.number] = error
+    return wrong
+
+
 def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:
     """Finite values of all tracks, of the entries selected by ``keep``."""
     if not values:

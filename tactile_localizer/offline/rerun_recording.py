@@ -56,7 +56,7 @@ class ReplayView:
     Parameters
     ----------
     scan, scene : scan and scene of the map
-    path : file to write (``*.rrd``); ``None``: open the viewer
+    path : file to write (``*.rrd``)
 
     Raises
     ------
@@ -64,19 +64,16 @@ class ReplayView:
         ``rerun-sdk`` is not installed, or the file cannot be written.
     """
 
-    def __init__(self, scan: Scan, scene: Scene, path: Path | None) -> None:
+    def __init__(self, scan: Scan, scene: Scene, path: Path) -> None:
         self._rr = _rerun()
         self._scene = scene
         self._record = self._rr.RecordingStream("tactile_localizer")
         try:
-            if path is None:
-                self._record.spawn()
-            else:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                self._record.save(str(path))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._record.save(str(path))
         except (OSError, RuntimeError) as error:
             reason = " ".join(str(error).split())
-            raise ScanError(f"{path or 'viewer'}: expected to open it, {reason}") from None
+            raise ScanError(f"{path}: expected to write it, {reason}") from None
         self._positions = scan.positions_on(scene)
         self._strain = scan.strain_on(scene)
         self._scale = axis_scale(scene)

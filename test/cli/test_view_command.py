@@ -2,15 +2,15 @@
 
 import subprocess
 import sys
+from unittest import mock
 
 import pytest
 
-from tactile_localizer.cli import main
+from tactile_localizer.cli import main, view
 from tactile_localizer.cli.simulate import write_csv
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.offline import rerun_recording as view
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim.scan import simulate_scan
 
@@ -52,4 +52,25 @@ def test_a_missing_viewer_is_named_in_one_line(folder, monkeypatch, capsys):
     printed = capsys.readouterr().err
     assert "rerun-sdk" in printed
     assert printed.count("\n") == 1
-    assert view.MM == 1e3
+
+
+def test_without_a_display_the_viewer_is_refused_in_one_line(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", "test.csv", "--scan", "bump_scan"]) == 2
+    printed = capsys.readouterr().err
+    assert "viewer: expected a display" in printed
+    assert printed.count("\n") == 1
+
+
+def test_the_viewer_serves_this_machine_only(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("DISPLAY", ":0")
+    commands = []
+    monkeypatch.setattr(view, "_write", lambda args, path: None)
+    monkeypatch.setattr(
+        subprocess, "run", lambda command, **_: commands.append(command) or mock.Mock(returncode=0)
+    )
+    assert main(["view", "test.csv", "--scan", "bump_scan"]) == 0
+    assert commands[0][3:5] == ["--bind", "127.0.0.1"]

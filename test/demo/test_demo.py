@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.waiting import children
 
-from tactile_localizer.io.bags.reader import read_messages
+from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
 
 pytestmark = pytest.mark.ros
@@ -54,7 +54,11 @@ def test_the_demo_runs_to_its_end(process, tmp_path):
     assert store.load().states[:, 0].max() > 0.045
     assert len(store.load()) > 100 * 42
     bag = read_messages(
-        folder / "bag", dict.fromkeys(("/filter/posterior", "/strain", "/mapping/status"), lambda m: m)
+        folder / "bag",
+        {
+            "/filter/posterior": Wanted("tactile_localizer/msg/Posterior", lambda m, _: m),
+            "/mapping/status": Wanted("tactile_localizer/msg/ScanStatus", lambda m, _: m),
+        },
     )
     assert len(bag.by_topic["/filter/posterior"]) > 300
     assert {"/palm_pose", "/simulator/ground_truth", "/mapping/status", "/diagnostics"} <= set(bag.topics)

@@ -20,7 +20,7 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import plain, plain_columns, write_json
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.offline.reports.replay import Updates
+from tactile_localizer.offline.replay_document import Updates
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 

@@ -13,7 +13,6 @@ from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.geometry.references import TakenIn
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.weights import moments, normalize
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
 _THREE_POINT = 0.6
@@ -39,20 +38,14 @@ class GridFilter:
 
     Raises
     ------
-    ParameterError
+    SceneError
         Too many cells for the memory.
     """
 
-    MOST_CELLS = 4_000_000
-
     def __init__(self, scene: Scene, cell: np.ndarray) -> None:
         extent = scene.upper - scene.lower
-        counts = np.maximum(np.ceil(extent / cell - 1e-9), 1.0)
-        if float(np.prod(counts)) > self.MOST_CELLS:
-            raise ParameterError(
-                f"cells: expected at most {self.MOST_CELLS}, got {counts.prod():.3g}; use larger cells"
-            )
-        self._shape = tuple(int(count) for count in counts)
+        counts = scene.cells(cell)
+        self._shape = tuple(counts.tolist())
         self._cell = extent / counts
         self._unmoved = [
             low + size * (np.arange(count) + 0.5)

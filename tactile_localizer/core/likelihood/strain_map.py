@@ -115,12 +115,18 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
     """Size (d,) of a filter's cells: ``lines`` line spacings, on one axis a pitch.
 
     On three axes cells are enlarged to limit their number to :data:`MOST_CELLS_IN_SPACE`.
+
+    Raises
+    ------
+    SceneError
+        There would be too many cells for the memory.
     """
     length = PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
     sizes = length / levers(scene)
     extent = scene.extent
     if scene.dimension == 3:
         sizes *= max(1.0, float(np.prod(extent / sizes)) / MOST_CELLS_IN_SPACE) ** (1.0 / 3.0)
+    scene.cells(sizes)
     return np.minimum(sizes, extent)
 
 

@@ -31,14 +31,19 @@ def build_own_model(name: str, scan: Scan, scene: Scene, parameters: ModelParame
     module_name, _, class_name = name.partition(SEPARATOR)
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
+    except (ImportError, TypeError, ValueError) as error:
         raise ParameterError(
             f"model {name!r}: expected a module on Python's path (PYTHONPATH), {error}"
         ) from None
     made: Any = getattr(module, class_name, None)
-    if not callable(made):
-        raise ParameterError(f"model {name!r}: expected {class_name} in {module.__file__}, found none")
-    model = made(scan, scene, parameters)
+    if not isinstance(made, type):
+        raise ParameterError(
+            f"model {name!r}: expected a class {class_name} in {module_name}, found {made!r:.80}"
+        )
+    try:
+        model = made(scan, scene, parameters)
+    except TypeError as error:
+        raise ParameterError(f"model {name!r}: expected arguments scan, scene, parameters, {error}") from None
     if not isinstance(model, MeasurementModel):
         raise ParameterError(f"model {name!r}: expected a measurement model, got {type(model).__name__}")
     return model

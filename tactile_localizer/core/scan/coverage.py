@@ -14,6 +14,8 @@ SWEEP_DISTANCE_RAD = 0.1
 """The same along yaw."""
 
 _CELLS_PER_DISTANCE = 4
+_MOST_CELLS = 16_000_000
+"""Of one byte each: a sheet of 2.5 m by 2.5 m."""
 
 
 class Coverage:
@@ -32,7 +34,7 @@ class Coverage:
         distance = np.array([distance_rad if axis.name == "yaw" else distance_m for axis in scene.axes])
         extent = scene.extent
         self._lower = scene.lower
-        self._shape = np.ceil(_CELLS_PER_DISTANCE * extent / distance).astype(int)
+        self._shape = scene.cells(distance / _CELLS_PER_DISTANCE, most=_MOST_CELLS)
         self._cell = extent / self._shape
         # In units of the sweep distance, so that metres and radians can be compared.
         self._sampling = self._cell / distance

@@ -2,31 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError
-from tactile_localizer.io.bags.decode import PoseDecoder, Poses, StrainDecoder, Strains
-from tactile_localizer.io.bags.reader import BagMessages, read_messages, typestore
+from tactile_localizer.io.bags.reader import BagMessages, Wanted, read_messages
 from tactile_localizer.io.bags.sweeps import (
     WHOLE_BAG,
     Span,
-    StatusChange,
-    Travel,
+    active_spans,
+    change_of_activity,
+    change_of_status,
     localization_spans,
     moving_spans,
-    status_spans,
+    spans,
+    stamp_of,
+    travel_of,
 )
-from tactile_localizer.io.bags.topics import BagTopics
-from tactile_localizer.io.recording import RecordedSweep, Recording
-from tactile_localizer.io.strain_adapter import StrainAdapter
+from tactile_localizer.io.recording import RecordedSweep, Recording, in_order
+from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.scene import Scene
+
+_POSE = "geometry_msgs/msg/PoseStamped"
+
+
+@dataclass(frozen=True)
+class BagTopics:
+    """Topics of a bag.
+
+    Parameters
+    ----------
+    strain : ``StrainVectors``
+    pose : ``PoseStamped``, measured palm pose
+    truth : ``PoseStamped``, true palm pose; optional
+    status : ``ScanStatus`` of the mapping node, which delimits sweeps; optional
+    posterior : ``Posterior`` of the filter node, which shows global localizations; optional
+    active : ``Bool``, true during a sweep; optional
+    """
+
+    strain: str = "/strain"
+    pose: str = "/palm_pose"
+    truth: str = "/simulator/ground_truth"
+    status: str = "/mapping/status"
+    posterior: str = "/filter/posterior"
+    active: str = "/simulator/sweep_active"
 
 
 def read_bag(
@@ -44,13 +71,14 @@ def read_bag(
 
     Parameters
     ----------
-    path : directory or file, SQLite or MCAP, compressed or not; a damaged bag is read up to the damage
+    path : directory or file, SQLite or MCAP
     scene : axes and phalanges to read
     topics : default: the topics of this package's nodes
     frame : frames in which palm poses are accepted; default: ``material``, and ``base_link`` untransformed
     max_gap_s : longest gap between poses that is interpolated, s
-    by_status : if true, take the sweeps from the mapping node's status; if false, start a sweep at each
-        global localization in the filter node's posterior. A bag without that topic is one sweep
+    by_status : if true, take the sweeps from the mapping node's status; if false, those of the localization:
+        while ``topics.active`` is true, or else from each global localization in the filter node's posterior.
+        A bag without these topics is one sweep
     detector : detects the sweeps in the motion instead
     adapter : converts messages of other types to strain, in place of ``topics.strain``
 
@@ -58,147 +86,139 @@ def read_bag(
     -------
     Recording
         Strain samples with a position, by sweep; ``gaps`` counts the samples without one. ``truth`` is
-        ``None`` if the bag has no such topic, and NaN in its gaps.
+        ``None`` if the bag has no such topic, and NaN in its gaps. The notes count unreadable messages.
 
     Raises
     ------
     ScanError
         The bag cannot be read, or has no strain or no poses.
+    SceneError
+        The messages or the adapter lack a phalanx of the scene, or have other channels for it.
     """
-    topics = topics or BagTopics()
+    names = {name: f"/{topic.lstrip('/')}" for name, topic in vars(topics or BagTopics()).items()}
     frame = frame or PalmFrame(scene.axes, reference_frame="base_link")
-    names = [name if name.startswith("/") else f"/{name}" for name in vars(topics).values()]
-    strain_topic, pose_topic, truth_topic, status_topic, posterior_topic = names
-    pose_decoder = PoseDecoder(frame)
-    converters = (
-        StrainDecoder(scene),
-        pose_decoder,
-        pose_decoder,
-        StatusChange.of_message,
-        Travel.of_message,
-    )
-    messages = read_messages(path, dict(zip(names, converters, strict=True)))
-    notes = list(messages.notes)
-    if adapter is not None:
-        strains, strain_notes = read_adapted(path, adapter, scene)
-        messages.by_topic[strain_topic] = [strains]
-        notes += strain_notes
-    for topic in (strain_topic, pose_topic):
-        if not messages.by_topic.get(topic):
-            raise ScanError(f"{path}: expected messages of {topic}, found {_found(messages)}")
-    stamp_ns, strain, status = _strain_arrays(messages.by_topic[strain_topic], notes)
+    wanted = {
+        names["pose"]: Wanted(_POSE, _pose),
+        names["truth"]: Wanted(_POSE, _pose),
+        names["status"]: Wanted("tactile_localizer/msg/ScanStatus", change_of_status),
+        names["posterior"]: Wanted("tactile_localizer/msg/Posterior", travel_of),
+        names["active"]: Wanted("std_msgs/msg/Bool", change_of_activity),
+    }
+    if adapter is None:
+        strains = Wanted("tactile_localizer/msg/StrainVectors", _Strains(scene).convert)
+        messages = read_messages(path, {**wanted, names["strain"]: strains})
+    else:
+        names["strain"] = f"/{adapter.sources[0].topic.lstrip('/')}"
+        messages = read_messages(path, {**wanted, **_adapted(adapter, scene)})
+    found = {name: messages.by_topic.get(topic, []) for name, topic in names.items()}
+    for name in ("strain", "pose"):
+        if not found[name]:
+            raise ScanError(f"{path}: expected messages of {names[name]}, found {_topics(messages)}")
+    notes = messages.notes()
+    stamp_ns, strain, status = map(np.array, zip(*found["strain"], strict=True))
+    rows = in_order(stamp_ns, "strain vectors", notes, 0)
+    stamp_ns, strain, status = stamp_ns[rows], strain[rows], status[rows]
 
-    def palm_positions(topic: str) -> tuple[np.ndarray, np.ndarray]:
-        pose_ns, poses = _pose_arrays(topic, messages.by_topic[topic], notes)
+    def palm_positions(name: str) -> tuple[np.ndarray, np.ndarray]:
+        pose_ns, poses = _positions(found[name], frame, names[name], notes)
         return interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
 
-    position, found = palm_positions(pose_topic)
-    truth = palm_positions(truth_topic)[0] if messages.by_topic.get(truth_topic) else None
+    position, has_position = palm_positions("pose")
+    truth = palm_positions("truth")[0] if found["truth"] else None
+    sweeps = [WHOLE_BAG]
     if detector is not None:
-        spans = moving_spans(detector, stamp_ns[found], position[found])
-    elif by_status and messages.by_topic.get(status_topic):
-        spans = status_spans(messages.by_topic[status_topic])
-    elif not by_status and messages.by_topic.get(posterior_topic):
-        spans = localization_spans(messages.by_topic[posterior_topic])
-        early = int(np.sum(stamp_ns <= spans[0].after_ns))
-        _note(notes, early, len(stamp_ns), f"strain vectors from before the first {posterior_topic}")
-    else:
-        spans = [WHOLE_BAG]
+        sweeps = moving_spans(detector, stamp_ns[has_position], position[has_position])
+    elif by_status and found["status"]:
+        sweeps = spans(found["status"])
+    elif not by_status and found["active"]:
+        sweeps = active_spans(found["active"], found["posterior"])
+    elif not by_status and found["posterior"]:
+        sweeps = localization_spans(found["posterior"])
     samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
-    sweeps = tuple(_sweep(samples, found, span) for span in spans)
     return Recording(
-        str(path), scene.axis_names, scene.phalanx_names, sweeps, tuple(notes), scene.layout.counts
+        str(path),
+        scene.axis_names,
+        scene.phalanx_names,
+        tuple(_sweep(samples, has_position, span) for span in sweeps),
+        tuple(notes),
+        scene.layout.counts,
+        sum(count for count, _ in messages.invalid.values()),
     )
 
 
-def _sweep(samples: RecordedSweep, found: np.ndarray, span: Span) -> RecordedSweep:
+def _sweep(samples: RecordedSweep, has_position: np.ndarray, span: Span) -> RecordedSweep:
     """The samples of a span that have a position; samples without one are counted as gaps."""
     inside = (samples.stamp_ns > span.after_ns) & (samples.stamp_ns <= span.until_ns)
-    return samples.part(inside & found, span.number, gaps=int(np.sum(inside & ~found)))
+    return samples.part(inside & has_position, span.number, gaps=int(np.sum(inside & ~has_position)))
 
 
-def _strain_arrays(blocks: Sequence[Strains], notes: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps (n,), strain (n, C) and status (n, F) of the scene's phalanges, in rising order of stamps."""
-    stamp_ns, strain, status, valid = map(np.concatenate, zip(*blocks, strict=True))
-    _note(notes, int(np.sum(~valid)), len(valid), "strain vectors with contradictory lengths")
-    usable = _in_order(stamp_ns, np.flatnonzero(valid), "strain vectors", notes)
-    return stamp_ns[usable], strain[usable], status[usable]
+def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
+    """Frame, stamp (ns), position and quaternion of a ``PoseStamped``."""
+    p, q = message.pose.position, message.pose.orientation
+    return message.header.frame_id, stamp_of(message), (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
-def _pose_arrays(topic: str, blocks: Sequence[Poses], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (m,) and positions (m, d) of the valid poses, in rising order of stamps."""
-    stamp_ns, position, valid = (np.concatenate(parts) for parts in list(zip(*blocks, strict=True))[:3])
-    reason = next((block.reason for block in blocks if block.reason), "")
-    _note(notes, int(np.sum(~valid)), len(valid), f"poses of {topic}: {reason}")
-    usable = _in_order(stamp_ns, np.flatnonzero(valid), f"poses of {topic}", notes)
-    return stamp_ns[usable], position[usable]
+def _positions(
+    poses: Sequence[tuple[str, int, tuple[float, ...]]], frame: PalmFrame, topic: str, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (m,), ns, and palm positions (m, d), m (yaw: rad), of the poses in a known frame."""
+    names, stamp_ns, numbers = (np.array(each) for each in zip(*poses, strict=True))
+    position = np.full((len(names), frame.dimension), np.nan)
+    reason = "not finite"
+    for name in np.unique(names).tolist():
+        rows = names == name
+        try:
+            position[rows] = frame.positions(name, numbers[rows, :3], numbers[rows, 3:])
+        except MeasurementError as error:
+            reason = str(error)
+    valid = np.isfinite(position).all(axis=1)
+    if not valid.all():
+        notes.append(f"skipped {np.sum(~valid)} of {len(valid)} poses of {topic}: {reason}")
+    stamp_ns, position = stamp_ns[valid], position[valid]
+    rows = in_order(stamp_ns, f"poses of {topic}", notes, 0)
+    return stamp_ns[rows], position[rows]
 
 
-def _in_order(stamp_ns: np.ndarray, rows: np.ndarray, what: str, notes: list[str]) -> np.ndarray:
-    """Those of ``rows`` whose stamp is later than all before it; a stamp of 0 means no time yet."""
-    candidates = stamp_ns[rows]
-    newest = np.maximum.accumulate(np.concatenate([[0], candidates]))
-    in_order = candidates > newest[:-1]
-    _note(notes, int(np.sum(~in_order)), len(rows), f"{what} whose stamps go back")
-    return rows[in_order]
+class _Strains:
+    """Converts ``StrainVectors`` messages to the phalanges of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._indices: dict[Any, tuple[np.ndarray, np.ndarray, int]] = {}
+
+    def convert(self, message: Any, received_ns: int) -> StrainVector:
+        """Stamp, strain (C,) and status (F,); raises MeasurementError or SceneError."""
+        names, counts = tuple(message.phalanges), tuple(getattr(message, "channels", ()))
+        if (names, counts) not in self._indices:
+            if len(counts) not in (0, len(names)):
+                raise MeasurementError(f"channels: expected {len(names)} numbers, got {len(counts)}")
+            size = ChannelLayout.of(counts, len(names)).size
+            rows, channels = self._scene.rows(names), self._scene.channels(names, counts)
+            self._indices[names, counts] = rows, channels, size
+        rows, channels, size = self._indices[names, counts]
+        if len(message.strain) != size or len(message.status) != len(names):
+            raise MeasurementError(
+                f"strain: expected {size} values and {len(names)} statuses, "
+                f"got {len(message.strain)} and {len(message.status)}"
+            )
+        return StrainVector(stamp_of(message), message.strain[channels], message.status[rows])
 
 
-def _note(notes: list[str], count: int, total: int, what: str) -> None:
-    if count:
-        notes.append(f"skipped {count} of {total} {what}")
-
-
-def _found(messages: BagMessages) -> str:
-    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items())) or "no topics"
-
-
-def read_adapted(path: str | Path, adapter: StrainAdapter, scene: Scene) -> tuple[Strains, list[str]]:
-    """Strain vectors that an adapter makes of a bag's messages, and notes on messages that it rejects.
-
-    Parameters
-    ----------
-    path : an undamaged bag, as :func:`~.reader.read_messages` reads it
-    adapter : maps messages to strain
-    scene : phalanges to read
-
-    Raises
-    ------
-    ScanError
-        The bag cannot be read, or has no messages of the first phalanx.
-    SceneError
-        The adapter lacks a phalanx of the scene, or gives it a different number of channels.
-    """
+def _adapted(adapter: StrainAdapter, scene: Scene) -> Mapping[str, Wanted]:
+    """Topics of an adapter, whose messages become strain vectors of the scene's phalanges."""
     rows = scene.rows(adapter.phalanges)
-    columns = scene.channels(adapter.phalanges, adapter.layout.counts)
-    vectors, rejected, reason = [], 0, ""
-    topics = {f"/{topic.lstrip('/')}": topic for topic in adapter.topics}
+    channels = scene.channels(adapter.phalanges, adapter.layout.counts)
     adapter.reset()
-    try:
-        with AnyReader([Path(path)], default_typestore=typestore()) as reader:
-            connections = [
-                each
-                for each in reader.connections
-                if each.topic in topics and adapter.topics[topics[each.topic]] == each.msgtype
-            ]
-            for connection, received_ns, raw in reader.messages(connections) if connections else ():
-                try:
-                    message = reader.deserialize(raw, connection.msgtype)
-                    vector = adapter.feed(topics[connection.topic], message, received_ns)
-                except MeasurementError as error:
-                    rejected, reason = rejected + 1, reason or str(error)
-                    continue
-                if vector is not None:
-                    vectors.append(vector)
-    except Exception as error:  # rosbags raises many types of exceptions on damaged bytes
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise ScanError(f"{path}: expected a readable bag, {text}") from None
-    if not vectors:
-        first = adapter.sources[0]
-        raise ScanError(
-            f"{path}: expected messages of {first.topic} ({first.kind}) for phalanx {first.phalanx}, found "
-            f"{f'{rejected} invalid ones: {reason}' if rejected else 'none'}"
-        )
-    stamp_ns, strain, status = map(np.array, zip(*vectors, strict=True))
-    notes = [f"skipped {rejected} invalid messages: {reason}"] if rejected else []
-    valid = np.ones(len(vectors), dtype=bool)
-    return Strains(stamp_ns, strain[:, columns], status[:, rows], valid), notes
+
+    def converter(topic: str) -> Wanted:
+        def convert(message: Any, received_ns: int) -> StrainVector | None:
+            vector = adapter.feed(topic, message, received_ns)
+            return vector and StrainVector(vector.stamp_ns, vector.strain[channels], vector.status[rows])
+
+        return Wanted(adapter.topics[topic], convert)
+
+    return {f"/{topic.lstrip('/')}": converter(topic) for topic in adapter.topics}
+
+
+def _topics(messages: BagMessages) -> str:
+    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items())) or "no topics"

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
-from tactile_localizer.io.bags.decode import stamp_of
 
 _END_NS = 2**63 - 1
 """A stamp later than that of any sample, ns: the largest 64-bit integer."""
@@ -26,17 +25,11 @@ class Span(NamedTuple):
 WHOLE_BAG = Span(1, -1, _END_NS)
 
 
-class StatusChange(NamedTuple):
-    """Content of a ``ScanStatus``: from ``stamp_ns`` on, sweep ``number`` is recorded, or none."""
+class Change(NamedTuple):
+    """From ``stamp_ns`` on, sweep ``number`` is in progress; 0: none."""
 
     stamp_ns: int
-    is_active: bool
     number: int
-
-    @classmethod
-    def of_message(cls, message: Any) -> StatusChange:
-        """Convert a message object."""
-        return cls(stamp_of(message), bool(message.sweep_active), int(message.sweep))
 
 
 class Travel(NamedTuple):
@@ -45,10 +38,26 @@ class Travel(NamedTuple):
     stamp_ns: int
     travel_m: float
 
-    @classmethod
-    def of_message(cls, message: Any) -> Travel:
-        """Convert a message object."""
-        return cls(stamp_of(message), float(message.travel))
+
+def stamp_of(message: Any) -> int:
+    """Stamp in the header of a message, ns."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def change_of_status(message: Any, received_ns: int) -> Change:
+    """Convert a ``ScanStatus``."""
+    return Change(stamp_of(message), int(message.sweep) if message.sweep_active else 0)
+
+
+def change_of_activity(message: Any, received_ns: int) -> Change:
+    """Convert a ``Bool``, which is true during a sweep."""
+    return Change(received_ns, int(message.data))
+
+
+def travel_of(message: Any, received_ns: int) -> Travel:
+    """Convert a ``Posterior``."""
+    return Travel(stamp_of(message), float(message.travel))
 
 
 def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[Span]:
@@ -60,40 +69,29 @@ def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.nda
     stamp_ns : (n,) rising stamps, ns
     position : (n, d) palm positions, m (yaw: rad)
     """
-    numbers = np.array(
-        [detector.update(int(t), p) for t, p in zip(stamp_ns, position, strict=True)], dtype=int
-    )
-    starts = np.flatnonzero(np.diff(numbers, prepend=0))
-    ends = np.append(stamp_ns[starts], _END_NS)[1:]
+    pairs = zip(stamp_ns.tolist(), position, strict=True)
+    return spans([Change(stamp - 1, detector.update(stamp, place)) for stamp, place in pairs])
+
+
+def spans(changes: Sequence[Change]) -> list[Span]:
+    """Sweeps between the stamps at which the number of the sweep in progress changed."""
+    turns = [each for before, each in pairwise([Change(-1, 0), *changes]) if each.number != before.number]
     return [
-        Span(int(numbers[start]), int(stamp_ns[start]) - 1, int(end) - 1)
-        for start, end in zip(starts, ends, strict=True)
-        if numbers[start]
+        Span(begun.number, begun.stamp_ns, ended.stamp_ns)
+        for begun, ended in pairwise([*turns, Change(_END_NS, 0)])
+        if begun.number
     ]
-
-
-def status_spans(changes: Sequence[StatusChange]) -> list[Span]:
-    """Sweeps between the stamps at which the mapping node's status changed."""
-    spans = []
-    begun: StatusChange | None = None
-    for change in changes:
-        if begun is not None and (not change.is_active or change.number != begun.number):
-            spans.append(Span(begun.number, begun.stamp_ns, change.stamp_ns))
-            begun = None
-        if change.is_active and begun is None:
-            begun = change  # a stamp of 0 is valid: it means before the first sample
-    if begun is not None:
-        spans.append(Span(begun.number, begun.stamp_ns, _END_NS))
-    return spans
 
 
 def localization_spans(travels: Sequence[Travel]) -> list[Span]:
     """Sweeps between global localizations, which reset the travelled distance to zero."""
-    begun = [travels[0].stamp_ns]
-    begun += [
-        after.stamp_ns for before, after in pairwise(travels) if after.travel_m == 0.0 < before.travel_m
-    ]
-    ends = [*(stamp_ns - 1 for stamp_ns in begun[1:]), _END_NS]
-    return [
-        Span(number, first - 1, end) for number, (first, end) in enumerate(zip(begun, ends, strict=True), 1)
-    ]
+    resets = [after for before, after in pairwise(travels) if after.travel_m == 0.0 < before.travel_m]
+    begun = [Change(each.stamp_ns - 1, number) for number, each in enumerate([travels[0], *resets], 1)]
+    return spans(begun)
+
+
+def active_spans(changes: Sequence[Change], travels: Sequence[Travel]) -> list[Span]:
+    """Sweeps while a ``Bool`` is true, numbered from 1; of those, the ones that the filter localized."""
+    first_ns = travels[0].stamp_ns if travels else -1
+    localized = [span for span in spans(changes) if span.until_ns > first_ns]
+    return [Span(number, span.after_ns, span.until_ns) for number, span in enumerate(localized, 1)]

@@ -3,60 +3,54 @@
 Standard columns are ``stamp_s, sweep, <axis>..., <phalanx>_1, <phalanx>_2, ...`` in SI units, and, where it
 is known, ``felt``: 1 from contact with a feature to its end. A
 :class:`~tactile_localizer.io.csv.columns.ColumnNaming` gives other names and units, and a constant speed
-for positions that were not recorded. Invalid rows are skipped, counted and reported. Rows in reverse order
-of time are sorted by their stamps.
+for positions that were not recorded. Poses may be in a file of their own, with stamps of their own. Invalid
+rows are skipped, counted and reported.
 """
 
 from __future__ import annotations
 
+import csv
+import gzip
 import math
-import reprlib
-from bisect import bisect_left
-from collections import Counter
+import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from decimal import Decimal
+from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.geometry.pose_buffer import near_bounds
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses, near_bounds
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
-    ANGLES,
-    LENGTHS,
-    SI_INSIDE_FRACTION,
-    TIMES,
     ColumnNaming,
-    fitting_unit,
-    inside,
+    Columns,
+    listed,
+    missing_column,
+    standard_channels,
 )
-from tactile_localizer.io.csv.table import listed, read_table
-from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
-from tactile_localizer.scene import Axis, Scene
+from tactile_localizer.io.recording import RecordedSweep, Recording, in_order, join, missing_status
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 _FELT = "felt"
-_NOT_NUMBERS = "not numbers"
-_NOT_FINITE = "with a position that is not finite"
-_OUT_OF_ORDER = "with a stamp out of order"
-_TOO_LARGE = "with a stamp that is too large (in ms? --column stamp_s=NAME*0.001)"
-_MAX_MAGNITUDE = 2**62
-"""Largest sweep number and stamp, ns: their differences fit into 64 bits."""
+_MAX_STAMP_NS = 2**62
+"""Largest stamp: differences of stamps fit into 64 bits."""
 
-_MAX_RADIANS = 4 * math.pi
-"""Largest yaw that is taken to be in rad: a hand turns less than two revolutions (judgement)."""
+_SLOWEST_PERIOD_S = 0.5
+"""Longest plausible time between samples of a tactile sensor, s (judgement)."""
 
-_SORT_BACKWARD_FRACTION = 0.25
-"""Fraction of backward steps between stamps from which rows are sorted (judgement).
-
-Consecutive recordings in one file have few such steps; rows in reverse or arbitrary order have many.
-"""
+_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time, with their size in s."""
 
 
 def read_csv(
     paths: str | Path | Sequence[str | Path],
     scene: Scene,
     naming: ColumnNaming | None = None,
+    *,
+    poses: Sequence[str | Path] = (),
+    max_gap_s: float = DEFAULT_MAX_GAP_S,
 ) -> Recording:
     """Read one or several CSV files as one recording.
 
@@ -65,6 +59,9 @@ def read_csv(
     paths : the files; each is one sweep unless it has a column ``sweep``
     scene : axes and phalanges to read
     naming : columns with other than the standard names, and constant speeds
+    poses : files with the palm positions, one for all or one for each of ``paths``; their positions are
+        interpolated at the stamps of the strain as the nodes do
+    max_gap_s : longest time between two poses across which is interpolated, s
 
     Returns
     -------
@@ -74,244 +71,226 @@ def read_csv(
 
     Raises
     ------
+    MissingColumnError
+        A file lacks a column.
     ScanError
-        A file cannot be read, lacks a column, or has no valid row.
+        A file cannot be read, has no valid row, or stamps that do not increase.
     """
     naming = naming or ColumnNaming()
     naming.check(scene)
-    files = [paths] if isinstance(paths, str | Path) else paths
-    return join([_read_file(Path(path), scene, naming) for path in files])
+    for axis in scene.axes:
+        if axis.name in naming.speed and not axis.lower <= 0.0 <= axis.upper:
+            raise ScanError(
+                f"speed of axis {axis.name}: the positions begin at 0, expected bounds that contain 0, "
+                f"got {axis.lower:g} to {axis.upper:g}"
+            )
+    files = [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
+    if len(poses) not in (0, 1, len(files)):
+        raise ScanError(f"poses: expected 1 or {len(files)} files beside {len(files)}, got {len(poses)}")
+    beside = cycle([Path(path) for path in poses] or [None])
+    return join([_read_file(path, scene, naming, pose, max_gap_s) for path, pose in zip(files, beside)])  # noqa: B905
 
 
-def _read_file(path: Path, scene: Scene, naming: ColumnNaming) -> Recording:
-    rows = _read_rows(path, scene, naming)
-    sweeps = tuple(_sweep(number, samples, scene, naming) for number, samples in rows.by_sweep.items())
+def _read_file(
+    path: Path, scene: Scene, naming: ColumnNaming, pose_path: Path | None, max_gap_s: float
+) -> Recording:
+    notes: list[str] = []
+    recorded = {axis: naming.of(axis) for axis in scene.axis_names if axis not in naming.speed}
+    own = {} if pose_path else recorded
+    strain = {phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}
+    table = _read_table(path, scene, naming, "stamp_s", {**own, **strain}, len(own))
+    notes += table.notes
+    poses = None
+    if pose_path:
+        named = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
+        poses = _read_table(pose_path, scene, naming, named, recorded, len(recorded))
+        notes += poses.notes
+        rows = in_order(poses.stamp_ns, f"rows of {pose_path}", notes)
+        poses = poses._replace(stamp_ns=poses.stamp_ns[rows], values=poses.values[rows])
+    sweeps, kept = [], 0
+    for number in dict.fromkeys(table.sweep.tolist()):
+        rows = np.flatnonzero(table.sweep == number)
+        rows = rows[in_order(table.stamp_ns[rows], f"rows of {path}", notes)]
+        kept += len(rows)
+        stamp_ns, values = table.stamp_ns[rows], table.values[rows]
+        columns = dict(zip(recorded, values.T, strict=False))
+        found = np.ones(len(rows), dtype=bool)
+        if poses is not None:
+            axes = tuple(axis for axis in scene.axes if axis.name in recorded)
+            place, found = interpolate_poses(axes, poses.stamp_ns, poses.values, stamp_ns, max_gap_s)
+            columns = dict(zip(recorded, place.T, strict=True))
+        for axis in scene.axes:
+            if axis.name in naming.speed:
+                columns[axis.name] = _travelled(stamp_ns, naming.speed[axis.name], axis)
+        position = near_bounds(scene.axes, np.column_stack([columns[name] for name in scene.axis_names]))
+        voltage = values[:, len(own) : len(own) + scene.layout.size]
+        voltage[~np.isfinite(voltage)] = math.nan
+        felt = values[:, -1] > 0.0 if table.has_felt else None
+        status = missing_status(voltage, scene.layout)
+        sweep = RecordedSweep(int(number), stamp_ns, position, voltage, status, felt=felt)
+        sweeps.append(sweep.part(found, sweep.number, gaps=int(np.sum(~found))))
+    column = naming.of("stamp_s")
+    if 2 * kept < len(table.stamp_ns):
+        raise ScanError(
+            f"{path}: expected increasing stamps in column {column.names[0]!r}, found {kept} of "
+            f"{len(table.stamp_ns)} (another column, a unit that is too large, or several sweeps without a "
+            "column sweep?)"
+        )
+    notes += _unit_notes(path, table.stamp_ns, column)
+    lost = table.lost + len(table.stamp_ns) - kept
+    counts = scene.layout.counts
     return Recording(
-        str(path),
-        scene.axis_names,
-        scene.phalanx_names,
-        sweeps,
-        (*rows.notes(path), *_unit_notes(path, rows, scene, naming)),
-        scene.layout.counts,
-        rows.bad.total(),
+        str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes), counts, lost
     )
 
 
-@dataclass(frozen=True)
-class _Sample:
-    """A valid row: recorded positions, then strain, in the order of the scene; felt."""
+class _Table(NamedTuple):
+    """Valid rows of a file: ``stamp_ns`` (n,), ``sweep`` (n,), ``values`` (n, k) in SI units, and notes."""
 
-    line: int
-    stamp_ns: int
-    values: list[float]
-
-
-@dataclass
-class _Rows:
-    """Valid rows of one file by sweep number, and counts of the invalid ones by reason."""
-
-    by_sweep: dict[int, list[_Sample]] = field(default_factory=dict)
-    total: int = 0
-    bad: Counter[str] = field(default_factory=Counter)
-    first: dict[str, str] = field(default_factory=dict)  # by reason, where
-    sorted_sweeps: list[int] = field(default_factory=list)
-
-    def reject(self, reason: str, line: int, what: str = "") -> None:
-        self.bad[reason] += 1
-        self.first.setdefault(reason, f"line {line}{what}")
-
-    def skipped(self) -> str:
-        return ", ".join(
-            f"{count} {reason} (first: {self.first[reason]})" for reason, count in self.bad.items()
-        )
-
-    def notes(self, path: Path) -> Iterator[str]:
-        if self.bad:
-            yield f"{path}: skipped {self.bad.total()} of {self.total} rows: {self.skipped()}"
-        if self.sorted_sweeps:
-            yield f"{path}: sorted {len(self.sorted_sweeps)} sweeps with backward stamps by their stamps"
+    stamp_ns: np.ndarray
+    sweep: np.ndarray
+    values: np.ndarray
+    has_felt: bool
+    notes: list[str]
+    lost: int
 
 
-def _read_rows(path: Path, scene: Scene, naming: ColumnNaming) -> _Rows:
-    rows = _Rows()
-    table = read_table(path)
-    _, header = next(table, (0, []))
-    picker = _Picker.of(path, [name.strip() for name in header], scene, naming)
-    for line, cells in table:
-        rows.total += 1
+def _read_table(
+    path: Path,
+    scene: Scene,
+    naming: ColumnNaming,
+    stamp: str,
+    wanted: dict[str, Columns],
+    positions: int,
+) -> _Table:
+    """Rows with the columns of ``wanted``, of which the first ``positions`` must be finite."""
+    rows = read_rows(path)
+    _, header = next(rows, (0, []))
+    for phalanx in scene.phalanges:
+        if phalanx.name in wanted and phalanx.name not in naming.columns:
+            _require_all_channels(path, header, phalanx)
+
+    def index(quantity: str, name: str) -> int:
+        if name not in header:
+            raise missing_column(path, header, quantity, naming, scene)
+        if header.count(name) > 1:
+            raise ScanError(f"{path}: expected one column {name!r}, found {header.count(name)}")
+        return header.index(name)
+
+    number = naming.of("sweep").names[0]
+    has_sweep, has_felt = "sweep" in naming.columns or number in header, _FELT in header
+    time = naming.of(stamp)
+    columns = [index(stamp, time.names[0]), index("sweep", number) if has_sweep else -1]
+    columns += [index(what, name) for what, each in wanted.items() for name in each.names]
+    columns += [header.index(_FELT)] if has_felt else []
+    samples: list[tuple[int, int, list[float]]] = []
+    lost, first = 0, ""
+    for line, cells in rows:
         try:
-            number, stamp_ns, values = picker.pick(cells)
-        except OverflowError:
-            rows.reject(_TOO_LARGE, line)
-            continue
+            samples.append(_numbers(cells, columns, time, positions))
         except (ValueError, ArithmeticError, IndexError):
-            rows.reject(_NOT_NUMBERS, line, picker.invalid_cell(cells))
-            continue
-        if not all(map(math.isfinite, values[: picker.positions])):
-            rows.reject(_NOT_FINITE, line)
-            continue
-        rows.by_sweep.setdefault(number, []).append(_Sample(line, stamp_ns, values))
-    if not rows.by_sweep:
+            lost, first = lost + 1, first or f"line {line}: {listed(cells)}"
+    total = len(samples) + lost
+    if not samples:
+        raise ScanError(f"{path}: expected rows of numbers, found none in {total} rows ({first})")
+    stamps, sweeps, values = zip(*samples, strict=True)
+    latest = max(map(abs, stamps))
+    if latest > _MAX_STAMP_NS:
         raise ScanError(
-            f"{path}: expected rows of numbers, found none in {rows.total} rows"
-            + (f": {rows.skipped()}" if rows.bad else "")
+            f"{path}: expected stamps in s in column {time.names[0]!r}, found "
+            f"{float(latest / (time.scale * 10**9)):.6g}{_unit(stamp, time, latest)}"
         )
-    for number, samples in rows.by_sweep.items():
-        stamps = np.array([sample.stamp_ns for sample in samples])
-        if len(samples) > 1 and np.mean(np.diff(stamps) < 0) >= _SORT_BACKWARD_FRACTION:
-            samples = [samples[index] for index in np.argsort(stamps, kind="stable").tolist()]
-            rows.sorted_sweeps.append(number)
-        kept = _longest_in_order([sample.stamp_ns for sample in samples])
-        rows.by_sweep[number] = [samples[index] for index in kept]
-        for index in sorted(set(range(len(samples))) - set(kept)):
-            rows.reject(_OUT_OF_ORDER, samples[index].line)
-    return rows
+    note = f"skipped {lost} of {total} rows of {path} that are not numbers (first: {first})"
+    scales = [float(each.scale) for each in wanted.values() for _ in each.names]
+    scaled = np.array(values) * [*scales, *[1.0] * has_felt]
+    return _Table(np.array(stamps), np.array(sweeps), scaled, has_felt, [note] if lost else [], lost)
 
 
-def _unit_notes(path: Path, rows: _Rows, scene: Scene, naming: ColumnNaming) -> Iterator[str]:
-    """Hints at units that would bring positions inside the bounds, for axes with most positions outside."""
-    recorded = [axis for axis in scene.axis_names if axis not in naming.speed]
-    for axis in scene.axes:
-        if axis.name in naming.speed:
-            parts = [_travelled(samples, naming.speed[axis.name], axis) for samples in rows.by_sweep.values()]
-            found = fitting_unit(axis, np.concatenate(parts), TIMES)
-            quantity, name = "stamp_s", naming.of("stamp_s")
-        else:
-            column = recorded.index(axis.name)
-            values = np.array(
-                [sample.values[column] for samples in rows.by_sweep.values() for sample in samples]
-            )
-            if axis.name == "yaw" and _are_radians(axis, values):
-                continue
-            found = fitting_unit(axis, values, ANGLES if axis.name == "yaw" else LENGTHS)
-            quantity, name = axis.name, naming.of(axis.name)
-        if found is not None:
-            unit, factor = found
-            scale = f"{float(name.scale) * factor:.6g}"
-            yield f"{path}: {quantity} seems to be in {unit}: --column {quantity}={name.names[0]}*{scale}"
+def _numbers(
+    cells: list[str], columns: Sequence[int], time: Columns, positions: int
+) -> tuple[int, int, list[float]]:
+    """Stamp (ns), sweep and values of a row; raises the exceptions of ``float`` and ``Decimal``."""
+    # A binary float would lose up to 0.2 µs of a stamp since 1970.
+    stamp_ns = int((Decimal(cells[columns[0]]) * time.scale * 10**9).to_integral_value())
+    sweep = 1 if columns[1] < 0 else int(float(cells[columns[1]]))
+    values = [float(cells[each]) for each in columns[2:]]
+    if abs(sweep) > _MAX_STAMP_NS or not all(map(math.isfinite, values[:positions])):
+        raise ValueError
+    return stamp_ns, sweep, values
 
 
-def _are_radians(axis: Axis, values: np.ndarray) -> bool:
-    """Whether angles (n,) are of plausible size in rad and, modulo 2 pi, mostly inside the bounds."""
-    wrapped = near_bounds((axis,), values[:, None])[:, 0]
-    return float(np.abs(values).max()) <= _MAX_RADIANS and inside(axis, wrapped) >= SI_INSIDE_FRACTION
+def _require_all_channels(path: Path, header: Sequence[str], phalanx: Phalanx) -> None:
+    """Require that the scene uses all columns of a phalanx."""
+    found = standard_channels(header, phalanx.name)
+    if found > phalanx.channels:
+        raise ScanError(
+            f"{path}: expected {phalanx.channels} channels for phalanx {phalanx.name} as in the scene, "
+            f"found {found} columns {phalanx.name}_1 to {phalanx.name}_{found}; write "
+            f"channels: {found} below {phalanx.name} in the scene"
+        )
 
 
-def _travelled(samples: Sequence[_Sample], speed: float, axis: Axis) -> np.ndarray:
+def read_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of each row, header first; the file may be compressed with gzip.
+
+    The delimiter is the most frequent one in the header: comma, semicolon or tab. Blank lines and lines that
+    begin with # are skipped.
+
+    Raises
+    ------
+    ScanError
+        The file cannot be read, is not UTF-8 text, or has a row with more cells than the header.
+    """
+    try:
+        with path.open("rb") as stored:
+            is_gzip = stored.read(2) == b"\x1f\x8b"
+        opened = gzip.open if is_gzip else open
+        with opened(path, "rt", encoding="utf-8-sig", newline="") as file:
+            lines = enumerate(file, 1)
+            width, delimiter = 0, ","
+            for number, line in lines:
+                if line.isspace() or line.startswith("#"):
+                    continue
+                if not width:
+                    delimiter = max(",;\t", key=line.count)
+                cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+                cells = [cell.strip() for cell in cells] if not width else cells
+                width = width or len(cells)
+                if len(cells) > width and any(map(str.strip, cells[width:])):
+                    raise ScanError(
+                        f"{path} line {number}: expected {width} cells as in the header, found {len(cells)} "
+                        "(decimal commas? write points)"
+                    )
+                yield number, cells
+    except UnicodeDecodeError:
+        raise ScanError(f"{path}: expected a CSV file in UTF-8, found other bytes") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise ScanError(f"{path}: expected a CSV file in gzip, {error}") from None
+    except (OSError, ValueError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ScanError(f"{path}: expected a CSV file, {reason}") from None
+
+
+def _unit_notes(path: Path, stamp_ns: np.ndarray, column: Columns) -> Iterator[str]:
+    """A hint if the stamps are too far apart for a tactile sensor."""
+    period_s = float(np.median(np.abs(np.diff(stamp_ns)))) * 1e-9 if len(stamp_ns) > 1 else 0.0
+    if period_s > _SLOWEST_PERIOD_S:
+        factor = next((each for each in _UNITS.values() if period_s * each < _SLOWEST_PERIOD_S), 1e-9)
+        yield f"{path}: the stamps are {period_s:.3g} s apart{_hint('stamp_s', column, factor)}"
+
+
+def _unit(quantity: str, column: Columns, stamp_ns: int) -> str:
+    """Unit in which a stamp that is too large for one in s would be since 1970."""
+    factor = next((each for each in _UNITS.values() if abs(stamp_ns) * each < _MAX_STAMP_NS), 1e-9)
+    return _hint(quantity, column, factor)
+
+
+def _hint(quantity: str, column: Columns, factor: float) -> str:
+    unit = next(name for name, size in _UNITS.items() if size == factor)
+    return f" (in {unit}? --column {quantity}={column.names[0]}*{float(column.scale) * factor:g})"
+
+
+def _travelled(stamp_ns: np.ndarray, speed: float, axis: Axis) -> np.ndarray:
     """Positions at constant speed, (n,) m (rad), from 0 or, with negative speed, to 0."""
-    stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
     ends_at_zero = speed < 0 < axis.lower + axis.upper
     return np.asarray(speed * (stamp_ns - stamp_ns[-1 if ends_at_zero else 0]) * 1e-9)
-
-
-def _longest_in_order(stamps: list[int]) -> list[int]:
-    """Indices of the longest increasing subsequence, which skips as few stamps as possible."""
-    ends: list[int] = []  # smallest last stamp of an increasing subsequence of each length
-    indices: list[int] = []  # index of that stamp
-    before: list[int] = []  # for each stamp, the index of its predecessor
-    for index, stamp in enumerate(stamps):
-        length = bisect_left(ends, stamp)
-        before.append(indices[length - 1] if length else -1)
-        if length == len(ends):
-            ends.append(stamp)
-            indices.append(index)
-        elif stamp < ends[length]:  # the first of equal stamps is kept
-            ends[length], indices[length] = stamp, index
-    kept = []
-    index = indices[-1] if indices else -1
-    while index >= 0:
-        kept.append(index)
-        index = before[index]
-    return kept[::-1]
-
-
-@dataclass(frozen=True)
-class _Picker:
-    """Extracts the required values from a row."""
-
-    columns: tuple[str, ...]
-    stamp_index: int
-    nanoseconds: Decimal
-    sweep_index: int | None
-    indices: tuple[int, ...]
-    scales: tuple[float, ...]
-    positions: int
-
-    @classmethod
-    def of(cls, path: Path, header: list[str], scene: Scene, naming: ColumnNaming) -> _Picker:
-        channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
-
-        def find(quantity: str, name: str) -> int:
-            if header.count(name) != 1:
-                several = f"1..{channels[quantity]}" if quantity in channels else ""
-                hint = f"--column {quantity}=NAME{several}"
-                found = listed(header) or "no header"
-                article = "one" if name in header else "a"
-                raise ScanError(f"{path}: expected {article} column {name!r} (or {hint}), found {found}")
-            return header.index(name)
-
-        stamp = naming.of("stamp_s")
-        axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in naming.speed}
-        required = {**axes, **{phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}}
-        sweep = naming.of("sweep").names[0]
-        has_sweep = sweep in header or "sweep" in naming.columns
-        return cls(
-            columns=tuple(header),
-            stamp_index=find("stamp_s", stamp.names[0]),
-            nanoseconds=stamp.scale * 10**9,
-            sweep_index=find("sweep", sweep) if has_sweep else None,
-            indices=(
-                *(find(what, name) for what, columns in required.items() for name in columns.names),
-                *((header.index(_FELT),) if header.count(_FELT) == 1 else ()),
-            ),
-            scales=(*(float(columns.scale) for columns in required.values() for _ in columns.names), 1.0),
-            positions=len(axes),
-        )
-
-    def pick(self, row: list[str]) -> tuple[int, int, list[float]]:
-        """Sweep number, stamp (ns) and values; raises the exceptions of ``float`` and ``Decimal``."""
-        # A binary float would lose up to 0.2 µs of a stamp since 1970.
-        stamp_ns = int((Decimal(row[self.stamp_index]) * self.nanoseconds).to_integral_value())
-        number = 1.0 if self.sweep_index is None else float(row[self.sweep_index])
-        if not abs(number) <= _MAX_MAGNITUDE:
-            raise ValueError
-        if abs(stamp_ns) > _MAX_MAGNITUDE:
-            raise OverflowError
-        values = [float(row[index]) * scale for index, scale in zip(self.indices, self.scales, strict=False)]
-        return int(number), stamp_ns, values
-
-    def invalid_cell(self, row: list[str]) -> str:
-        """Description of the first invalid cell of a row."""
-        sweep = () if self.sweep_index is None else (self.sweep_index,)
-        for index in (self.stamp_index, *sweep, *self.indices):
-            if index >= len(row):
-                return f", {len(row)} cells"
-            try:
-                int(float(row[index])) if index in sweep else float(row[index])
-            except (ValueError, OverflowError):
-                return f", {listed([self.columns[index]])} {reprlib.repr(row[index])}"
-        return ""
-
-
-def _sweep(number: int, samples: Sequence[_Sample], scene: Scene, naming: ColumnNaming) -> RecordedSweep:
-    stamp_ns = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
-    values = np.array([sample.values for sample in samples])
-    recorded = [axis for axis in scene.axis_names if axis not in naming.speed]
-    columns = dict(zip(recorded, values.T, strict=False))
-    position = np.column_stack(
-        [
-            columns[axis.name] if axis.name in columns else _travelled(samples, naming.speed[axis.name], axis)
-            for axis in scene.axes
-        ]
-    )
-    strain, felt = np.split(values[:, len(recorded) :], [scene.layout.size], axis=1)
-    strain[~np.isfinite(strain)] = math.nan
-    status = missing_status(strain, scene.layout)
-    return RecordedSweep(
-        number,
-        stamp_ns,
-        near_bounds(scene.axes, position),
-        strain,
-        status,
-        felt=felt[:, 0] > 0.0 if felt.size else None,
-    )

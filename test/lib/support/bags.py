@@ -24,6 +24,7 @@ TYPES = {
     "simulator/ground_truth": "geometry_msgs/msg/PoseStamped",
     "mapping/status": "tactile_localizer/msg/ScanStatus",
     "filter/posterior": "tactile_localizer/msg/Posterior",
+    "simulator/sweep_active": "std_msgs/msg/Bool",
 }
 STORE = typestore()
 _T = STORE.types

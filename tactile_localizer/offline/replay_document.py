@@ -1,4 +1,4 @@
-"""JSON document of a replay: summary, settings and every update."""
+"""JSON document of a replay: summary, settings, what was learned, and every update."""
 
 from __future__ import annotations
 
@@ -7,13 +7,35 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
+from tactile_localizer.offline.axes import MM, display_units
 from tactile_localizer.offline.json_file import plain_columns
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
+
+
+def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
+    """What was learned from a scan, by name, with units."""
+    is_textured = model.map.featureless_variance is None
+    return {
+        "material": "textured everywhere" if is_textured else "featureless between features",
+        "information length": f"{calibration.information_length * MM:.1f} mm",
+        "registration": _sizes(scene, calibration.registration_std),
+        "cells": _sizes(scene, model.cell),
+    }
+
+
+def _sizes(scene: Scene, sizes: np.ndarray) -> str:
+    """Lengths by axis, in display units."""
+    return ", ".join(
+        f"{axis} {display_units(axis, size):.2f}{'°' if axis == 'yaw' else ' mm'}"
+        for axis, size in zip(scene.axis_names, sizes, strict=True)
+    )
 
 
 def replay_document(
