@@ -46,7 +46,7 @@ pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --duratio
 # Tests of nodes spend much of their time waiting, so there are more workers than cores; the longest files come
 # first. Tests that depend on real time (soak, demo, scenarios of several nodes) run last, two at a time.
 in_real_time := test/soak test/demo test/integration test/launch
-long := test/ros test/test_examples.py test/test_packaging.py test/fuzz test/benchmarks test/cli
+long := test/ros test/test_examples.py test/test_packaging.py test/benchmarks test/cli
 others := $(filter-out $(in_real_time) $(long) test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test
@@ -61,10 +61,6 @@ endif
 .PHONY: test-fast
 test-fast: build ## Run the tests of core and io that need neither processes nor more than ten seconds
 	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/io
-
-.PHONY: fuzz
-fuzz: build ## Read mutated scenes, DBC files, CSV files, bags and scans (MINUTES=10), failures in out/fuzz
-	$(run) python test/fuzz/fuzz.py --minutes $(if $(filter file,$(origin MINUTES)),10,$(MINUTES)) --seed $(SEED)
 
 .PHONY: coverage
 coverage: build ## List the branches of core and io that no test takes; fails below 95 %

@@ -64,10 +64,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
 
 
 def test_positions_in_millimetres_are_reported_and_not_localized(bump_folder: Path, capsys) -> None:
-    assert (
-        main(["replay", "test.csv", "--scan", "bump_scan", "--column", "x=x*1000", "--column", "y=y*1000"])
-        == 1
-    )
+    assert main(["replay", "test.csv", "--scan", "bump_scan", "--column=x=x*1000", "--column=y=y*1000"]) == 1
     printed = capsys.readouterr().out
     assert "note: 100% of the positions" in printed
     assert "NOT localized" in printed
@@ -166,13 +163,13 @@ def test_a_recording_without_truth_is_localized(bump_folder: Path, capsys) -> No
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("test.csv --scan none_scan", "none_scan: expected a scan file"),
+        ("test.csv --scan none_scan", "none_scan: expected a scan folder"),
         ("none.csv --scan bump_scan", "none.csv: expected a "),
         ("test.csv --scan bump_scan --scene none.yaml", "none.yaml: expected a scene file"),
         ("test.csv --scan bump_scan --config none.yaml", "none.yaml: expected a configuration file"),
         (
             "test.csv --scan bump_scan --filter particle --particles 0",
-            "particles: expected 1 to 1e+06, got 0",
+            "particles: expected 1 to",
         ),
         (
             "test.csv --scan bump_scan --particles 10",
