@@ -26,7 +26,6 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
         "material": "textured everywhere" if is_textured else "featureless between features",
         "information length": f"{calibration.information_length * MM:.1f} mm",
         "registration": _sizes(scene, calibration.registration_std),
-        "cells": _sizes(scene, model.cell),
     }
 
 
