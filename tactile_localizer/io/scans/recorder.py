@@ -28,7 +28,7 @@ _BATCH = 256
 
 @dataclass
 class _Sweep:
-    """A planned sweep, its losses, and its samples: after ``after_ns`` up to ``until_ns`` (``None``: open)."""
+    """A planned sweep, its losses, and its samples after ``after_ns`` up to ``until_ns`` (``None``: open)."""
 
     number: int
     after_ns: int
