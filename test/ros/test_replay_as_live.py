@@ -18,7 +18,7 @@ from tactile_localizer.cli import main
 pytestmark = pytest.mark.ros
 
 GRID = {"cell": 1.0}
-PARTICLES = {"filter": "particle", "particles": 200, "resampling": "residual"}
+PARTICLES = {"filter": "particle", "particles": 200, "resampling": "multinomial"}
 _AT_ONCE = 40
 """Messages sent before the answers are waited for; fewer than a queue holds."""
 
