@@ -19,7 +19,7 @@ def generate_launch_description():
     """The filter in simulated time; once it is active, the bag."""
     rate, loop = LaunchConfiguration("rate"), LaunchConfiguration("loop")
     # A pose may be late by the patience divided by the rate; a loop must be longer than twice the patience.
-    patience = PythonExpression(["max(1.0, float('", rate, "')) if '", loop, "' == 'true' else 60.0"])
+    patience = PythonExpression(["max(1.0, float('", rate, "')) if '", loop, "'.lower() == 'true' else 60.0"])
     filter_arguments = {"use_sim_time": "true", "autostart": "true", "queue_depth": "10000"}
     return LaunchDescription(
         [

@@ -23,7 +23,8 @@ from tactile_localizer.ros.base.executable import REJECTED
 from tactile_localizer.ros.base.parameters import Parameter
 
 _RESPAWN_DELAY_S = 2.0
-_SWITCH = ("true", "false")
+_TRUE, _FALSE = ("true", "True"), ("false", "False")
+_SWITCH = (*_TRUE, *_FALSE)
 _TOPICS = {"strain": "strain_topic", "palm_pose": "pose_topic"}
 """Launch argument with the name of each topic that all nodes share."""
 _COMMON = ("use_sim_time", "autostart")
@@ -111,14 +112,14 @@ def _start(context: LaunchContext, name: str, chosen: Sequence[Parameter]) -> li
     file = given[f"{name}_params"]
     if file and not Path(file).is_file():
         raise ParameterError(f"launch argument {name}_params: expected an existing file, got {file!r}")
-    parameters: dict[str, Any] = {argument: given[argument] == "true" for argument in _COMMON}
+    parameters: dict[str, Any] = {argument: given[argument] in _TRUE for argument in _COMMON}
     parameters |= {one.name: _value(one, given[one.name]) for one in chosen if given[one.name]}
     if given["queue_depth"]:
         depth = _value(Parameter("queue_depth", 100, ""), given["queue_depth"])
         for argument in _TOPICS.values():
             topic = posixpath.join(f"/{given['namespace'].strip('/')}", given[argument])
             parameters[f"qos_overrides.{topic}.subscription.depth"] = depth
-    respawn = given["respawn"] == "true"
+    respawn = given["respawn"] in _TRUE
     return [
         Node(
             package="tactile_localizer",
