@@ -4,7 +4,7 @@
 
     TactileLocalizerError
     ├── SceneError        invalid scene: unknown axis or phalanx, wrong bounds
-    ├── ScanError         scan file or recording that cannot be read, written or matched to its scene
+    ├── ScanError         scan or recording that cannot be read, written or matched to its scene
     ├── CanError          unsuitable CAN database, or an interface that cannot be opened
     ├── ParameterError    parameter out of range or of the wrong type
     ├── MeasurementError  strain vector or pose that is not finite or has the wrong shape
@@ -39,7 +39,7 @@ class SceneError(TactileLocalizerError):
 
 
 class ScanError(TactileLocalizerError):
-    """A scan file or a recording that cannot be read, written, or matched to its scene."""
+    """A scan or a recording that cannot be read, written, or matched to its scene."""
 
 
 class CanError(TactileLocalizerError):

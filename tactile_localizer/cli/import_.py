@@ -24,6 +24,8 @@ from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, join
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.library import load_scan
+from tactile_localizer.offline.scan_quality import copied_sweeps
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
@@ -100,7 +102,8 @@ def run(args: argparse.Namespace) -> int:
         force=args.force,
     )
     print(f"{args.output}: {report.sweeps} sweeps, {report.pairs} pairs")
-    for note in (*report.notes, *_wide_bounds(scene, recording)):
+    copies = copied_sweeps(load_scan(args.output)[0])
+    for note in (*report.notes, *_wide_bounds(scene, recording), *copies):
         print(f"  {note}")
     return 0
 

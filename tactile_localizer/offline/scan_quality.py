@@ -42,6 +42,8 @@ values have one highest sample, coarse counts a few."""
 
 _REPEATED = 0.1
 """Difference between sweeps, in the noise between samples, below which one is a copy: 1.4 if independent."""
+_SECOND_DIFFERENCE = 6.0**0.5
+"""Standard deviation of the second difference of samples with unit noise: variances 1, 4 and 1."""
 _COMPARED = 200
 """Pairs of a sweep that are compared with other sweeps."""
 _NEIGHBOURS = 8
@@ -69,7 +71,7 @@ def findings(
         _coverage(scan, scene),
         _lines(scan),
         _channels(scan),
-        _copies(scan),
+        copied_sweeps(scan),
     )
     found: list[str] = []
     for done, check in enumerate(checks, start=1):
@@ -155,7 +157,7 @@ def _channels(scan: Scan) -> Iterator[str]:
                 yield f"{name}: seems saturated, {fraction:.1%} of the values are exactly {limit:.6g}"
 
 
-def _copies(scan: Scan) -> Iterator[str]:
+def copied_sweeps(scan: Scan) -> Iterator[str]:
     """Sweeps that differ from another one by much less than the noise between successive samples.
 
     The noise that is learned between sweeps would be far too small.
@@ -163,9 +165,7 @@ def _copies(scan: Scan) -> Iterator[str]:
     tree = cKDTree(scan.states)
     for number in scan.sweep_numbers:
         rows = np.flatnonzero(scan.sweep == number)
-        noise = _size(np.diff(scan.strain[rows], n=2, axis=0)) / np.sqrt(
-            6.0
-        )  # variance 1 + 4 + 1 of one sample
+        noise = _size(np.diff(scan.strain[rows], n=2, axis=0)) / _SECOND_DIFFERENCE
         rows = rows[np.linspace(0, len(rows) - 1, min(_COMPARED, len(rows))).astype(int)]
         _, near = tree.query(scan.states[rows], k=list(range(1, min(_NEIGHBOURS, len(scan)) + 1)))
         is_other = scan.sweep[near] != number

@@ -44,6 +44,20 @@ def test_a_csv_with_standard_columns_is_imported(folder, capsys):
     assert (entry["what"], entry["files"]) == ("import csv", ["train.csv"])
 
 
+def test_a_recording_given_twice_is_refused_and_a_rounded_copy_reported(folder, capsys):
+    rng = np.random.default_rng(0)
+    rows = [
+        [0.01 * n, n // 50, 0.0004 * n % 0.02, 0.02 + 0.001 * (n // 50), *rng.normal(size=16)]
+        for n in range(200)
+    ]
+    write_csv(folder / "a.csv", rows)
+    write_csv(folder / "b.csv", [[*row[:2], *(round(value, 6) for value in row[2:])] for row in rows])
+    assert main(["import", "csv", "a.csv", "a.csv", "--scene", "scene.yaml", "-o", "a_scan"]) == 2
+    assert "found sweep 4 equal to sweep 0; is a recording given twice?" in capsys.readouterr().err
+    assert main(["import", "csv", "a.csv", "b.csv", "--scene", "scene.yaml", "-o", "a_scan"]) == 0
+    assert "sweep 4: differs from sweep 0 by " in capsys.readouterr().out
+
+
 def test_shipped_scenes_and_namings_are_found_by_name(folder, capsys):
     columns = ["timestamp", "proximity1", *(f"channel{n}" for n in range(1, 17))]
     for repeat in (0, 1):

@@ -1,4 +1,4 @@
-"""Importing a bag gives the same scan file as recording its topics live."""
+"""Importing a bag gives the same scan as recording its topics live."""
 
 import numpy as np
 import pytest

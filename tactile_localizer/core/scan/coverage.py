@@ -55,12 +55,6 @@ class Coverage:
             self._fraction = float(np.mean(self._distances() < 1.0))
         return self._fraction
 
-    def largest_hole(self) -> tuple[np.ndarray, float]:
-        """The place (d,) that is farthest from any pair, and its distance from it in sweep distances."""
-        distances = self._distances()
-        cell = np.array(np.unravel_index(np.argmax(distances), distances.shape))
-        return self._lower + (cell + 0.5) * self._cell, float(distances.max())
-
     def _distances(self) -> np.ndarray:
         """Distance of each cell from the nearest visited one, in sweep distances; infinite without any."""
         if not self._visited.any():

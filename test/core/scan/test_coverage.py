@@ -45,14 +45,3 @@ def test_yaw_has_its_own_distance():
     coverage = Coverage(scene_of(Axis("x", 0.0, 0.01), Axis("yaw", -1.0, 1.0)), 0.02, distance_rad=0.2)
     coverage.add(np.array([[0.005, 0.0]]))
     assert abs(coverage.fraction - 0.2) < 0.11
-
-
-def test_the_largest_hole_is_where_a_line_is_missing():
-    coverage = Coverage(SQUARE, distance_m=0.005)
-    x = np.linspace(0, 0.1, 500)
-    for y in np.delete(np.arange(0, 0.1001, 0.005), 12):
-        coverage.add(np.column_stack([x, np.full_like(x, y)]))
-    place, distance = coverage.largest_hole()
-    assert abs(place[1] - 0.06) < 0.002
-    assert 0.7 < distance < 1.1
-    assert Coverage(SQUARE).largest_hole()[1] == np.inf

@@ -1,4 +1,4 @@
-"""Simulated sweeps for tests of localization: scan files, and a hand that slides once."""
+"""Simulated sweeps for tests of localization: scans, and a hand that slides once."""
 
 from __future__ import annotations
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
@@ -77,17 +76,6 @@ def children(pid: int) -> list[int]:
         with contextlib.suppress(OSError):  # the thread has ended
             found += map(int, file.read_text().split())
     return found
-
-
-@contextlib.contextmanager
-def paused_child(pid: int) -> Iterator[int]:
-    """Stop the one process that ``pid`` starts or has started, for the length of the block."""
-    (child,) = wait_until(lambda: children(pid), f"a child of process {pid}")
-    os.kill(child, signal.SIGSTOP)
-    try:
-        yield child
-    finally:
-        os.kill(child, signal.SIGCONT)
 
 
 def _family() -> list[int]:
