@@ -9,7 +9,7 @@ from support.models import belief_of
 from support.scans import scene
 
 from tactile_localizer.core.filters.grid import GridFilter
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import SceneError
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 
@@ -82,9 +82,7 @@ def test_it_is_the_bayes_recursion_cell_by_cell():
 
 
 def test_more_cells_than_memory_is_meant_for_are_refused():
-    with pytest.raises(
-        ParameterError, match=r"cells: expected at most 4000000, got 2.5e\+09; use larger cells"
-    ):
+    with pytest.raises(SceneError, match="expected at most 4,000,000 cells, got 2,500,000,000"):
         GridFilter(scene(), np.array([1e-6, 1e-6]))
 
 
