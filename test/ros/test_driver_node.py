@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +15,8 @@ import pytest
 from support.load_cells import cycle, number_of, protocol
 from support.processes import node_command
 from support.waiting import Deadline
+
+from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 
 pytestmark = pytest.mark.ros
 
@@ -82,6 +86,20 @@ def test_an_invalid_configuration_is_rejected_in_one_line(
     bad, reason = BAD_PARAMETERS[name]
     (line,) = refusal("driver_node", {**parameters, **bad})
     assert reason in line
+
+
+@pytest.mark.parametrize("name", ["driver_node", "simulator_node"])
+def test_the_described_bus_option_is_one_of_the_default_interface(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    declared = importlib.import_module(f"tactile_localizer.ros.{name}").PARAMETERS
+    interface, options = (
+        next(one for one in declared if one.name == wanted) for wanted in ("interface", "bus_options")
+    )
+    example = ast.literal_eval(options.description.partition("such as ")[2])
+    monkeypatch.setattr(can, "Bus", lambda **given: given)
+    settings = BusSettings(interface.default, "can0", parse_options(example))
+    assert settings.options.items() <= open_bus(settings).items()  # type: ignore[attr-defined]
 
 
 def test_an_invalid_configuration_ends_the_process(node_process: Callable[..., Any]) -> None:
@@ -205,6 +223,8 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
         lambda: reports("index", "stale") and reports("middle", "stale"), "both stale, as nothing is sent"
     )
     _, _, counted = values(arrays[-1], "CAN bus")
+    assert any(float(values(one, "CAN bus")[2]["max_skew_ms"]) > 0 for one in arrays)
+    assert any(values(one, "CAN bus")[2]["missing_phalanges"] == "middle" for one in arrays)
     assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
     complete = int(values(arrays[-1], "index")[2]["samples"])
     assert complete == hand.number - sent
