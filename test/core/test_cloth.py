@@ -111,7 +111,6 @@ def test_another_material_never_converges(
 ) -> None:
     estimates = fed(localizer, gain * strain(way(0.05), material, 5) + offset * NOISE_V)
     assert not any(estimate.converged for estimate in estimates)
-    assert estimates[-1].on_map < 0.1
 
 
 @pytest.mark.parametrize("material", [None, 2, 3])

@@ -5,7 +5,6 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from tactile_localizer.core.hypotheses.correlation import Correlation, Sums
-from tactile_localizer.core.hypotheses.explanations import LEAVING_RATE, RELOCATION_RATE
 from tactile_localizer.core.likelihood.drift import Drift, innovations
 from tactile_localizer.core.likelihood.weights import probability
 
@@ -86,8 +85,8 @@ def test_new_trajectories_begin_anew() -> None:
     np.testing.assert_allclose(sums.strain, [3.0, 0.0, 1.0])
     np.testing.assert_allclose(sums.product, [9.0, 0.0, 4.0])
     np.testing.assert_allclose(sums.prior, [-2.0, 1.5, -0.25])
-    bound = np.log(RELOCATION_RATE / LEAVING_RATE)
-    assert filled.followed(np.zeros(1, int), np.zeros(1), 50.0).prior[0] == pytest.approx(bound)
+    relocated = filled.followed(np.zeros(1, int), np.zeros(1), 50.0)
+    assert relocated.prior[0] == pytest.approx(np.log(100.0)), "what was believed of another place is bounded"
 
 
 def test_before_the_first_strains_the_odds_are_the_prior() -> None:
