@@ -141,12 +141,3 @@ def test_nearest_points_agree_with_a_tree(dimension: int, spread: float) -> None
     expected = cKDTree(points).query(queries)
     assert distance == pytest.approx(expected[0], rel=1e-9)
     assert np.mean(index == expected[1]) > 0.999
-
-
-@given(st.lists(st.floats(1e-3, 1.0), min_size=2, max_size=2), st.integers(0, 2**32 - 1))
-def test_nearest_point_to_a_single_place(place: list[float], seed: int) -> None:
-    points = np.random.default_rng(seed).random((5, 2))
-    distance, index = NearestPoints(np.array([place])).among(points)
-    expected = np.linalg.norm(points - place, axis=1)
-    assert index[0] == expected.argmin()
-    assert distance[0] == pytest.approx(expected.min())
