@@ -29,24 +29,6 @@ def test_phalanx_position_is_a_product_of_transforms() -> None:
         assert placed[0] == pytest.approx(math.atan2(T_material_phalanx[1, 0], T_material_phalanx[0, 0]))
 
 
-def test_a_fifth_of_a_radian_moves_a_fingertip_by_two_and_a_half_millimetres() -> None:
-    index = Phalanx("index", (0.0, 0.0127, 0.0))
-    placed = phalanx_positions(SCENE, index, np.array([[0.02, 0.02, 0.0], [0.02, 0.02, 0.2]]))
-    assert np.hypot(*(placed[1] - placed[0])[:2]) == pytest.approx(2.54e-3, rel=0.01)
-
-
-def test_without_yaw_the_offset_is_added() -> None:
-    scene = Scene("plain", SCENE.axes[:2], (Phalanx("index", (0.001, 0.0127)),))
-    placed = phalanx_positions(scene, scene.phalanges[0], np.array([[0.02, 0.03]]))
-    np.testing.assert_allclose(placed, [[0.021, 0.0427]])
-
-
-def test_the_yaw_of_a_phalanx_wraps() -> None:
-    scene = Scene("turn", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (1.0,)),))
-    placed = phalanx_positions(scene, scene.phalanges[0], np.array([[3.0]]))
-    assert placed == pytest.approx(4.0 - 2 * math.pi)
-
-
 def centre(strength: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Mean of places (..., d), weighted by the squares of the strongest strains (...): (2,) m."""
     weights = np.where(strength > 0.3 * strength.max(), strength**2, 0.0).ravel()

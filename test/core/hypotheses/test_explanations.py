@@ -88,12 +88,3 @@ def test_nothing_is_learned_when_all_is_impossible() -> None:
     explanations = Explanations.start(PLACES, only_map=False).predict(0.01, 0.0)
     impossible = Likelihoods(np.zeros(1), np.full(PLACES, IMPOSSIBLE), IMPOSSIBLE, IMPOSSIBLE)
     assert explanations.update(IMPOSSIBLE, impossible, EVERYWHERE, 1.0) is explanations
-
-
-def test_an_exponent_of_a_half_counts_a_strain_as_half_a_measurement() -> None:
-    start = Explanations.start(PLACES, only_map=False).predict(0.01, 0.0)
-    twice = start
-    for _ in range(2):
-        twice = twice.update(-3.0, likelihoods(-4.0), EVERYWHERE, 0.5)
-    once = start.update(-3.0, likelihoods(-4.0), EVERYWHERE, 1.0)
-    np.testing.assert_allclose(twice[:4], once[:4])

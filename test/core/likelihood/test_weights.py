@@ -104,13 +104,6 @@ def test_a_wrapped_angle_is_the_same_direction(angle):
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-8)
 
 
-def test_the_mean_of_angles_across_the_wrap() -> None:
-    states = np.array([[math.pi - 0.1], [-math.pi + 0.1]])
-    mean, covariance = moments(states, np.array([0.5, 0.5]), np.array([True]))
-    assert abs(mean[0]) == pytest.approx(math.pi)
-    assert covariance[0, 0] == pytest.approx(0.01)
-
-
 def test_log_sum():
     assert log_sum(np.log([1.0, 2.0, 6.0])) == pytest.approx(math.log(9.0))
     assert log_sum(np.array([-1e6, -1e6])) == pytest.approx(-1e6 + math.log(2.0))
