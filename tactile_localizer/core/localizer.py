@@ -85,7 +85,7 @@ class _Sweep(NamedTuple):
     ----------
     weights : (P,) of the states
     trend : by which the sweep differs from the scan
-    sums : of the correlation with the map
+    sums : of the correlation with the map along the references
     explanations : probabilities of what explains the strain
     log_odds : of the map to chance
     """
@@ -222,7 +222,7 @@ class Localizer:
         self._sweep = _Sweep(
             weights=np.ones(1),
             trend=self.model.drift.start(1 + references),
-            sums=Sums.start(1 + references),
+            sums=Sums.start(references),
             explanations=Explanations.start(references, only_map=self._correlation is not None),
             log_odds=-PRIOR,
         )
@@ -261,10 +261,12 @@ class Localizer:
         explanations = sweep.explanations.update(tracked, likelihoods, is_elsewhere, material)
         sums, log_odds = sweep.sums, sweep.log_odds
         if self._correlation is not None:
-            variance = self.model.variance(nodes)
-            sums = self._correlation.update(sums, innovation.strain, innovation.map, variance, stretch)
+            variance = self.model.variance(nodes[len(weights) :])
+            along = innovation.map[len(weights) :]
+            sums = self._correlation.update(sums, innovation.strain, along, variance, stretch)
             boxes = self._references.index(prediction.states)
-            log_odds = self._correlation.log_odds(sums, weights, boxes, is_elsewhere)
+            masses = np.bincount(boxes, weights, minlength=len(self._references))
+            log_odds = self._correlation.log_odds(sums, masses, is_elsewhere)
 
         self._sweep = _Sweep(weights, trend, sums, explanations, log_odds)
         self._belief = belief
@@ -293,9 +295,7 @@ class Localizer:
         begun = np.concatenate([rows[references.index(prediction.states)], rows])
         return prediction, sweep._replace(
             trend=sweep.trend.followed(ancestors, continued, begun),
-            sums=sweep.sums.followed(ancestors, continued, sweep.log_odds)
-            if self._correlation
-            else sweep.sums,
+            sums=sweep.sums if taken_in is None else sweep.sums.relocated(sweep.log_odds),
             explanations=explanations,
         )
 

@@ -33,40 +33,31 @@ _LARGEST = 0.998
 
 
 class Sums(NamedTuple):
-    """Weighted sums of squares and products of innovations along N trajectories.
+    """Weighted sums of squares and products of innovations along the R trajectories of the references.
 
     Parameters
     ----------
     updates : number of strains
-    strain, map, product : (N,) sums
-    prior : (N,) logarithms of the odds of the map to chance where each trajectory began
+    strain, map, product : (R,) sums
+    prior : logarithm of the odds of the map to chance where the sums began
     """
 
     updates: int
     strain: np.ndarray
     map: np.ndarray
     product: np.ndarray
-    prior: np.ndarray
+    prior: float
 
     @classmethod
     def start(cls, count: int) -> Sums:
         """Before the first strain, along ``count`` trajectories."""
         zero = np.zeros(count)
-        return cls(0, zero, zero, zero, np.full(count, -PRIOR))
+        return cls(0, zero, zero, zero, -PRIOR)
 
-    def followed(self, ancestors: np.ndarray, continued: np.ndarray, log_odds: float) -> Sums:
-        """The sums along other trajectories (:meth:`.Trend.followed`), of which new ones have nothing yet.
-
-        ``log_odds`` of the map to chance before they began.
-        """
-        begun = min(log_odds, _LOG_RELOCATED)
-        return Sums(
-            self.updates,
-            self.strain.take(ancestors) * continued,
-            self.map.take(ancestors) * continued,
-            self.product.take(ancestors) * continued,
-            begun + continued * (self.prior.take(ancestors) - begun),
-        )
+    def relocated(self, log_odds: float) -> Sums:
+        """The sums of a hand that was placed elsewhere, with the odds before it as the prior: nothing yet."""
+        zero = np.zeros_like(self.strain)
+        return Sums(self.updates, zero, zero, zero, min(log_odds, _LOG_RELOCATED))
 
 
 class Correlation:
@@ -90,7 +81,7 @@ class Correlation:
     def update(
         self, sums: Sums, strain: np.ndarray, expected: np.ndarray, variance: np.ndarray, travel: float
     ) -> Sums:
-        """Take in innovations of a strain (C,) and of the map (N, C), and the variance (N,) at its places."""
+        """Take in innovations of a strain (C,) and of the map (R, C), and the variance (R,) at its places."""
         if sums.updates < _BEFORE:
             return sums._replace(updates=sums.updates + 1)
         felt, there = strain.astype(np.float32) @ self._whitening, expected @ self._whitening
@@ -107,27 +98,24 @@ class Correlation:
             sums.prior,
         )
 
-    def log_odds(self, sums: Sums, weights: np.ndarray, boxes: np.ndarray, is_elsewhere: np.ndarray) -> float:
+    def log_odds(self, sums: Sums, masses: np.ndarray, is_elsewhere: np.ndarray) -> float:
         """Logarithm of the odds of the map to chance.
 
         Parameters
         ----------
-        weights : (P,) of the first P trajectories, the states of the filter, with a sum of one
-        boxes : (P,) int, box of the scene in which each state is
-        is_elsewhere : (R,) bool, of the references: whether they are :data:`AWAY` from the estimate
+        masses : (R,) of the filter's belief in the box of each reference, with a sum of one
+        is_elsewhere : (R,) bool, references that are :data:`AWAY` from the estimate
         """
         squared = np.minimum(sums.product**2 / np.maximum(sums.strain * sums.map, 1e-300), _LARGEST)
-        count = len(weights)
-        length, chance = sums.strain[count:][is_elsewhere], squared[count:][is_elsewhere]
-        evidence = sums.prior[:count]
+        length, chance = sums.strain[is_elsewhere], squared[is_elsewhere]
+        evidence = 0.0
         if length.any():
             # By chance, the correlation of n independent numbers has a mean square of 1 / n.
             per_length = len(length) / max(float(length @ chance), 1e-300)
-            independent = np.minimum(per_length * sums.strain[:count], 1e4)
-            gain = -0.5 * np.maximum(independent - 2.0, 0.0) * np.log1p(-squared[:count])
-            evidence = evidence + np.where(sums.product[:count] > 0.0, gain, 0.0)
+            independent = np.minimum(per_length * sums.strain, 1e4)
+            gain = -0.5 * np.maximum(independent - 2.0, 0.0) * np.log1p(-squared)
+            evidence = float(masses @ np.where(sums.product > 0.0, gain, 0.0))
         # The best of many places fits by chance: a belief pays for being narrower than a uniform one.
-        masses = np.bincount(boxes, weights, minlength=len(is_elsewhere))
         entropy = -float(np.sum(masses * np.log(np.maximum(masses, 1e-300))))
         narrowing = min(max(math.log(len(masses)) - entropy, 0.0), self._log_places)
-        return float(weights @ evidence) - narrowing
+        return sums.prior + evidence - narrowing
