@@ -200,3 +200,26 @@ def test_whatever_is_felt_the_estimate_is_a_distribution(built: Localizer, seed:
         assert built.hypotheses()[1].sum() == pytest.approx(1.0)
         assert 0.0 <= estimate.probability <= estimate.on_map + 1e-12 <= 1.0 + 1e-12
         assert sum(built.explanations[:4]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("volts", [1e2, 1e4, 1e15, 1e90])
+@pytest.mark.parametrize("at", [0, 100])
+def test_one_absurd_strain_does_not_end_a_localization(volts: float, at: int) -> None:
+    felt = strain(way(0.1), 1, 5)
+    felt[at] = volts
+    assert off(fed(build(cloth_scan()), felt), 0.1)[-1] < 0.001
+
+
+@pytest.mark.parametrize("kind", ["grid", "particle"])
+@pytest.mark.parametrize("material", [2, 3])
+def test_another_material_is_not_taken_for_the_map(kind: str, material: int) -> None:
+    assert fed(build(cloth_scan(), kind), strain(way(0.05), material, 5))[-1].on_map < 0.1
+
+
+def test_one_sweep_is_enough() -> None:
+    assert_found(build(cloth_scan(1)), strain(way(0.1), 1, 5), 0.1)
+
+
+def test_a_scan_of_one_pair_gives_finite_estimates() -> None:
+    estimates = fed(build(cloth_scan().select(np.array([50]))), strain(way(0.1), 1, 5))
+    assert all(np.isfinite(estimate.covariance).all() for estimate in estimates)

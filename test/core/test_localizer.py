@@ -38,7 +38,7 @@ def localizer(built):
     return built
 
 
-def slide(localizer, start=(0.01, 0.02), steps=50, step=(0.0006, 0.0002), first_ns=0):
+def slide(localizer, start=(0.01, 0.02), steps=60, step=(0.0006, 0.0002), first_ns=0):
     """Truth and estimates along a straight way."""
     for n in range(steps):
         truth = np.array(start) + n * np.array(step)
@@ -60,7 +60,7 @@ def test_it_finds_where_the_palm_is_whatever_the_arms_frame(localizer):
     assert np.linalg.norm(estimate.mean - truth) < 0.001
     assert estimate.converged, estimate.reason
     assert estimate.trace == pytest.approx(np.trace(estimate.covariance))
-    assert estimate.travel == pytest.approx(49 * math.hypot(0.0006, 0.0002))
+    assert estimate.travel == pytest.approx(59 * math.hypot(0.0006, 0.0002))
 
 
 def test_a_fast_hand_is_updated_at_most_every_8_ms_and_moved_along_between(localizer):
@@ -226,8 +226,8 @@ def test_whatever_comes_an_estimate_is_finite_and_its_covariance_is_one(built, m
         position, stamp = position + np.array([x, y]), stamp + later
         try:
             estimate = built.update(stamp, position, np.full(16, volts))
-        except MeasurementError:
-            assert math.isnan(volts)
+        except MeasurementError as error:
+            assert math.isnan(volts) or "stamp_ns" in str(error)
             continue
         assert np.isfinite(estimate.mean).all()
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0

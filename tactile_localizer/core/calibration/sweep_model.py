@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.correlation import Correlation
-from tactile_localizer.core.likelihood.drift import Drift, innovations
+from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
 from tactile_localizer.core.likelihood.noise_model import TREND_MEMORY, NoiseEstimate, estimate_noise
 from tactile_localizer.core.likelihood.strain_map import (
     NODES_PER_CELL,
@@ -72,12 +72,12 @@ class SweepModel(NamedTuple):
             self.scale,
             1 if without else NODES_PER_CELL,
         )
-        if table.featureless_variance is not None:
-            drift = Drift(np.inf, table.featureless_variance, noise.model.offset_variance)
-        else:
-            drift = Drift(
-                TREND_MEMORY, float(np.median(table.variance)), np.full(noise.model.layout.size, np.inf)
-            )
+        channels = noise.model.layout.size
+        memory, spread, level = np.inf, table.featureless_variance, noise.model.offset_variance
+        if spread is None:
+            memory, spread, level = TREND_MEMORY, float(np.median(table.variance)), np.full(channels, np.inf)
+        signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
+        drift = Drift(memory, spread, level, OUTLIER * (signal + channels * spread))
         return SweepMixture(noise.model, table, drift, self.information_length)
 
     def cell(self, scene: Scene, lines: float) -> np.ndarray:
@@ -110,4 +110,5 @@ def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None =
     """
     noise = estimate_noise(scan, scene)
     variance = variance or fit_variance(noise, scene)
-    return SweepModel(noise, variance, None if noise.featureless else local_scale(noise, scene, variance))
+    is_scaled = not noise.featureless and len(noise.tracks) > 1
+    return SweepModel(noise, variance, local_scale(noise, scene, variance) if is_scaled else None)

@@ -103,7 +103,8 @@ class GridFilter:
         if taken_in is not None:
             box = taken_in.references.index(self._unmoved_states.T + self._offset)
             cells_in_box = np.bincount(box, minlength=len(taken_in.weights))
-            density = (taken_in.weights / np.maximum(cells_in_box, 1))[box]
+            # Boxes can be smaller than cells, of which some then hold no cell's centre.
+            density = (taken_in.weights / np.maximum(cells_in_box, 1) + 1e-12)[box]
             kept_cells = (1.0 - taken_in.fraction) * cells
             cells = kept_cells + taken_in.fraction * density / density.sum()
             self._belief = cells.reshape(self._shape)

@@ -6,8 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.scene import Scene
 
+_LEAST_PITCH = 0.001
+"""Least size of a box, m: a filter's cells are smaller."""
 _COUNT = 400
 """Number of boxes, about. On a scan of 0.6 m they are 1.5 mm long."""
 
@@ -28,8 +31,9 @@ class References:
 
     def __init__(self, scene: Scene) -> None:
         self._lower, self._extent = scene.lower, scene.extent
-        pitch = (float(np.prod(self._extent)) / _COUNT) ** (1.0 / scene.dimension)
-        self._counts = np.clip(np.rint(self._extent / pitch), 1, _COUNT).astype(int)
+        extent = self._extent * levers(scene)
+        pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
+        self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
         self.pitch = self._extent / self._counts
         index = np.indices(self._counts).reshape(scene.dimension, -1).T
         self._origin = (index + 0.5) * self.pitch

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+OUTLIER = 100.0
+"""Ratio of the energy of an outlier to the largest that is expected. By judgement, not varied."""
 _LARGEST_GAIN = 1.0 - 1e-9
 """Gain of the first strain of a sweep whose level is unknown: its innovation has a variance of 1e9."""
 
@@ -76,10 +78,13 @@ class Drift:
     memory : m of travel over which the level is averaged; infinite for a constant
     variance : of a strain about its level
     level_variance : (C,) prior variance of the level; infinite: the level is unknown
+    largest_energy : squared length of an innovation from which it is rather an outlier, or the level is
     """
 
-    def __init__(self, memory: float, variance: float, level_variance: np.ndarray) -> None:
-        self.memory, self._variance = memory, variance
+    def __init__(
+        self, memory: float, variance: float, level_variance: np.ndarray, largest_energy: float = np.inf
+    ) -> None:
+        self.memory, self._variance, self._largest_energy = memory, variance, largest_energy
         # The prior counts as so many measurements of level zero.
         self._prior = variance / np.maximum(level_variance, 1e-12)
 
@@ -97,17 +102,20 @@ class Drift:
         measurement that the strain is.
         """
         known = trend.measurements + self._prior
-        gain = np.minimum(
-            np.maximum(information / (known + information), travel / self.memory), _LARGEST_GAIN
-        )
         predicted = trend.level + travel * trend.rate
         map_trend = trend.map_level + np.float32(travel) * trend.map_rate
         strain_left, map_left = strain - predicted, expected - map_trend
+        # Whether the strain is an outlier or the level is, the next ones decide: both lose weight.
+        weight = 1.0
+        if known.any():
+            weight = 1.0 / (1.0 + float(strain_left @ strain_left) / self._largest_energy)
+        added = information * weight
+        gain = np.minimum(np.maximum(added / (known + added), weight * travel / self.memory), _LARGEST_GAIN)
         # The first strain sets the level, of which the rate is the change.
-        rate_gain = travel / (4.0 * self.memory**2) if trend.measurements else 0.0
+        rate_gain = weight * travel / (4.0 * self.memory**2) if trend.measurements else 0.0
         narrow = gain.astype(np.float32)
         following = Trend(
-            trend.measurements + information,
+            0.5 * (1.0 + weight) * trend.measurements + added,
             predicted + gain * strain_left,
             trend.rate + rate_gain * strain_left,
             map_trend + narrow * map_left,
@@ -118,13 +126,21 @@ class Drift:
         return Innovation(strain_left, map_left, map_trend, level_variance, novelty), following
 
 
-def innovations(values: np.ndarray, memory: float, pitch: float) -> np.ndarray:
-    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep; the first is zero."""
+def innovations(values: np.ndarray, memory: float, pitch: float, robust: bool = False) -> np.ndarray:
+    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep; the first is zero.
+
+    With ``robust``, a step that is large compared with the noise begins a new level.
+    """
     count, channels = values.shape
-    drift, nowhere = Drift(memory, 1.0, np.full(channels, np.inf)), np.zeros((0, channels), dtype=np.float32)
+    scale, largest = np.ones(channels), np.inf
+    if robust and count > 1:
+        scale = np.maximum(np.median(np.abs(np.diff(values, axis=0)), axis=0), np.finfo(np.float64).tiny)
+        largest = OUTLIER * channels
+    drift = Drift(memory, 1.0, np.full(channels, np.inf), largest)
+    nowhere = np.zeros((0, channels), dtype=np.float32)
     trend, found = drift.start(0), np.zeros_like(values)
     for row in range(count):
-        innovation, trend = drift.update(trend, values[row], nowhere, pitch, 1.0)
-        found[row] = innovation.strain
+        innovation, trend = drift.update(trend, values[row] / scale, nowhere, pitch, 1.0)
+        found[row] = innovation.strain * scale
     found[:1] = 0.0
     return found

@@ -43,6 +43,8 @@ _NEW_SESSION_VARIANCE_RATIO = 4.0
 """Ratio of the variance of a new sweep's offset to that within the scan: another session differs twice as
 much. With ten noise standard deviations instead, 45 of 100 sweeps that started on a simulated feature
 converged falsely, because the feature was mistaken for an offset; with this none did."""
+BEFORE = 10
+"""Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
 TREND_MEMORY = 0.01
 """m over which the trend of a sweep is averaged on material that is felt everywhere. 5 to 20 mm are nearly
 equal on fabrics."""
@@ -187,7 +189,8 @@ def _between_sweeps(
         rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
         difference = residual[:, 0] / np.sqrt(1.0 + expected.noise)
         if memory is not None and np.isfinite(memory):
-            difference = innovations(difference, memory, PITCH)
+            difference = innovations(difference, memory, PITCH, robust=True)
+            rows = rows & (np.arange(len(rows)) >= min(BEFORE, len(rows) // 2))
         elif memory is not None:
             difference = difference - np.median(difference[rows], axis=0)
         found.append(difference[rows])

@@ -13,6 +13,7 @@ from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.noise_model import (
+    BEFORE,
     TREND_MEMORY,
     NoiseEstimate,
     Residuals,
@@ -34,8 +35,6 @@ _SCALE_LENGTH = 0.02
 """m over which the local factor of the variance is averaged."""
 _SCALES = 0.5, 20.0
 """Range of that factor."""
-_BEFORE = 10
-"""Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
 _LONGEST_CORRELATION = 0.03
 """Largest lag of the residual's autocorrelation, m."""
 
@@ -181,8 +180,8 @@ def _residuals(estimate: NoiseEstimate, scene: Scene) -> list[Residuals]:
         return held_out(estimate.tracks, estimate.visits, scene, estimate.spacing)
     found = []
     for each in held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, 1):
-        left = innovations(each.residual[:, 0], TREND_MEMORY, PITCH)
-        kept = slice(_BEFORE if len(left) > 2 * _BEFORE else 0, None)
+        left = innovations(each.residual[:, 0], TREND_MEMORY, PITCH, robust=True)
+        kept = slice(min(BEFORE, len(left) // 2), None)
         visit = Track(each.visit.positions[kept], each.visit.strain[kept])
         expected = Expectation(*(part[kept] for part in each.expected))
         found.append(Residuals(visit, left[kept, None], expected))

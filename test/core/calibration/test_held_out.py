@@ -61,3 +61,11 @@ def test_a_sweep_is_localized_in_its_surroundings() -> None:
     near = surroundings(scene, np.array([[0.3, 0.02, 0.0], [0.4, 0.03, 0.0]]))
     np.testing.assert_allclose(near.lower, [0.25, 0.0, -np.pi])
     np.testing.assert_allclose(near.upper, [0.45, 0.08, np.pi])
+
+
+def test_a_single_sweep_gets_the_prior_of_the_registration_error() -> None:
+    assert learn(cloth(0.0, 1), SCENE).registration_std[0] == pytest.approx(0.0005)
+
+
+def test_two_long_slides_outweigh_the_prior() -> None:
+    assert learn(cloth(0.0, 2), SCENE).registration_std[0] < 0.0006

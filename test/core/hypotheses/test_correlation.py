@@ -34,15 +34,14 @@ def log_odds(strains: np.ndarray) -> np.ndarray:
     places = np.arange(PLACES) * NODES // PLACES
     trend_filter = Drift(MEMORY, 1.0, np.full(CHANNELS, np.inf))
     correlation = Correlation(innovations(MAP, MEMORY, PITCH), 1.0, PLACES)
-    trend, sums = trend_filter.start(2 * PLACES), Sums.start(2 * PLACES)
+    trend, sums = trend_filter.start(PLACES), Sums.start(PLACES)
     for n, strain in enumerate(strains):
-        expected = np.tile(MAP[(places + n) % NODES], (2, 1)).astype(np.float32)
+        expected = MAP[(places + n) % NODES].astype(np.float32)
         innovation, trend = trend_filter.update(trend, strain, expected, PITCH, 1.0)
-        sums = correlation.update(sums, innovation.strain, innovation.map, np.ones(2 * PLACES), PITCH)
+        sums = correlation.update(sums, innovation.strain, innovation.map, np.ones(PLACES), PITCH)
     away = (np.arange(PLACES) - np.arange(PLACES)[:, None]) % PLACES
     far = np.minimum(away, PLACES - away) > 2
-    boxes = np.arange(PLACES)
-    return np.array([correlation.log_odds(sums, np.eye(PLACES)[p], boxes, far[p]) for p in range(PLACES)])
+    return np.array([correlation.log_odds(sums, np.eye(PLACES)[p], far[p]) for p in range(PLACES)])
 
 
 OWN = log_odds(slide())
@@ -79,21 +78,19 @@ def test_it_depends_on_no_offset_drift_or_scale(change, tolerance: float) -> Non
     assert changed[HERE] == pytest.approx(OWN[HERE], rel=tolerance)
 
 
-def test_new_trajectories_begin_anew() -> None:
-    filled = Sums(9, *np.arange(1.0, 10.0).reshape(3, 3), np.full(3, -2.0))
-    sums = filled.followed(np.array([2, 0, 1]), np.array([1.0, 0.0, 0.5]), 1.5)
-    np.testing.assert_allclose(sums.strain, [3.0, 0.0, 1.0])
-    np.testing.assert_allclose(sums.product, [9.0, 0.0, 4.0])
-    np.testing.assert_allclose(sums.prior, [-2.0, 1.5, -0.25])
-    relocated = filled.followed(np.zeros(1, int), np.zeros(1), 50.0)
-    assert relocated.prior[0] == pytest.approx(np.log(100.0)), "what was believed of another place is bounded"
+def test_a_relocated_hand_begins_anew() -> None:
+    filled = Sums(9, *np.arange(1.0, 10.0).reshape(3, 3), -2.0)
+    relocated = filled.relocated(1.5)
+    np.testing.assert_array_equal([relocated.strain, relocated.map, relocated.product], np.zeros((3, 3)))
+    assert relocated.prior == 1.5
+    assert filled.relocated(50.0).prior == pytest.approx(np.log(100.0)), "evidence of another place is bounded"
 
 
 def test_before_the_first_strains_the_odds_are_the_prior() -> None:
-    correlation, sums = Correlation(innovations(MAP, MEMORY, PITCH), 1.0, PLACES), Sums.start(2 * PLACES)
+    correlation, sums = Correlation(innovations(MAP, MEMORY, PITCH), 1.0, PLACES), Sums.start(PLACES)
     uniform = np.full(PLACES, 1.0 / PLACES)
-    odds = correlation.log_odds(sums, uniform, np.arange(PLACES), np.ones(PLACES, bool))
-    assert odds == pytest.approx(sums.prior[0])
+    odds = correlation.log_odds(sums, uniform, np.ones(PLACES, bool))
+    assert odds == pytest.approx(sums.prior)
 
 
 @pytest.mark.parametrize("strain", [0.0, 1e9, -1e9])

@@ -1,6 +1,7 @@
 """The noise of a visit, and the reproducible part of the strain."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -130,3 +131,12 @@ def test_the_noise_is_estimated_from_a_sample_of_the_sweeps(monkeypatch: pytest.
     assert len(held_out(some.tracks, some.visits, CLOTH, some.spacing, 1)) == 5
     change = some.model.whitening @ np.linalg.inv(every.model.whitening)
     np.testing.assert_allclose(change, np.eye(8), atol=0.1)
+
+
+def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -> None:
+    scan = cloth()
+    start = scan.states[:, 0] < 0.01
+    spoiled = scan.strain + np.where(start, 50.0, 0.0)[:, None] * (1.0 + scan.sweep[:, None])
+    rough = estimate_noise(replace(scan, strain=spoiled), CLOTH).model
+    plain = estimate_noise(scan, CLOTH).model
+    np.testing.assert_allclose(rough.log_volume, plain.log_volume, atol=1.0)
