@@ -12,7 +12,7 @@ import numpy as np
 from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.geometry.references import References, TakenIn
+from tactile_localizer.core.geometry.references import COARSE, FINE, References, TakenIn
 from tactile_localizer.core.geometry.stamps import StampUnit
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
@@ -142,7 +142,7 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._consistency = PhalanxConsistency(scene.layout)
-        self._references = References(scene)
+        self._references = References(scene, COARSE if correlation is None else FINE)
         self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
         self._updated_ns = 0

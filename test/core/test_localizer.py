@@ -214,7 +214,7 @@ def test_a_wrong_belief_recovers(localizer):
             st.floats(-0.02, 0.02),
             st.floats(-0.02, 0.02),
             st.floats(-1e3, 1e3) | st.just(math.nan),
-            st.integers(-1, 5),
+            st.integers(-1, 5).map(lambda steps: 10_000_000 * steps + 5_000_000),
         ),
         max_size=40,
     )
@@ -226,8 +226,8 @@ def test_whatever_comes_an_estimate_is_finite_and_its_covariance_is_one(built, m
         position, stamp = position + np.array([x, y]), stamp + later
         try:
             estimate = built.update(stamp, position, np.full(16, volts))
-        except MeasurementError as error:
-            assert math.isnan(volts) or "stamp_ns" in str(error)
+        except MeasurementError:
+            assert math.isnan(volts)
             continue
         assert np.isfinite(estimate.mean).all()
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0

@@ -83,7 +83,7 @@ def test_a_relocated_hand_begins_anew() -> None:
     relocated = filled.relocated(1.5)
     np.testing.assert_array_equal([relocated.strain, relocated.map, relocated.product], np.zeros((3, 3)))
     assert relocated.prior == 1.5
-    assert filled.relocated(50.0).prior == pytest.approx(np.log(100.0)), "evidence of another place is bounded"
+    assert filled.relocated(50.0).prior == pytest.approx(np.log(100.0))
 
 
 def test_before_the_first_strains_the_odds_are_the_prior() -> None:

@@ -66,8 +66,8 @@ def test_both_filters_localize_with_a_user_defined_model(kind: str) -> None:
     ("name", "reason"),
     [
         ("no_such_module_anywhere:Model", "PYTHONPATH"),
-        ("slopes_of_ones_own:Hill", "expected Hill in .*slopes_of_ones_own.py, found none"),
-        ("slopes_of_ones_own:nothing", "expected a measurement model, got str"),
+        ("slopes_of_ones_own:Hill", "expected a class Hill in slopes_of_ones_own, found None"),
+        ("slopes_of_ones_own:nothing", "expected a class nothing in slopes_of_ones_own, found"),
     ],
 )
 def test_an_invalid_model_name_is_refused(name: str, reason: str) -> None:
