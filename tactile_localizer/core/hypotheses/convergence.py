@@ -67,6 +67,7 @@ def probability_within(
     power = 1.0 - 2.0 * first * third / (3.0 * second**2)
     scale = second / first**2
     deviate = (first**-power - 1.0 - scale * power * (power - 1.0)) / (power * np.sqrt(2.0 * scale))
+    deviate = deviate.clip(-8.0, 8.0)
     # The normal distribution function, within 0.0002.
     inside = 1.0 / (1.0 + np.exp(-deviate * (1.5976 + 0.07056 * np.square(deviate))))
     return float(weights[near] @ inside)
