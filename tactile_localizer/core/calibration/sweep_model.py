@@ -93,7 +93,7 @@ class SweepModel(NamedTuple):
             innovations(table.mean[table.nearest(track.positions), 0].astype(np.float64), TREND_MEMORY, PITCH)
             for track in tracks
         ]
-        length = summed_correlation([(each, each) for each in along], TREND_MEMORY)
+        length = summed_correlation(along, TREND_MEMORY)
         places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
         return Correlation(np.concatenate(along), float(np.median(table.variance)), places)
 

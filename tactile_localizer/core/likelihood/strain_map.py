@@ -58,14 +58,12 @@ class VarianceModel:
         there is no featureless strain relative to which the signal is defined
     interpolation : factor of :attr:`.Expectation.interpolation_error`
     summed_correlation : m of travel between independent residuals
-    signal_correlation : summed autocorrelation of the signal, m
     """
 
     visit: float = 1.0
     signal: float = 0.0
     interpolation: float = 0.5
     summed_correlation: float = 0.003
-    signal_correlation: float = 0.01
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
         """Variance of a new visit, (M, K, F)."""
@@ -165,13 +163,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
         r.residual[:, 0] / np.sqrt(layout.expand(fitted.variance(r.expected, layout)[:, 0]))
         for r in residuals
     ]
-    # The noise of a visit is independent of that of the others' mean: their product estimates the signal.
-    signals = [(r.visit.strain, r.expected.mean[:, 0]) for r in residuals]
-    return replace(
-        fitted,
-        summed_correlation=summed_correlation([(each, each) for each in scaled], fitted.summed_correlation),
-        signal_correlation=summed_correlation(signals, fitted.signal_correlation),
-    )
+    return replace(fitted, summed_correlation=summed_correlation(scaled, fitted.summed_correlation))
 
 
 def _residuals(estimate: NoiseEstimate, scene: Scene) -> list[Residuals]:
@@ -245,15 +237,15 @@ def build_map(
     return StrainMap(origin, step, shape, mean, spread, prior, least, np.outer(yaws, turning))
 
 
-def summed_correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]], otherwise: float) -> float:
-    """Integrated cross-correlation, m, of pairs of series (n, C) along tracks; a default if not positive."""
+def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:
+    """Integrated autocorrelation, m, of series (n, C) along tracks; a default where nothing varies."""
     lags = round(_LONGEST_CORRELATION / PITCH)
     products, counts = np.zeros(lags), np.zeros(lags)
-    for first, second in pairs:
-        one, other = (_bounded(values) for values in (first, second))
-        for lag in range(min(lags, len(one) // 2)):
-            products[lag] += float(np.sum(one[: len(one) - lag] * other[lag:]))
-            counts[lag] += other[lag:].size
+    for each in series:
+        values = _bounded(each)
+        for lag in range(min(lags, len(values) // 2)):
+            products[lag] += float(np.sum(values[: len(values) - lag] * values[lag:]))
+            counts[lag] += values[lag:].size
     if products[0] <= 0.0:
         return otherwise
     correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (
