@@ -102,7 +102,8 @@ def test_an_own_scene_is_scanned_and_localized(copied: Callable[[str], Path]) ->
 
 def test_an_own_measurement_model_localizes(copied: Callable[[str], Path]) -> None:
     page = copied("own_model") / "README.md"
-    printed = follow(page, more=" --json out.json")
+    # So simple a model does not converge on every sweep, which a replay reports by its status.
+    printed = follow(page, more=" --json out.json || test $? = 1")
     assert "nearest_student:NearestStudent" in printed
     found = summary(page.parent / "out.json")
     assert found["error_converged_m"]["median"] < 0.004

@@ -94,8 +94,10 @@ def parse_yaml(text: str) -> Any:
     """
     try:
         return yaml.load(text, _Loader)  # noqa: S506  a SafeLoader
-    except (ValueError, RecursionError, OverflowError, TypeError, AttributeError) as problem:
-        # A tag that does not match its value, or lists in lists in lists.
+    except RecursionError:
+        raise yaml.YAMLError("found too many lists in lists") from None
+    except (ValueError, OverflowError, TypeError, AttributeError) as problem:
+        # A tag that does not match its value.
         raise yaml.YAMLError(f"found {problem}") from None
 
 
