@@ -37,8 +37,8 @@ MOST_PHALANGES = 100
 LARGEST_STRAIN = 1e10
 """Largest valid strain, V or counts: more than a 32-bit converter can produce."""
 
-MOST_CELLS = 4_000_000
-"""Largest number of cells that cover the bounds: a sheet of 4 m by 4 m at 2 mm."""
+MOST_CELLS = 1_000_000
+"""Largest number of cells that cover the bounds: a sheet of 2 m by 0.5 m at 1 mm, whose tables take 2 GB."""
 
 MOST_CHANNELS = 4096
 """Largest number of channels of a phalanx."""

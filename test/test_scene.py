@@ -165,7 +165,7 @@ def test_numbers_may_have_an_exponent_and_a_full_turn_wraps(tmp_path: Path) -> N
 def test_cells_are_counted_before_they_are_allocated() -> None:
     sheet = Scene("sheet", (Axis("x", -3, 63), Axis("y", -3, 63)), (Phalanx("index", (0.0, 0.0)),))
     with pytest.raises(
-        SceneError, match=r"at most 4,000,000 cells, got 1,089,000,000 .* -3 to 63 in m .in mm.."
+        SceneError, match=r"at most 1,000,000 cells, got 1,089,000,000 .* -3 to 63 in m .in mm.."
     ):
         sheet.cells(0.002)
     assert sheet.cells(1.0).tolist() == [66, 66]

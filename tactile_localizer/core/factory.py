@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration, calibrate
+from tactile_localizer.core.calibration.held_out import Calibration, calibrate, surroundings
 from tactile_localizer.core.calibration.sweep_model import INFORMATION_LENGTHS, SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.filters.base import BayesFilter
@@ -52,6 +52,7 @@ def build_localizer(
         A parameter out of its range.
     """
     say = progress or _silent
+    scene = _scanned(scan, scene)
     say("learning the noise", 0.0)
     variance = calibration.variance if calibration else None
     learned = learn_sweep_model(scan, scene, variance=variance)
@@ -66,6 +67,7 @@ def build_localizer(
 def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:
     """What :func:`build_localizer` would learn in seconds, to be kept with the scan."""
     say = progress or _silent
+    scene = _scanned(scan, scene)
     say("learning the noise", 0.0)
     learned = learn_sweep_model(scan, scene)
     say("calibrating on held-out sweeps", 0.2)
@@ -103,6 +105,11 @@ def build_model(
     if configuration.model == "featureless":
         return Featureless(scan, scene, *widths)
     return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional)
+
+
+def _scanned(scan: Scan, scene: Scene) -> Scene:
+    """The scene cropped to the surroundings of the scan: there are no cells where nothing is known."""
+    return surroundings(scene, scan.positions_on(scene))
 
 
 def _silent(_doing: str, _done: float) -> None:

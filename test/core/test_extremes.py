@@ -1,13 +1,15 @@
 """Extremes that must be right: one test for each row of the table in docs/numerics.md."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from support.models import step
 from support.scans import SIDE, scan, scene, strain_at
 
-from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE
+from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.likelihood.featureless import Featureless
@@ -15,7 +17,7 @@ from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, SceneError
-from tactile_localizer.scene import Region
+from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 FEATURE = Region((0.015, -math.inf), (0.035, math.inf))
 OF = scene(2, 2, FEATURE)
@@ -157,3 +159,36 @@ def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(model, volts
     plain = build(model).log_likelihood(STATES, SCAN.strain[3])
     other = build(model, scaled, strain_std=0.06 * volts).log_likelihood(STATES, SCAN.strain[3] * volts)
     np.testing.assert_allclose(other + 16 * math.log(volts), plain, atol=0.02)
+
+
+def long_sheet(length: float, bound: float) -> tuple[Scan, Scene, Callable[[np.ndarray], np.ndarray]]:
+    """A sheet with five lines of a length, felt everywhere, and its strain at places (n, 2); bounds in m."""
+    rng = np.random.default_rng(0)
+    waves, phases = rng.normal(0.0, 300.0, (2, 8, 6)), rng.uniform(0.0, 6.0, (8, 6))
+
+    def strain(places: np.ndarray) -> np.ndarray:
+        return 0.02 * np.sin(np.tensordot(places, waves, 1) + phases).sum(axis=2)
+
+    along, lines = np.arange(0.0, length, 0.0005), np.arange(5) * 0.0025
+    places = np.array([(x, y) for y in lines for x in along])
+    felt = strain(places) + rng.normal(0.0, 0.002, (len(places), 8))
+    axes = Axis("x", -bound, bound, 0.0035), Axis("y", -bound, bound, 0.002)
+    sheet = Scene("sheet", axes, (Phalanx("index", (0.0, 0.0)),))
+    return (
+        Scan(places, felt, np.repeat(np.arange(5), len(along)), ("x", "y"), ("index",)),
+        sheet,
+        strain,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("length", "bound"), [(2.0, 2.1), (0.06, 30.0)])
+def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
+    made, sheet, strain = long_sheet(length, bound)
+    localizer = build_localizer(made, sheet, Configuration(), np.random.default_rng(0))
+    assert len(localizer.hypotheses()[0]) < 1e6 * (length + 0.1) * (0.01 + 0.1)
+    start = np.array([0.2 * length, 0.0062])
+    for index in range(40):
+        place = start + np.array([0.001 * index, 0.0])
+        estimate = localizer.update(10_000_000 * index, place, strain(place[None])[0])
+    np.testing.assert_allclose(estimate.mean, place, atol=0.003)

@@ -25,6 +25,8 @@ from tactile_localizer.scene import Scene
 
 _MOST_SWEEPS = 24
 """Sweeps that are held out, each of which takes one or two new maps."""
+_LONGEST = round(0.2 / PITCH)
+"""Points of a sweep that are localized: of a sheet of 2 m one part, on a map of that part."""
 _PRIOR_STD = PITCH
 _PRIOR_ERRORS = 5.0
 """Prior of the registration error, m, and the number of independent errors that it counts as. By judgement;
@@ -88,7 +90,9 @@ def calibrate(
         )
 
     def localize(index: int, without: np.ndarray) -> _Outcome:
-        track, has_signal = model.noise.recorded[index], np.any(model.noise.tracks[index].strain, axis=1)
+        has_signal = np.any(model.noise.tracks[index].strain, axis=1)
+        part = _most_signal(has_signal)
+        track, has_signal = Track(*(each[part] for each in model.noise.recorded[index])), has_signal[part]
         near = surroundings(scene, track.positions)
         rows = tuple(np.flatnonzero(without).tolist())
         cell = model.cell(near, _LINES_PER_CELL)
@@ -108,6 +112,13 @@ def calibrate(
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
     registration = scale * _registration(outcomes, scene)
     return Calibration(model.information_length, registration, model.variance)
+
+
+def _most_signal(has_signal: np.ndarray) -> slice:
+    """The :data:`_LONGEST` points of a track (n,) bool with the most signal."""
+    count = min(_LONGEST, len(has_signal))
+    first = int(np.convolve(has_signal, np.ones(count), "valid").argmax())
+    return slice(first, first + count)
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:

@@ -30,8 +30,8 @@ INFORMATION_LENGTHS = (0.0017, 0.005)
 everywhere, m. By judgement: errors of the map are correlated along a sweep, so that consecutive strains are
 not independent measurements. On a bump of a physics engine and three features of another simulator 1 to 3 mm
 are equal within their errors; 5 mm delays convergence."""
-_CORRELATED = 20
-"""Sweeps from which the map's innovations are taken."""
+_CORRELATED = 20, 400
+"""Sweeps from which the map's innovations are taken, and points of each: 0.2 m."""
 
 
 class SweepModel(NamedTuple):
@@ -88,11 +88,14 @@ class SweepModel(NamedTuple):
         """Evidence for the map; ``None`` where featureless material is the alternative."""
         if self.noise.featureless:
             return None
-        tracks = [self.noise.tracks[index] for index in evenly(len(self.noise.tracks), _CORRELATED)]
-        along = [
-            innovations(table.mean[table.nearest(track.positions), 0].astype(np.float64), TREND_MEMORY, PITCH)
-            for track in tracks
-        ]
+        tracks, points = _CORRELATED
+        along = []
+        for index in evenly(len(self.noise.tracks), tracks):
+            positions = self.noise.tracks[index].positions
+            inside = ((positions >= scene.lower) & (positions <= scene.upper)).all(axis=1)
+            if inside.any():
+                expected = table.mean[table.nearest(positions[inside][:points]), 0]
+                along.append(innovations(expected.astype(np.float64), TREND_MEMORY, PITCH))
         length = summed_correlation(along, TREND_MEMORY)
         places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
         return Correlation(np.concatenate(along), float(np.median(table.variance)), places)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.scan.tracks import PITCH, NearestPoints, Track, evenly
+from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
 _MAX_TRACKS, _MAX_POINTS = 50, 20
@@ -51,7 +52,7 @@ def differences_between_lines(tracks: Sequence[Track], scene: Scene) -> np.ndarr
         own = _on_line(_distances(tracks, scene, index), index)
         others = [track for track, same in zip(tracks, own, strict=True) if not same]
         places, strain = (np.concatenate(parts) for parts in zip(*others, strict=True))
-        near = NearestPoints(tracks[index].positions * levers(scene)).among(places * levers(scene))[1]
+        near = cKDTree(places * levers(scene)).query(tracks[index].positions * levers(scene))[1]
         differences.append(np.abs(tracks[index].strain - strain[near]))
     return np.concatenate(differences)
 

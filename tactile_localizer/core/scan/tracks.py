@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import levers
@@ -33,8 +34,6 @@ _PENALTY_OUTSIDE = 16.0
 """nats by which the prior of a pair falls at one line spacing outside of it, squared with the distance."""
 _PLACES_AT_ONCE = 2048
 """Neighbouring places interpolated together, which bounds memory."""
-_DISTANCES_AT_ONCE = 2**17
-"""Distances computed at a time: a megabyte, which fits the processor's cache."""
 
 
 class Track(NamedTuple):
@@ -94,14 +93,22 @@ def expectation(
     On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
     are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m.
     """
-    scale = levers(scene)
-    candidates = _Candidates(tracks, scene)
+    scale, count = levers(scene), _NEAREST + _SPARE
+    trees = [cKDTree(track.positions * scale) for track in tracks]
+    repeats = scene.dimension == 1 or len(tracks) == 1
+    wraps = bool(scene.wraps.any())
+    every = repeats or wraps or len(tracks) <= 2 * count
     tiles = list(_tiles(places * scale))
     parts = []
     for tile in tiles:
-        own, here = candidates.near(places[tile] * scale), places[tile]
-        feet = _feet(own, scene, here)
-        if scene.dimension == 1 or len(tracks) == 1:
+        here = places[tile]
+        rows = range(len(tracks)) if every else _near(trees, count, here * scale)
+        own, near = [tracks[row] for row in rows], [trees[row] for row in rows]
+        if wraps:
+            near = [cKDTree(_unwrapped(track.positions, scene, here) * scale) for track in own]
+        strain = np.concatenate([track.strain for track in own])
+        feet = _feet(near, strain, here * scale, every=repeats)
+        if repeats:
             parts.append(_repeats(feet))
         else:
             parts.append(_pairs(feet, here * scale, max(spacing, PITCH), components))
@@ -124,42 +131,13 @@ def _tiles(points: np.ndarray) -> Iterator[np.ndarray]:
         waiting += [rows[order[half:]], rows[order[:half]]]
 
 
-class _Candidates:
-    """Preselects tracks by their distance, so that a large scan is not compared with every place."""
-
-    def __init__(self, tracks: Sequence[Track], scene: Scene) -> None:
-        self._tracks = tracks
-        # On one axis all tracks that reach a place are needed, on more axes the nearest ones.
-        one = scene.dimension == 1 or len(tracks) == 1
-        self._count = 1 if one else min(len(tracks), _NEAREST + _SPARE)
-        self._slack = 2.0 * PITCH if one else 0.0
-        self._every = bool(scene.wraps.any()) or len(tracks) <= 2 * self._count
-        if not self._every:
-            points = np.concatenate([track.positions for track in tracks]) * levers(scene)
-            starts = np.cumsum([0, *(len(track.positions) for track in tracks[:-1])])
-            self._points = np.split(points, starts[1:])
-            self._low = np.minimum.reduceat(points, starts, axis=0)
-            self._high = np.maximum.reduceat(points, starts, axis=0)
-
-    def near(self, places: np.ndarray) -> Sequence[Track]:
-        """Tracks that can be among the nearest of any of ``places`` (m, d), in metres."""
-        if self._every:
-            return self._tracks
-        centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
-        reach = 2.0 * float(np.sqrt(np.square(places - centre).sum(axis=1).max())) + self._slack
-        beside = np.maximum(np.maximum(self._low - centre, centre - self._high), 0.0)
-        beyond = np.maximum(np.abs(self._low - centre), np.abs(self._high - centre))
-        least, most = (np.sqrt(np.square(each).sum(axis=1)) for each in (beside, beyond))
-        rows = np.flatnonzero(least <= self._nearest(most) + reach)
-        points = [self._points[row] for row in rows.tolist()]
-        starts = np.cumsum([0, *map(len, points[:-1])])
-        squared = np.square(np.concatenate(points) - centre).sum(axis=1)
-        distance = np.sqrt(np.minimum.reduceat(squared, starts))
-        return [self._tracks[row] for row in rows[distance <= self._nearest(distance) + reach].tolist()]
-
-    def _nearest(self, distances: np.ndarray) -> float:
-        """The largest of the distances of as many tracks as are needed."""
-        return float(np.partition(distances, self._count - 1)[self._count - 1])
+def _near(trees: Sequence[cKDTree], count: int, places: np.ndarray) -> list[int]:
+    """Indices of the trees of tracks that can be among the ``count`` nearest of any of ``places`` (m, d)."""
+    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    reach = 2.0 * float(np.sqrt(np.square(places - centre).sum(axis=1).max()))
+    distance = np.array([tree.query(centre)[0] for tree in trees])
+    limit = np.partition(distance, count - 1)[count - 1] + reach
+    return np.flatnonzero(distance <= limit * (1.0 + 1e-9)).tolist()
 
 
 def _stretches(positions: np.ndarray) -> np.ndarray:
@@ -191,22 +169,19 @@ class _Feet(NamedTuple):
     distance: np.ndarray
 
 
-def _feet(tracks: Sequence[Track], scene: Scene, places: np.ndarray) -> _Feet:
-    queries = places * levers(scene)
-    points = [_unwrapped(track.positions, scene, places) * levers(scene) for track in tracks]
-    near = NearestPoints(queries)
-    found = [near.among(each) for each in points]
+def _feet(trees: Sequence[cKDTree], strains: np.ndarray, queries: np.ndarray, every: bool) -> _Feet:
+    """Feet of ``queries`` (M, d), m, on the nearest of the tracks, or on every one, given as trees."""
+    found = [tree.query(queries) for tree in trees]
     distance, index = (np.stack(each, axis=1) for each in zip(*found, strict=True))
-    starts = np.cumsum([0, *map(len, points)])
+    starts = np.cumsum([0, *(tree.n for tree in trees)])
     first, last = starts[:-1], starts[1:] - 1
     index = index + first
-    rows = np.arange(len(places))[:, None]
-    every = scene.dimension == 1 or len(tracks) == 1
+    rows = np.arange(len(queries))[:, None]
     if not every:
         nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _SPARE]
         index, first, last = index[rows, nearest], first[nearest], last[nearest]
     # (d, M, T), because sums over a short last axis take several times longer.
-    joined = np.ascontiguousarray(np.concatenate(points).T)
+    joined = np.ascontiguousarray(np.concatenate([tree.data for tree in trees]).T)
     nodes = joined.take(index, axis=1)
     away = queries.T[:, :, None] - nodes
     foot, best = nodes, _dot(away, away)
@@ -227,40 +202,9 @@ def _feet(tracks: Sequence[Track], scene: Scene, places: np.ndarray) -> _Feet:
         order = np.argsort(best, axis=1, kind="stable")[:, :_NEAREST]
         foot, best, ratio = foot[:, rows, order], best[rows, order], ratio[rows, order]
         index, other = index[rows, order], other[rows, order]
-    strains = np.concatenate([track.strain for track in tracks])
     strain = strains.take(index, axis=0)
     strain += ratio[..., None] * (strains.take(other, axis=0) - strain)
     return _Feet(foot, strain, np.sqrt(best))
-
-
-class NearestPoints:
-    """Nearest-neighbour search for ``queries`` (M, d), by brute force.
-
-    For the few hundred points of a track that is as fast as a k-d tree, whose import takes half a second.
-    """
-
-    def __init__(self, queries: np.ndarray) -> None:
-        self._centre = queries.mean(axis=0)
-        self._queries = queries - self._centre
-        self._diameter = 2.0 * math.sqrt(float(_dot(self._queries.T, self._queries.T).max()))
-
-    def among(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance to the nearest of ``points`` (n, d), and its index, (M,) each."""
-        away = (points - self._centre).T
-        squared = _dot(away, away)
-        # Points farther than this are nearest to no query; the margin is for rounding.
-        limit = (math.sqrt(squared.min()) + self._diameter) ** 2
-        kept = (squared <= limit * (1.0 + 1e-9)).nonzero()[0]
-        away, squared = away[:, kept], squared[kept]
-        doubled = 2.0 * away
-        index = np.empty(len(self._queries), dtype=np.intp)
-        rows = max(1, _DISTANCES_AT_ONCE // len(kept))
-        for begin in range(0, len(index), rows):
-            part = slice(begin, begin + rows)
-            compared = self._queries[part] @ doubled
-            index[part] = np.subtract(squared, compared, out=compared).argmin(axis=1)
-        left = self._queries.T - away[:, index]
-        return np.sqrt(_dot(left, left)), kept[index]
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -273,7 +217,7 @@ def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.nd
     wraps = scene.wraps
     if not wraps.any():
         return positions
-    near = places[NearestPoints(positions * levers(scene)).among(places * levers(scene))[1]]
+    near = places[cKDTree(places * levers(scene)).query(positions * levers(scene))[1]]
     return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 

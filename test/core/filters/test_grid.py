@@ -82,7 +82,7 @@ def test_it_is_the_bayes_recursion_cell_by_cell():
 
 
 def test_more_cells_than_memory_is_meant_for_are_refused():
-    with pytest.raises(SceneError, match="expected at most 4,000,000 cells, got 2,500,000,000"):
+    with pytest.raises(SceneError, match="expected at most 1,000,000 cells, got 2,500,000,000"):
         GridFilter(scene(), np.array([1e-6, 1e-6]))
 
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
     PITCH,
-    NearestPoints,
     Track,
     expectation,
     tracks_of,
@@ -130,14 +128,3 @@ def test_interpolation_in_parts_gives_the_same_result(
     monkeypatch.setattr("tactile_localizer.core.scan.tracks._SPARE", 1000)  # every track is looked at
     for part, found in zip(whole, expectation(tracks, wide, places, 0.01, 3), strict=True):
         np.testing.assert_allclose(found, part, rtol=1e-12, atol=1e-15)
-
-
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-@pytest.mark.parametrize("spread", [1e-9, 0.01, 1.0])
-def test_nearest_points_agree_with_a_tree(dimension: int, spread: float) -> None:
-    rng = np.random.default_rng(0)
-    points, queries = 5.0 + rng.random((400, dimension)), 5.3 + spread * rng.random((1000, dimension))
-    distance, index = NearestPoints(queries).among(points)
-    expected = cKDTree(points).query(queries)
-    assert distance == pytest.approx(expected[0], rel=1e-9)
-    assert np.mean(index == expected[1]) > 0.999
