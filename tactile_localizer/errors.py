@@ -14,6 +14,9 @@ Each message is one line that names the object, what was expected and what was f
 prints it after ``error:`` and exits with status 2; a node logs it and rejects the transition.
 """
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 _MAX_LENGTH = 800
 """Longest message, characters; the middle of a longer one is left out."""
 
@@ -23,6 +26,12 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint at the name of ``known`` that is most similar to ``name``; empty if none is."""
+    near = get_close_matches(name, known, n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 class TactileLocalizerError(Exception):

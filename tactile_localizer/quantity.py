@@ -10,7 +10,7 @@ import reprlib
 from numbers import Real
 from typing import Any
 
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
 
 
 def number(
@@ -20,6 +20,7 @@ def number(
     lower: float = -math.inf,
     upper: float = math.inf,
     finite: bool = True,
+    error: type[TactileLocalizerError] = ParameterError,
 ) -> float:
     """Convert ``value`` to a float and check its range.
 
@@ -29,11 +30,12 @@ def number(
     what : name of the value, for the message
     lower, upper : inclusive range
     finite : whether infinity is rejected
+    error : class of the exception to raise
 
     Raises
     ------
-    ParameterError
-        The value is not a number, or out of range.
+    TactileLocalizerError
+        As ``error``: the value is not a number, or out of range.
     """
     try:
         found = float(value) if is_number(value) else math.nan
@@ -41,16 +43,14 @@ def number(
         found = math.inf
     if math.isnan(found) or (finite and math.isinf(found)):
         hint = "; remove the quotes" if isinstance(value, str) else ""
-        raise ParameterError(
-            f"{what}: expected a {'finite ' * finite}number, got {reprlib.repr(value)}{hint}"
-        )
+        raise error(f"{what}: expected a {'finite ' * finite}number, got {reprlib.repr(value)}{hint}")
     if not lower <= found <= upper:
         expected = f"{lower:g} to {upper:g}"
         if math.isinf(lower):
             expected = f"at most {upper:g}"
         elif math.isinf(upper):
             expected = f"at least {lower:g}"
-        raise ParameterError(f"{what}: expected {expected}, got {reprlib.repr(value)}")
+        raise error(f"{what}: expected {expected}, got {reprlib.repr(value)}")
     return found
 
 

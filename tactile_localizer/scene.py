@@ -15,6 +15,7 @@ import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import SceneError
+from tactile_localizer.quantity import number
 
 AXIS_NAMES = ("x", "y", "yaw")
 """Axes that a scene may name, m, m and rad: the palm's position relative to the material."""
@@ -64,9 +65,12 @@ class Axis:
     def __post_init__(self) -> None:
         if self.name not in AXIS_NAMES:
             raise SceneError(f"axis {self.name!r}: expected one of {', '.join(AXIS_NAMES)}")
-        if not (math.isfinite(self.lower) and math.isfinite(self.upper) and self.lower < self.upper):
+        for bound in (self.lower, self.upper):
+            _checked(bound, f"axis {self.name} bounds")
+        _checked(self.motion_std, f"axis {self.name} motion_std", lower=0.0)
+        if self.extent < SMALLEST_EXTENT:
             raise SceneError(
-                f"axis {self.name}: expected finite bounds with lower < upper, "
+                f"axis {self.name}: expected bounds [lower, upper] at least {SMALLEST_EXTENT:g} apart, "
                 f"got [{self.lower}, {self.upper}]"
             )
         if self.name == "yaw" and (
@@ -75,18 +79,6 @@ class Axis:
         ):
             raise SceneError(
                 f"axis yaw: expected at most a full turn, [-3.1416, 3.1416], got [{self.lower}, {self.upper}]"
-            )
-        if not (math.isfinite(self.motion_std) and self.motion_std >= 0):
-            raise SceneError(f"axis {self.name}: expected motion_std >= 0, got {self.motion_std}")
-        if max(abs(self.lower), abs(self.upper), self.motion_std) > LARGEST_POSITION:
-            raise SceneError(
-                f"axis {self.name}: expected at most {LARGEST_POSITION:g} m or rad, "
-                f"got [{self.lower}, {self.upper}] and motion_std {self.motion_std}"
-            )
-        if self.extent < SMALLEST_EXTENT:
-            raise SceneError(
-                f"axis {self.name}: expected bounds at least {SMALLEST_EXTENT:g} apart, "
-                f"got [{self.lower}, {self.upper}]"
             )
 
     @property
@@ -173,13 +165,23 @@ class Scene:
         _require_unique("phalanx", [phalanx.name for phalanx in self.phalanges])
         d = len(self.axes)
         for phalanx in self.phalanges:
-            if len(phalanx.offset) != d or not np.all(np.abs(phalanx.offset) <= LARGEST_POSITION):
-                raise SceneError(
-                    f"phalanx {phalanx.name}: expected {d} offsets of at most {LARGEST_POSITION:g} m or rad, "
-                    f"got {phalanx.offset}"
-                )
-        if self.feature is not None and not len(self.feature.lower) == len(self.feature.upper) == d:
-            raise SceneError(f"scene {self.name}: expected a feature region of {d} axes, got {self.feature}")
+            if len(phalanx.offset) != d:
+                raise SceneError(f"phalanx {phalanx.name}: expected {d} offsets, got {phalanx.offset}")
+            for axis, offset in zip(self.axes, phalanx.offset, strict=True):
+                _checked(offset, f"phalanx {phalanx.name} offset {axis.name}")
+        if self.feature is not None:
+            self._check_feature(self.feature)
+
+    def _check_feature(self, feature: Region) -> None:
+        if not len(feature.lower) == len(feature.upper) == len(self.axes):
+            raise SceneError(
+                f"scene {self.name}: expected a feature region of {len(self.axes)} axes, got {feature}"
+            )
+        for axis, low, high in zip(self.axes, feature.lower, feature.upper, strict=True):
+            for limit in (low, high):
+                number(limit, f"feature {axis.name}", finite=False, error=SceneError)
+            if not low < high:
+                raise SceneError(f"feature {axis.name}: expected lower < upper, got [{low}, {high}]")
 
     @property
     def dimension(self) -> int:
@@ -300,6 +302,10 @@ class Scene:
             own = layout.slices[row]
             columns.extend(range(own.start, own.stop))
         return np.array(columns, dtype=np.intp)
+
+
+def _checked(value: float, what: str, lower: float = -LARGEST_POSITION) -> None:
+    number(value, what, lower=lower, upper=LARGEST_POSITION, error=SceneError)
 
 
 def _require_unique(kind: str, names: list[str]) -> None:

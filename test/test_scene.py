@@ -22,13 +22,13 @@ GOOD: dict[str, Any] = {
     "measurement": {"strain_std": 0.03},
 }
 BAD: dict[str, tuple[dict[str, Any], str]] = {
-    "an unknown key": ({"axis": {}}, "scene key 'axis': expected one of name, axes"),
+    "an unknown key": ({"axis": {}}, "scene: expected one of name, axes, .*, got 'axis'"),
     "axes in a list": ({"axes": ["x"]}, "axes: expected a mapping"),
     "an unknown axis": ({"axes": {"z": {"bounds": [0, 1]}}}, "axis 'z': expected one of x, y, yaw"),
     "no bounds": ({"axes": {"x": {}}}, "axis x bounds: expected \\[lower, upper\\], got None"),
     "bounds the wrong way": (
         {"axes": {"x": {"bounds": [1, 0]}}},
-        "axis x: expected finite bounds with lower",
+        r"axis x: expected bounds \[lower, upper\] .*got \[1, 0\]",
     ),
     "bounds that are words": (
         {"axes": {"x": {"bounds": ["here", "there"]}}},
@@ -41,21 +41,21 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "more than a turn": ({"axes": {"yaw": {"bounds": [-4, 4]}}}, "axis yaw: expected at most a full turn"),
     "a negative motion": (
         {"axes": {"x": {"bounds": [0, 1], "motion_std": -1}}},
-        "axis x: expected motion_std >= 0",
+        "axis x motion_std: expected 0 to 1000, got -1",
     ),
     "an unknown entry of an axis": (
         {"axes": {"x": {"bounds": [0, 1], "unit": "m"}}},
-        "axis x: expected bounds and motion_std, got 'unit'",
+        "axis x: expected one of bounds, motion_std, got 'unit'",
     ),
     "no axis": ({"axes": {}, "phalanges": ["index"], "feature": None}, "expected one to three axes, got 0"),
     "no phalanx": ({"phalanges": {}}, "scene strip: expected at least one phalanx"),
     "an offset on an axis that is not there": (
         {"phalanges": {"index": {"offset": {"y": 0.1}}}},
-        "phalanx index offset: expected axes of x, yaw, got 'y'",
+        "phalanx index offset: expected one of x, yaw, got 'y'",
     ),
     "an unknown entry of a phalanx": (
         {"phalanges": {"index": {"place": 1}}},
-        "phalanx index: expected offset and channels, got 'place'",
+        "phalanx index: expected one of offset, channels, got 'place'",
     ),
     "an infinite offset": (
         {"phalanges": {"index": {"offset": {"x": ".inf"}}}},
@@ -73,7 +73,10 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
         {"axes": {"x": {"bounds": [0, 1e300]}}},
         "axis x bounds: expected -1000 to 1000",
     ),
-    "bounds at one place": ({"axes": {"x": {"bounds": [0, 1e-9]}}}, "axis x: expected bounds at least 1e-06"),
+    "bounds at one place": (
+        {"axes": {"x": {"bounds": [0, 1e-9]}}},
+        "axis x: expected bounds .* at least 1e-06",
+    ),
     "phalanges without names": (
         {"phalanges": [["index"]]},
         "phalanges: expected text of 1 to 100 printable",
@@ -96,7 +99,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a region on an axis that is not there": (
         {"feature": {"y": [0, 1]}},
-        "feature: expected axes of x, yaw, got 'y'",
+        "feature: expected one of x, yaw, got 'y'",
     ),
 }
 
@@ -213,7 +216,7 @@ def test_an_infinite_bound_of_a_region_is_no_limit() -> None:
         ({"phalanges": (Phalanx("index", (0.0, 0.0)),) * 2}, "phalanx 'index': expected once"),
         (
             {"phalanges": (Phalanx("index", (0.0,)),)},
-            "phalanx index: expected 2 offsets of at most 1000 m or rad",
+            "phalanx index: expected 2 offsets, got",
         ),
         ({"feature": Region((0.0,), (1.0,))}, "expected a feature region of 2 axes"),
     ],

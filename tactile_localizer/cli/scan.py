@@ -14,8 +14,8 @@ from typing import Any
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.errors import ScanError, printable
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.sweep_files import StoredSweep
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import INCH_MM, MM
 from tactile_localizer.offline.scan_quality import findings
@@ -73,12 +73,12 @@ def _info(args: argparse.Namespace) -> int:
     return 0
 
 
-def _described(sweep: StoredSweep) -> dict[str, Any]:
+def _described(sweep: RecordedSweep) -> dict[str, Any]:
     names = ("number", "started_ns", "ended_ns", "gaps", "skipped", "ending", "strain_unit")
     return {"pairs": len(sweep), **{name: getattr(sweep, name) for name in names}}
 
 
-def _print(folder: ScanFolder, sweeps: Sequence[StoredSweep], document: dict[str, Any]) -> None:
+def _print(folder: ScanFolder, sweeps: Sequence[RecordedSweep], document: dict[str, Any]) -> None:
     scene = folder.scene
     dropped = f" ({len(document['dropped'])} dropped)" if document["dropped"] else ""
     print(f"{folder.path}: {document['pairs']} pairs in {len(sweeps)} sweeps{dropped}")
@@ -127,7 +127,7 @@ def _range(axis: str, lower: float, upper: float) -> str:
     return f"{low:.1f} to {high:.1f} mm ({low / INCH_MM:.2f} to {high / INCH_MM:.2f} inch)"
 
 
-def _when(sweeps: Sequence[StoredSweep]) -> str:
+def _when(sweeps: Sequence[RecordedSweep]) -> str:
     """First and last stamp as dates, or in seconds if they are not Unix time."""
     ends = [end * 1e-9 for sweep in sweeps if len(sweep) for end in (sweep.started_ns, sweep.ended_ns)]
     if not ends:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any
 
 from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, did_you_mean
 from tactile_localizer.quantity import is_number, number, whole_number
 
 SWEEP_MIXTURE = "sweep_mixture"
@@ -117,9 +116,8 @@ class Configuration:
         checked: dict[str, Any] = {}
         for name, value in values.items():
             if name not in fields:
-                close = difflib.get_close_matches(str(name), fields, n=1)
-                hint = f"; did you mean {close[0]}?" if close else f", one of {', '.join(fields)}"
-                raise ParameterError(f"parameter {name!r}: expected a known name{hint}")
+                hint = did_you_mean(str(name), fields)
+                raise ParameterError(f"parameter {name!r}: expected one of {', '.join(fields)}{hint}")
             kind = type(fields[name].default)
             if kind is float and is_number(value):
                 value = number(value, name)

@@ -9,14 +9,12 @@ A file contains the values that differ from the defaults::
 
 from __future__ import annotations
 
-import reprlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.resources import given_or_shipped
 
 PRESETS = ("fast", "balanced")
@@ -49,8 +47,6 @@ def _read(source: str | Path) -> dict[str, Any]:
 
 
 def _checked(content: Any) -> dict[str, Any]:
-    content = {} if content is None else content
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"expected a mapping of names to values, got {reprlib.repr(content)}")
-    Configuration.from_mapping(content)
-    return dict(content)
+    values = dict(mapping({} if content is None else content, "configuration"))
+    Configuration.from_mapping(values)
+    return values

@@ -18,6 +18,9 @@ from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Scene
 
 NO_CONTACT = (-1, -1)
+ENDED = "ended"
+ENDED_EARLY = "ended early"
+"""Ending of a sweep whose recording was interrupted."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,9 @@ class RecordedSweep:
     truth : (n, d) true palm positions, if known independently of ``position``
     gaps : strain samples skipped because no pose was close enough in time
     felt : (n,) bool, whether the hand feels a feature above the noise, where that is known
+    skipped : strain samples that were missing, saturated or out of bounds, and are not in the scan
+    ending : :data:`ENDED`, or :data:`ENDED_EARLY`
+    strain_unit : for display
     """
 
     number: int
@@ -44,6 +50,19 @@ class RecordedSweep:
     truth: np.ndarray | None = None
     gaps: int = 0
     felt: np.ndarray | None = None
+    skipped: int = 0
+    ending: str = ENDED
+    strain_unit: str = "V"
+
+    @property
+    def started_ns(self) -> int:
+        """Stamp of the first sample, ns; 0 without samples."""
+        return int(self.stamp_ns[0]) if len(self) else 0
+
+    @property
+    def ended_ns(self) -> int:
+        """Stamp of the last sample, ns; 0 without samples."""
+        return int(self.stamp_ns[-1]) if len(self) else 0
 
     @property
     def contact(self) -> tuple[int, int]:
@@ -58,15 +77,16 @@ class RecordedSweep:
 
     def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
         """A subset of the samples, (n,) bool or a slice, as a separate sweep."""
-        return RecordedSweep(
-            number,
-            self.stamp_ns[rows],
-            self.position[rows],
-            self.strain[rows],
-            self.status[rows],
-            None if self.truth is None else self.truth[rows],
-            gaps,
-            None if self.felt is None else self.felt[rows],
+        return replace(
+            self,
+            number=number,
+            gaps=gaps,
+            stamp_ns=self.stamp_ns[rows],
+            position=self.position[rows],
+            strain=self.strain[rows],
+            status=self.status[rows],
+            truth=None if self.truth is None else self.truth[rows],
+            felt=None if self.felt is None else self.felt[rows],
         )
 
 

@@ -14,13 +14,11 @@ from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError, SceneError
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.io.yaml_file import load_yaml
-from tactile_localizer.quantity import number, whole_number
+from tactile_localizer.io.yaml_file import load_yaml, mapping
+from tactile_localizer.quantity import whole_number
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import (
     DEFAULT_MOTION_STD,
-    LARGEST_POSITION,
-    MOST_CHANNELS,
     Axis,
     Phalanx,
     Region,
@@ -68,30 +66,31 @@ def scene_from_dict(content: Any) -> Scene:
     SceneError
         A key is missing or unknown, or a value is of the wrong kind.
     """
-    top = _mapping(content, "scene")
-    unknown = sorted(set(top) - set(_KEYS))
-    if unknown:
-        raise SceneError(f"scene key {unknown[0]!r}: expected one of {', '.join(_KEYS)}")
-    axes = tuple(_axis(name, value) for name, value in _mapping(top.get("axes"), "axes").items())
+    try:
+        scene = _scene(content)
+        ModelParameters.of_scene(scene)
+    except ParameterError as error:
+        raise SceneError(str(error)) from None
+    return scene
+
+
+def _scene(content: Any) -> Scene:
+    top = mapping(content, "scene", _KEYS)
+    axes = tuple(_axis(name, value) for name, value in mapping(top.get("axes"), "axes").items())
     names = tuple(axis.name for axis in axes)
     raw = top.get("phalanges")
     if isinstance(raw, list):
         raw = dict.fromkeys(_names(raw, "phalanges"))
     phalanges = tuple(
-        _phalanx(_name(name, "phalanx"), value, names) for name, value in _mapping(raw, "phalanges").items()
+        _phalanx(_name(name, "phalanx"), value, names) for name, value in mapping(raw, "phalanges").items()
     )
-    scene = Scene(
+    return Scene(
         name=_name(top.get("name", "scene"), "scene name"),
         axes=axes,
         phalanges=phalanges,
         feature=_region(top["feature"], names) if top.get("feature") is not None else None,
-        measurement=dict(_mapping(top.get("measurement") or {}, "measurement")),
+        measurement=dict(mapping(top.get("measurement") or {}, "measurement")),
     )
-    try:
-        ModelParameters.of_scene(scene)
-    except ParameterError as error:
-        raise SceneError(str(error)) from None
-    return scene
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
@@ -124,12 +123,6 @@ def _phalanx_to_dict(phalanx: Phalanx, axes: tuple[str, ...]) -> dict[str, Any]:
     return content if phalanx.channels == DEFAULT_CHANNELS else {**content, "channels": phalanx.channels}
 
 
-def _mapping(value: Any, what: str) -> Mapping[Any, Any]:
-    if not isinstance(value, Mapping):
-        raise SceneError(f"{what}: expected a mapping, got {reprlib.repr(value)}")
-    return value
-
-
 def _name(value: Any, what: str) -> str:
     # A number in YAML is accepted as a name.
     text = "" if isinstance(value, bool | list | Mapping) else str(value)
@@ -148,63 +141,28 @@ def _names(values: list[Any], what: str) -> list[str]:
     return names
 
 
-def _position(value: Any, what: str) -> float:
-    return _number(value, what, limit=LARGEST_POSITION)
-
-
-def _number(value: Any, what: str, *, limit: float = math.inf, finite: bool = True) -> float:
-    try:
-        return number(value, what, lower=-limit, upper=limit, finite=finite)
-    except ParameterError as error:
-        raise SceneError(str(error)) from None
-
-
-def _interval(value: Any, what: str, *, finite: bool = True) -> tuple[float, float]:
+def _interval(value: Any, what: str) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise SceneError(f"{what}: expected [lower, upper], got {reprlib.repr(value)}")
-    limit = LARGEST_POSITION if finite else math.inf
-    lower, upper = (_number(each, what, limit=limit, finite=finite) for each in value)
-    return lower, upper
+    return value[0], value[1]
 
 
 def _axis(name: Any, value: Any) -> Axis:
-    entry = _mapping(value, f"axis {name}")
-    for key in entry:
-        if key not in ("bounds", "motion_std"):
-            raise SceneError(f"axis {name}: expected bounds and motion_std, got {key!r}")
+    entry = mapping(value, f"axis {name}", ("bounds", "motion_std"))
     lower, upper = _interval(entry.get("bounds"), f"axis {name} bounds")
-    motion_std = _position(entry.get("motion_std", DEFAULT_MOTION_STD), f"axis {name} motion_std")
-    return Axis(str(name), lower, upper, motion_std)
+    return Axis(str(name), lower, upper, entry.get("motion_std", DEFAULT_MOTION_STD))
 
 
 def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
-    entry = _mapping(value or {}, f"phalanx {name}")
-    offset = _mapping(entry.get("offset") or {}, f"phalanx {name} offset")
-    for key in entry:
-        if key not in ("offset", "channels"):
-            raise SceneError(f"phalanx {name}: expected offset and channels, got {key!r}")
-    for axis in offset:
-        if axis not in axes:
-            raise SceneError(f"phalanx {name} offset: expected axes of {', '.join(axes)}, got {axis!r}")
-    what = f"phalanx {name} channels"
-    try:
-        channels = whole_number(entry.get("channels", DEFAULT_CHANNELS), what, lower=1, upper=MOST_CHANNELS)
-    except ParameterError as error:
-        raise SceneError(str(error)) from None
-    offsets = tuple(_position(offset.get(a, 0.0), f"phalanx {name} offset {a}") for a in axes)
-    return Phalanx(name, offsets, channels)
+    entry = mapping(value or {}, f"phalanx {name}", ("offset", "channels"))
+    offset = mapping(entry.get("offset") or {}, f"phalanx {name} offset", axes)
+    channels = whole_number(entry.get("channels", DEFAULT_CHANNELS), f"phalanx {name} channels")
+    return Phalanx(name, tuple(offset.get(axis, 0.0) for axis in axes), channels)
 
 
 def _region(value: Any, axes: tuple[str, ...]) -> Region:
-    entry = _mapping(value, "feature")
-    for axis in entry:
-        if axis not in axes:
-            raise SceneError(f"feature: expected axes of {', '.join(axes)}, got {axis!r}")
+    entry = mapping(value, "feature", axes)
     limits = [
-        _interval(entry[a], f"feature {a}", finite=False) if a in entry else (-math.inf, math.inf)
-        for a in axes
+        _interval(entry[axis], f"feature {axis}") if axis in entry else (-math.inf, math.inf) for axis in axes
     ]
-    for axis, (low, high) in zip(axes, limits, strict=True):
-        if not low < high:
-            raise SceneError(f"feature {axis}: expected lower < upper, got [{low}, {high}]")
     return Region(tuple(low for low, _ in limits), tuple(high for _, high in limits))

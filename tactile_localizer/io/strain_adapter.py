@@ -35,7 +35,7 @@ import numpy as np
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.status import MISSING, OK, SATURATED
-from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import number, whole_number
 from tactile_localizer.scene import MOST_CHANNELS
 
@@ -241,10 +241,10 @@ def adapter_from_dict(content: Any) -> StrainAdapter:
     ParameterError
         A key is missing or unknown, or a value is of the wrong kind.
     """
-    _require_keys(content, "adapter", ("phalanges",), ("max_age_s",))
-    entries = content["phalanges"]
-    if not isinstance(entries, Mapping) or not entries:
-        raise ParameterError(f"phalanges: expected an entry per phalanx, got {entries!r:.80}")
+    mapping(content, "adapter", ("phalanges", "max_age_s"))
+    entries = mapping(content.get("phalanges"), "phalanges")
+    if not entries:
+        raise ParameterError("phalanges: expected an entry per phalanx, got none")
     sources = [_source(str(name), entry) for name, entry in entries.items()]
     for source in sources:
         other = next(each for each in sources if each.topic == source.topic)
@@ -255,9 +255,10 @@ def adapter_from_dict(content: Any) -> StrainAdapter:
 
 def _source(phalanx: str, entry: Any) -> StrainSource:
     what = f"phalanx {phalanx}"
-    optional = ("fields", "channels", "scale", "limits", "valid", "stamp")
-    _require_keys(entry, what, ("topic", "type"), optional)
-    kind = str(entry["type"])
+    mapping(entry, what, ("topic", "type", "fields", "channels", "scale", "limits", "valid", "stamp"))
+    if "topic" not in entry:
+        raise ParameterError(f"{what}: expected topic, found none")
+    kind = str(entry.get("type"))
     if not _TYPE.fullmatch(kind):
         raise ParameterError(f"{what} type: expected PACKAGE/msg/NAME, got {kind!r:.80}")
     given = entry.get("fields", KNOWN_FIELDS.get(kind))
@@ -290,17 +291,6 @@ def _channels(entry: Mapping[str, Any], what: str, fields: Sequence[FieldPath]) 
     if len(fields) == 1 and fields[0].size is None and fields[0].text.split(".")[-1] == "data":
         return DEFAULT_CHANNELS
     return sum(path.size or 1 for path in fields)
-
-
-def _require_keys(content: Any, what: str, needed: Sequence[str], optional: Sequence[str]) -> None:
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"{what}: expected a mapping, got {content!r:.80}")
-    for key in needed:
-        if key not in content:
-            raise ParameterError(f"{what}: expected {key}, found none")
-    for key in content:
-        if key not in (*needed, *optional):
-            raise ParameterError(f"{what}: expected {', '.join((*needed, *optional))}, got {key!r:.80}")
 
 
 def _header_stamp(message: Any) -> Any:

@@ -7,13 +7,14 @@ number, and keys are unique. Aliases, which could expand without limit, are refu
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Hashable
+import reprlib
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
-from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
 
 MAX_FILE_BYTES = 64 * 1024
 """Largest file that is read; a scene of five phalanges has about 1,500 bytes."""
@@ -82,6 +83,22 @@ def load_yaml(
         raise error(f"{path}: expected YAML, {in_one_line(problem)}") from None
     except TactileLocalizerError as problem:
         raise error(f"{path}: {problem}") from None
+
+
+def mapping(value: Any, what: str, known: Sequence[str] = ()) -> Mapping[Any, Any]:
+    """``value``, which must be a mapping, with no other keys than ``known`` if there are any.
+
+    Raises
+    ------
+    ParameterError
+        It is something else, or has another key; the message calls it ``what``.
+    """
+    if not isinstance(value, Mapping):
+        raise ParameterError(f"{what}: expected a mapping, got {reprlib.repr(value)}")
+    for key in value:
+        if known and key not in known:
+            raise ParameterError(f"{what}: expected one of {', '.join(known)}, got {reprlib.repr(key)}")
+    return value
 
 
 def parse_yaml(text: str) -> Any:

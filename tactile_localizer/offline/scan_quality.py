@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.scans.sweep_files import ENDED, StoredSweep
+from tactile_localizer.io.recording import ENDED, RecordedSweep
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.scene import Scene
 
@@ -53,7 +53,7 @@ _NEIGHBOURS = 8
 def findings(
     scan: Scan,
     scene: Scene,
-    sweeps: Sequence[StoredSweep],
+    sweeps: Sequence[RecordedSweep],
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[str]:
     """Findings about a scan that may need attention.
@@ -87,7 +87,7 @@ def _amount(scan: Scan) -> Iterator[str]:
         yield "only one sweep: the noise between sweeps cannot be estimated"
 
 
-def _losses(sweeps: Sequence[StoredSweep]) -> Iterator[str]:
+def _losses(sweeps: Sequence[RecordedSweep]) -> Iterator[str]:
     for sweep in sweeps:
         if sweep.ending != ENDED:
             yield f"sweep {sweep.number}: its recording {sweep.ending}, after {len(sweep)} pairs"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.cli import main
-from tactile_localizer.io.scans.sweep_files import StoredSweep
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -26,7 +26,7 @@ def record(path, scene=SCENE, unit="V"):
             stamp_ns = 1_700_000_000_000_000_000 + number * 10**10 + np.arange(len(x)) * 50_000_001
             states = np.column_stack([x, np.full_like(x, y)])
             strain = rng.normal(size=(len(x), 8 * len(scene.phalanges)))
-            writer.add(StoredSweep(number, stamp_ns, states, strain, gaps=number))
+            writer.add(RecordedSweep(number, stamp_ns, states, strain, strain[:, :1], gaps=number))
         writer.note("test", files=["a\nb.csv"], notes=["one \x1b[31mnote"])
 
 

@@ -88,7 +88,7 @@ def test_messages_without_the_fields_are_refused(message):
         ({"topic": "a", "type": ARRAY, "channels": 0}, "channels: expected"),
         ({"topic": "a", "type": ARRAY, "scale": "big"}, "scale: expected"),
         ({"topic": "a", "type": ARRAY, "limits": 3}, "limits: expected"),
-        ({"topic": "a", "type": ARRAY, "filter": 3}, "phalanx index: expected topic, type"),
+        ({"topic": "a", "type": ARRAY, "filter": 3}, "phalanx index: expected one of topic, type"),
     ],
 )
 def test_invalid_entries_are_refused(entry, message):

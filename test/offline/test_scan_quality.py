@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.scans.sweep_files import StoredSweep
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import simulate_scan
@@ -102,7 +102,9 @@ def test_rest_and_coarse_counts_are_not_saturation(sound):
 
 def test_lost_samples_are_reported_by_sweep(sound):
     def sweep(number, **changes):
-        return StoredSweep(number, np.arange(100), np.zeros((100, 2)), np.zeros((100, 16)), **changes)
+        return RecordedSweep(
+            number, np.arange(100), np.zeros((100, 2)), np.zeros((100, 16)), np.zeros((100, 2)), **changes
+        )
 
     sweeps = [sweep(1, ending="ended early"), sweep(2, gaps=20), sweep(3, skipped=20), sweep(4, gaps=2)]
     assert findings(sound, SCENE, sweeps) == [

@@ -263,7 +263,7 @@ def foreign_scan(files, tmp_path):
 def scan_of_another_scene(files, tmp_path):
     other = Scene("other", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
     ScanWriter(files["scan_file"], other).close()
-    return files, "bump_scan: expected axes x, y, found x"
+    return files, "bump_scan: expected axes x 0 to 0.05, y"
 
 
 def folder_that_cannot_be_made(files, tmp_path):

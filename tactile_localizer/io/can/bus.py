@@ -10,7 +10,6 @@ import socket
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
@@ -18,7 +17,7 @@ import can
 import yaml
 from can.interfaces import BACKENDS
 
-from tactile_localizer.errors import CanError
+from tactile_localizer.errors import CanError, did_you_mean
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
 
@@ -135,9 +134,9 @@ def _check_options(settings: BusSettings) -> None:
         return  # opening it gives the reason
     known = set(re.findall(r"\w+", "".join(sources)))
     for option in set(settings.options) - known:
-        near = "".join(f" (did you mean {name}?)" for name in get_close_matches(option, known, n=1))
         raise CanError(
-            f"bus option {option!r}: expected an option of the interface {settings.interface}{near}"
+            f"bus option {option!r}: expected an option of the interface {settings.interface}"
+            f"{did_you_mean(option, known)}"
         )
 
 

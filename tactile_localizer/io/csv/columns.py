@@ -24,7 +24,7 @@ from typing import Any
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ParameterError, ScanError
-from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import number
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Phalanx, Scene
 
@@ -199,13 +199,9 @@ def naming_from_dict(content: Any) -> ColumnNaming:
     ScanError
         It is not a mapping, or an entry is neither a name nor a list of names.
     """
-    if not isinstance(content, Mapping):
-        raise ScanError(f"expected a mapping of names, got {content!r:.80}")
-    entries = {str(quantity): value for quantity, value in content.items()}
-    unit, speed = str(entries.pop("strain_unit", "V")), entries.pop("speed", {})
-    if not isinstance(speed, Mapping):
-        raise ScanError(f"column naming 'speed': expected m/s by axis, as in {{x: 0.01}}, got {speed!r:.80}")
     try:
+        entries = {str(name): value for name, value in mapping(content, "column naming").items()}
+        unit, speed = str(entries.pop("strain_unit", "V")), mapping(entries.pop("speed", {}), "speed")
         speeds = {str(axis): number(value, f"speed of axis {axis!r}") for axis, value in speed.items()}
     except ParameterError as error:
         raise ScanError(str(error)) from None

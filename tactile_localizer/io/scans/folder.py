@@ -25,8 +25,8 @@ import numpy as np
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
-from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan, missing_status
-from tactile_localizer.io.scans.sweep_files import StoredSweep, read_recording, read_sweep
+from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan
+from tactile_localizer.io.scans.sweep_files import read_recording, read_sweep, sweep_number
 from tactile_localizer.io.scene_file import load_scene
 
 HISTORY, DROPPED = "history.jsonl", "dropped"
@@ -60,7 +60,7 @@ class ScanFolder:
             raise ScanError(f"{self.path}: expected a scan folder, found {_kind(self.path)}")
         self.scene = load_scene(self.path / SCENE)
 
-    def sweeps(self) -> list[StoredSweep]:
+    def sweeps(self) -> list[RecordedSweep]:
         """The sweeps in the order of their numbers, also one in progress; without those that were dropped.
 
         Raises
@@ -117,18 +117,7 @@ class ScanFolder:
             As :meth:`sweeps`.
         """
         scene = self.scene
-        sweeps = tuple(
-            RecordedSweep(
-                number=sweep.number,
-                stamp_ns=sweep.stamp_ns,
-                position=sweep.position,
-                strain=sweep.strain,
-                status=missing_status(sweep.strain, scene.layout),
-                gaps=sweep.gaps,
-            )
-            for sweep in self.sweeps()
-            if len(sweep)
-        )
+        sweeps = tuple(sweep for sweep in self.sweeps() if len(sweep))
         return Recording(
             str(self.path), scene.axis_names, scene.phalanx_names, sweeps, channels=scene.layout.counts
         )
@@ -178,7 +167,7 @@ class ScanFolder:
                 raise ScanError(f"{place / name}: expected a name like sweep_0001{COMPLETE}")
         return [files[number] for number in sorted(files)]
 
-    def _read(self, file: Path) -> StoredSweep:
+    def _read(self, file: Path) -> RecordedSweep:
         try:
             if file.suffix == IN_PROGRESS:
                 with suppress(FileNotFoundError):  # completed in the meantime
@@ -188,12 +177,7 @@ class ScanFolder:
             raise ScanError(f"{file}: could not be read, {error.strerror}") from None
 
 
-def sweep_number(file: Path) -> int:
-    """Number of the sweep in a file."""
-    return int(file.stem.partition("_")[2])
-
-
-def require_distinct(sweeps: Sequence[StoredSweep | RecordedSweep], expected: str, advice: str) -> None:
+def require_distinct(sweeps: Sequence[RecordedSweep], expected: str, advice: str) -> None:
     """Require that no two sweeps hold the same positions and strains, as when a recording is given twice.
 
     The map would take the second for a repetition without noise.

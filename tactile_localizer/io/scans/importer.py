@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import Recording, Screening, screen
 from tactile_localizer.io.scans.folder import require_distinct
-from tactile_localizer.io.scans.sweep_files import StoredSweep
 from tactile_localizer.io.scans.writer import new_scan
 from tactile_localizer.scene import Scene
 
@@ -83,8 +82,8 @@ def import_recording(
         for sweep, screening in zip(recording.sweeps, screenings, strict=True):
             keep = screening.keep
             if keep.any():
-                pairs = sweep.stamp_ns[keep], sweep.position[keep], sweep.strain[keep]
-                writer.add(StoredSweep(sweep.number, *pairs, gaps=sweep.gaps, skipped=screening.skipped))
+                usable = sweep.part(keep, sweep.number, sweep.gaps)
+                writer.add(replace(usable, skipped=screening.skipped))
                 sweeps += 1
         writer.note(what, **detail, notes=list(notes))
     return ImportReport(sweeps, kept, notes)

@@ -10,66 +10,31 @@ from __future__ import annotations
 
 import io
 import zlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import ENDED_EARLY, RecordedSweep
+from tactile_localizer.io.status import OK
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.scene import LARGEST_POSITION, LARGEST_STRAIN, Scene
 
-ENDED = "ended"
-ENDED_EARLY = "ended early"
-"""Ending of a sweep whose recording was interrupted."""
-
+_COUNTS_AND_TEXTS = {"gaps": int, "skipped": int, "ending": str, "strain_unit": str}
+_STORED = ("stamp_ns", "position", "strain", "started_ns", "ended_ns", *_COUNTS_AND_TEXTS)
 _SEAL_BYTES = 8
 _END_OF_ARCHIVE = b"PK\x05\x06"
 _END_BYTES = 22
 """Length of the last entry of a zip archive without comment."""
 
 
-@dataclass(frozen=True)
-class StoredSweep:
-    """One sweep of a scan.
-
-    Parameters
-    ----------
-    number : the sweep's number
-    stamp_ns : (n,) int64 stamps, ns
-    position : (n, d) palm positions, m (yaw: rad)
-    strain : (n, C) strain, in ``strain_unit``
-    gaps : strain samples without a pose close enough in time
-    skipped : strain samples that were missing, saturated or out of bounds
-    ending : :data:`ENDED`, or :data:`ENDED_EARLY` if the recording was interrupted
-    strain_unit : for display
-    """
-
-    number: int
-    stamp_ns: np.ndarray
-    position: np.ndarray
-    strain: np.ndarray
-    gaps: int = 0
-    skipped: int = 0
-    ending: str = ENDED
-    strain_unit: str = "V"
-
-    def __len__(self) -> int:
-        return len(self.stamp_ns)
-
-    @property
-    def started_ns(self) -> int:
-        """Stamp of the first pair, ns; 0 without pairs."""
-        return int(self.stamp_ns[0]) if len(self) else 0
-
-    @property
-    def ended_ns(self) -> int:
-        """Stamp of the last pair, ns; 0 without pairs."""
-        return int(self.stamp_ns[-1]) if len(self) else 0
+def sweep_number(file: Path) -> int:
+    """Number of the sweep in a file."""
+    return int(file.stem.partition("_")[2])
 
 
-def write_sweep(path: Path, sweep: StoredSweep, scene: Scene) -> None:
+def write_sweep(path: Path, sweep: RecordedSweep, scene: Scene) -> None:
     """Write a complete sweep under a temporary name, sync it and rename it.
 
     Raises
@@ -78,17 +43,10 @@ def write_sweep(path: Path, sweep: StoredSweep, scene: Scene) -> None:
         The file cannot be written.
     """
     archive = io.BytesIO()
+    stored: dict[str, Any] = {name: getattr(sweep, name) for name in _STORED}
     np.savez(
         archive,
-        stamp_ns=sweep.stamp_ns,
-        position=sweep.position,
-        strain=sweep.strain,
-        started_ns=sweep.started_ns,
-        ended_ns=sweep.ended_ns,
-        ending=sweep.ending,
-        gaps=sweep.gaps,
-        skipped=sweep.skipped,
-        strain_unit=sweep.strain_unit,
+        **stored,
         axes=np.array(scene.axis_names),
         phalanges=np.array(scene.phalanx_names),
         channels=np.array(scene.layout.counts),
@@ -98,7 +56,7 @@ def write_sweep(path: Path, sweep: StoredSweep, scene: Scene) -> None:
         unfinished.write_bytes(content + _seal(content))
 
 
-def read_sweep(path: Path, scene: Scene) -> StoredSweep:
+def read_sweep(path: Path, scene: Scene) -> RecordedSweep:
     """Read a complete sweep, also one that was written by ``numpy.savez`` without the last eight bytes.
 
     Raises
@@ -115,7 +73,7 @@ def read_sweep(path: Path, scene: Scene) -> StoredSweep:
             raise ValueError("its checksum does not match")
         with np.load(io.BytesIO(content)) as file:
             arrays = {name: file[name] for name in file.files}
-        return _checked(int(path.stem.partition("_")[2]), arrays, scene)
+        return _checked(sweep_number(path), arrays, scene)
     except OSError:
         raise
     except Exception as error:  # damaged archives raise errors of zipfile, zlib, struct, numpy and others
@@ -140,7 +98,7 @@ def records(stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray, scen
     return made
 
 
-def read_recording(path: Path, scene: Scene, strain_unit: str = "V") -> StoredSweep:
+def read_recording(path: Path, scene: Scene) -> RecordedSweep:
     """Read what is in the file of a sweep in progress; damaged records are skipped.
 
     Raises
@@ -152,14 +110,14 @@ def read_recording(path: Path, scene: Scene, strain_unit: str = "V") -> StoredSw
     found = np.frombuffer(content, kind, count=len(content) // kind.itemsize)
     intact = found["crc"] == _checksums(found)
     pairs = found["pair"][intact]
-    return StoredSweep(
-        number=int(path.stem.partition("_")[2]),
+    return RecordedSweep(
+        number=sweep_number(path),
         stamp_ns=pairs["stamp_ns"].copy(),
         position=pairs["position"].copy(),
         strain=pairs["strain"].copy(),
+        status=_all_ok(len(pairs), scene),
         skipped=int(np.sum(~intact)),
         ending=ENDED_EARLY,
-        strain_unit=strain_unit,
     )
 
 
@@ -191,7 +149,7 @@ def _checksums(found: np.ndarray) -> list[int]:
     return [zlib.crc32(pair) for pair in np.ascontiguousarray(found["pair"])]
 
 
-def _checked(number: int, arrays: dict[str, Any], scene: Scene) -> StoredSweep:
+def _checked(number: int, arrays: dict[str, Any], scene: Scene) -> RecordedSweep:
     """A sweep of the arrays in its file, whose shapes and values must fit the scene."""
     for name, expected in (
         ("axes", scene.axis_names),
@@ -209,13 +167,15 @@ def _checked(number: int, arrays: dict[str, Any], scene: Scene) -> StoredSweep:
     if kinds != ("i", "f", "f") or shapes != expected_shapes:
         raise ValueError(f"expected integers and floats of shapes {expected_shapes}, found {shapes}")
     require_plausible(position, strain)
-    return StoredSweep(
+    return RecordedSweep(
         number,
         stamp_ns.astype(np.int64, copy=False),
         position.astype(np.float64, copy=False),
         strain.astype(np.float64, copy=False),
-        int(arrays["gaps"]),
-        int(arrays["skipped"]),
-        str(arrays["ending"]),
-        str(arrays["strain_unit"]),
+        _all_ok(n, scene),
+        **{name: kind(arrays[name]) for name, kind in _COUNTS_AND_TEXTS.items()},
     )
+
+
+def _all_ok(n: int, scene: Scene) -> np.ndarray:
+    return np.full((n, len(scene.phalanges)), OK, dtype=np.uint8)

@@ -10,7 +10,7 @@ import errno
 import fcntl
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -22,21 +22,19 @@ import numpy as np
 
 from tactile_localizer import __version__
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import ENDED, ENDED_EARLY, RecordedSweep
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.scans.folder import (
     COMPLETE,
     HISTORY,
     IN_PROGRESS,
     ScanFolder,
-    sweep_number,
 )
 from tactile_localizer.io.scans.sweep_files import (
-    ENDED,
-    ENDED_EARLY,
-    StoredSweep,
     read_recording,
     records,
     require_plausible,
+    sweep_number,
     write_sweep,
 )
 from tactile_localizer.io.scene_file import save_scene
@@ -117,7 +115,7 @@ class ScanWriter(ScanFolder):
         """Highest number of a sweep, dropped ones included; 0 without any."""
         return max(self._used_numbers(), default=0)
 
-    def add(self, sweep: StoredSweep) -> int:
+    def add(self, sweep: RecordedSweep) -> int:
         """Write a complete sweep; returns its number, the next free one if its own is in use.
 
         Raises
@@ -128,8 +126,7 @@ class ScanWriter(ScanFolder):
         self._require_pairs(sweep.stamp_ns, sweep.position, sweep.strain)
         number = self._free_number(sweep.number)
         with self._writing(f"sweep {number}"):
-            sweep = replace(sweep, number=number, strain_unit=self._strain_unit)
-            write_sweep(self._file(number, COMPLETE), sweep, self.scene)
+            self._write(replace(sweep, number=number))
         return number
 
     def begin_sweep(self, number: int | None = None) -> int:
@@ -248,10 +245,14 @@ class ScanWriter(ScanFolder):
         recording, complete = self._file(number, IN_PROGRESS), self._file(number, COMPLETE)
         with self._writing(f"sweep {number}"):
             if not complete.exists():
-                sweep = read_recording(recording, self.scene, self._strain_unit)
+                sweep = read_recording(recording, self.scene)
                 skipped += sweep.skipped
-                write_sweep(complete, replace(sweep, gaps=gaps, skipped=skipped, ending=ending), self.scene)
+                self._write(replace(sweep, gaps=gaps, skipped=skipped, ending=ending))
             recording.unlink()
+
+    def _write(self, sweep: RecordedSweep) -> None:
+        sweep = replace(sweep, strain_unit=self._strain_unit)
+        write_sweep(self._file(sweep.number, COMPLETE), sweep, self.scene)
 
     def _file(self, number: int, suffix: str) -> Path:
         return self.path / f"sweep_{number:04}{suffix}"
@@ -306,16 +307,15 @@ def require_same_scene(found: Scene, expected: Scene, where: str) -> None:
     ScanError
         The scenes differ; the message names the difference.
     """
-    values: dict[str, Callable[[Scene], Iterable[object]]] = {
-        "axes": lambda scene: scene.axis_names,
-        "lower bounds": lambda scene: scene.lower,
-        "upper bounds": lambda scene: scene.upper,
-        "phalanges": lambda scene: scene.phalanx_names,
-        "channels": lambda scene: scene.layout.counts,
-        "phalanx offsets": lambda scene: [phalanx.offset for phalanx in scene.phalanges],
-        "name": lambda scene: [scene.name],
-    }
-    for what, of in values.items():
-        texts = [", ".join(map(str, of(each))) for each in (expected, found)]
-        if list(of(expected)) != list(of(found)):
-            raise ScanError(f"{where}: expected {what} {texts[0]}, found {texts[1]}")
+    described = [
+        {
+            "axes": ", ".join(f"{axis.name} {axis.lower:.9g} to {axis.upper:.9g}" for axis in scene.axes),
+            "phalanges": ", ".join(f"{each.name} ({each.channels} channels)" for each in scene.phalanges),
+            "phalanx offsets": f"{[tuple(map(float, each.offset)) for each in scene.phalanges]}",
+            "name": scene.name,
+        }
+        for scene in (expected, found)
+    ]
+    for what, text in described[0].items():
+        if described[1][what] != text:
+            raise ScanError(f"{where}: expected {what} {text}, found {described[1][what]}")

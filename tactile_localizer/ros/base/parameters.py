@@ -6,7 +6,6 @@ import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import rclpy
@@ -19,7 +18,7 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, did_you_mean
 from tactile_localizer.ros.base.rclpy_private import parameter_overrides
 
 
@@ -126,7 +125,7 @@ class Parameters:
         Members of groups (names with a dot) are not listed: the node declares them when it is configured.
         """
         return [
-            f"{name}{_near_match(name, self._declared)}"
+            f"{name}{did_you_mean(name, self._declared)}"
             for name in parameter_overrides(self._node)
             if "." not in name and not self._node.has_parameter(name)
         ]
@@ -157,11 +156,6 @@ class Parameters:
                 reason = f"{change.name}: expected an unconfigured node, cannot be changed while configured"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
-
-
-def _near_match(name: str, known: Iterable[str]) -> str:
-    near = get_close_matches(name, known, n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _reason(error: Exception, name: str) -> str:

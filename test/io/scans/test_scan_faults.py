@@ -13,8 +13,8 @@ import pytest
 from support.disk import full_disk
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.sweep_files import StoredSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -32,7 +32,7 @@ def numbered(start, n):
 def path(tmp_path):
     with ScanWriter(tmp_path / "scan", SCENE) as writer:
         for number in range(1, SWEEPS + 1):
-            writer.add(StoredSweep(number, *numbered(1000 * number, PAIRS)))
+            writer.add(RecordedSweep(number, *numbered(1000 * number, PAIRS), np.zeros((PAIRS, 1))))
     return tmp_path / "scan"
 
 
@@ -185,5 +185,5 @@ def test_a_writer_that_died_while_it_made_the_scan_leaves_no_obstacle(tmp_path):
     (tmp_path / "scan" / "history.jsonl").touch()
     (tmp_path / "scan" / ".scene.4711.yaml").touch()
     with ScanWriter(tmp_path / "scan", SCENE) as writer:
-        writer.add(StoredSweep(1, *numbered(0, 5)))
+        writer.add(RecordedSweep(1, *numbered(0, 5), np.zeros((5, 1))))
     assert len(ScanFolder(tmp_path / "scan").load()) == 5

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.sweep_files import StoredSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -27,7 +27,7 @@ def pairs(n=10, seed=0):
 def record(path, sweeps=3, n=10):
     with ScanWriter(path, SCENE) as writer:
         for number in range(1, sweeps + 1):
-            writer.add(StoredSweep(number, *pairs(n, number), gaps=number, skipped=2))
+            writer.add(RecordedSweep(number, *pairs(n, number), np.zeros((n, 2)), gaps=number, skipped=2))
     return ScanFolder(path)
 
 
@@ -136,11 +136,11 @@ def test_pairs_must_fit_the_scene(tmp_path):
 def test_another_scene_is_refused(tmp_path):
     scan = record(tmp_path / "scan")
     other = Scene("sheet", (Axis("x", 0.0, 0.06), SCENE.axes[1]), SCENE.phalanges)
-    with pytest.raises(ScanError, match=r"scan: expected upper bounds 0\.06, 0\.05, found 0\.05, 0\.05"):
+    with pytest.raises(ScanError, match=r"scan: expected axes x 0 to 0\.06, y .*, found x 0 to 0\.05"):
         ScanWriter(scan.path, other)
     one_finger = Scene("sheet", SCENE.axes, SCENE.phalanges[:1])
     with ScanWriter(tmp_path / "other", one_finger) as writer:
-        writer.add(StoredSweep(9, *pairs()[:2], pairs()[2][:, :8]))
+        writer.add(RecordedSweep(9, *pairs()[:2], pairs()[2][:, :8], np.zeros((10, 1))))
     shutil.copy(tmp_path / "other" / "sweep_0009.npz", scan.path)
     with pytest.raises(ScanError, match=r"sweep_0009\.npz: damaged, expected phalanges"):
         scan.load()

@@ -13,9 +13,9 @@ from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import store_calibration
-from tactile_localizer.io.scans.sweep_files import StoredSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
@@ -46,7 +46,8 @@ def write_scan(
     scan, scene = _simulated(feature), scene or scene_of(feature)
     with ScanWriter(path, scene) as writer:
         for number, part in enumerate(scan.slices(), start=1):
-            writer.add(StoredSweep(number, scan.stamp_ns[part], scan.odometry[part], scan.strain[part]))
+            pairs = scan.stamp_ns[part], scan.odometry[part], scan.strain[part]
+            writer.add(RecordedSweep(number, *pairs, status=np.zeros((len(pairs[0]), len(scene.phalanges)))))
     if calibrated and scene.dimension == len(CALIBRATION.registration_std):
         store_calibration(path, digest_of(ScanFolder(path).load(), scene), CALIBRATION)
     return scan
