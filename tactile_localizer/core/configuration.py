@@ -84,11 +84,6 @@ class Configuration:
     convergence_probability: float = 0.99
     convergence_travel: float = 0.001
 
-    @property
-    def uses_kernel_widths(self) -> bool:
-        """Whether the measurement model has kernel widths."""
-        return self.model in ("sum_of_gaussians", "featureless")
-
     def __post_init__(self) -> None:
         if self.model not in MODELS and SEPARATOR not in self.model:
             known = ", ".join(MODELS)

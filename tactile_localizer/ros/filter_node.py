@@ -71,7 +71,6 @@ class LoadedMap:
     scan, scene : training pairs and their scene
     frame : transformation of palm poses to the axes of the scene
     localizer : localizer on the scan
-    warning : description of an inconsistency in one line; empty if there is none
     """
 
     path: Path
@@ -79,7 +78,6 @@ class LoadedMap:
     scene: Scene
     frame: PalmFrame
     localizer: Localizer
-    warning: str = ""
 
 
 def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMap:
@@ -99,13 +97,7 @@ def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMa
     choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
     frame, calibration = palm_frame(parameters, scene), learned_calibration(path, scan, scene, progress)
     localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
-    warning = ""
-    if choices.uses_kernel_widths:
-        # The kernel models take half a second to import, which the default model saves.
-        from tactile_localizer.core.calibration.kernel_widths import describe_unfit_widths
-
-        warning = describe_unfit_widths(scan, scene) or ""
-    return LoadedMap(path, scan, scene, frame, localizer, warning)
+    return LoadedMap(path, scan, scene, frame, localizer)
 
 
 class FilterNode(ManagedNode):
@@ -174,8 +166,6 @@ class FilterNode(ManagedNode):
         self.get_logger().info(
             f"{path}: {len(loaded.scan)} pairs of {sweeps} sweeps, scene {loaded.scene.name}"
         )
-        if loaded.warning:
-            self.get_logger().warning(loaded.warning)
         return loaded
 
     def _use(self, loaded: LoadedMap) -> None:

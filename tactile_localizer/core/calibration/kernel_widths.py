@@ -5,7 +5,6 @@ The paper sets S_x and S_z by hand (III-C).
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -25,9 +24,6 @@ features, seeds 2 and 3, of ten pairs of factors (0.5 to 1.3 and 0.5 to 1.4) one
 error, and of these the one that converges most often."""
 _MIN_POSITION_STD = 0.001
 """m: least width in position, for sweeps over one line."""
-_MAX_RATIO = 8.0
-"""Ratio of a given width to the one chosen here, or its inverse, above which the given one is reported: a
-variance in place of a standard deviation, or millimetres, are off by more. By judgement."""
 
 
 def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> ModelParameters:
@@ -43,21 +39,3 @@ def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> Mo
         "strain_std": _STRAIN_PER_DIFFERENCE * np.maximum(difference, least),
     }
     return replace(given, **{name: width for name, width in widths.items() if getattr(given, name) is None})
-
-
-def describe_unfit_widths(scan: Scan, scene: Scene) -> str | None:
-    """Warning where kernel widths in ``scene`` are far from those that fit the scan, or ``None``."""
-    given, fitting = ModelParameters.of_scene(scene), choose_kernel_widths(scan, scene, ModelParameters())
-    found, expected = [], []
-    for name, unit in (("position_std", "m"), ("strain_std", "V")):
-        width, usual = getattr(given, name), getattr(fitting, name)
-        ratio = 1.0 if width is None else float(np.median(np.asarray(width) / usual))
-        if abs(math.log(ratio)) > math.log(_MAX_RATIO):
-            found.append(f"{name} {np.median(width):.2g} {unit}")
-            expected.append(f"{name} {np.median(usual):.2g} {unit}")
-    if not found:
-        return None
-    return (
-        f"measurement of scene {scene.name}: expected kernel widths that fit the scan (about "
-        f"{', '.join(expected)}), found {', '.join(found)}; omitted widths are chosen from the scan"
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy import ndimage
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
@@ -191,10 +192,8 @@ class GridFilter:
         """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
         # A spread as wide as the axis is as good as any wider one.
         variance = min(variance, float(self._shape[axis]) ** 2)
-        if variance <= _THREE_POINT:
-            spread = _three_point(self._belief, variance, axis, bool(self._wraps[axis]))
-        else:
-            spread = _gaussian(self._belief, variance, axis, bool(self._wraps[axis]))
+        mode = "wrap" if self._wraps[axis] else "constant"
+        spread = ndimage.convolve1d(self._belief, _step(variance), axis, mode=mode)
         self._pending[axis] = 0.0
         return self._normalize(spread)
 
@@ -205,23 +204,10 @@ class GridFilter:
         return total
 
 
-def _three_point(belief: np.ndarray, variance: float, axis: int, wraps: bool) -> np.ndarray:
-    """Spread along an axis over the neighbouring cells, by a variance in cells squared."""
-    spread = (1.0 - variance) * belief
-    beside = 0.5 * variance * belief
-    to, moved = spread.swapaxes(0, axis), beside.swapaxes(0, axis)
-    to[1:] += moved[:-1]
-    to[:-1] += moved[1:]
-    if wraps:
-        to[0] += moved[-1]
-        to[-1] += moved[0]
-    return spread
-
-
-def _gaussian(belief: np.ndarray, variance: float, axis: int, wraps: bool) -> np.ndarray:
-    """Spread along an axis by a Gaussian of four standard deviations to either side."""
+def _step(variance: float) -> np.ndarray:
+    """Weights of a Gaussian step of a variance, in cells squared: of three points, or to four deviations."""
+    if variance <= _THREE_POINT:
+        return np.array([0.5 * variance, 1.0 - variance, 0.5 * variance])
     reach = int(4.0 * math.sqrt(variance) + 0.5)
     kernel = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2 / variance)
-    widths = [(reach, reach) if each == axis else (0, 0) for each in range(belief.ndim)]
-    padded = np.pad(belief, widths, mode="wrap" if wraps else "constant")
-    return np.apply_along_axis(np.convolve, axis, padded, kernel / kernel.sum(), "valid")
+    return kernel / kernel.sum()

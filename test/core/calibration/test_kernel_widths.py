@@ -1,11 +1,10 @@
 """Kernel widths, from the distance between lines and the difference of their strains."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths, describe_unfit_widths
+from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -52,18 +51,3 @@ def test_the_unit_of_the_strain_does_not_matter(volts: float) -> None:
 
 def test_channels_without_noise_have_a_positive_width() -> None:
     assert (choose_kernel_widths(lines(noise=0.0), SCENE, ModelParameters()).strain_std > 0).all()
-
-
-@pytest.mark.parametrize("widths", [{}, {"position_std": 0.001}, {"strain_std": 0.07}])
-def test_fitting_widths_are_not_reported(widths: dict[str, float]) -> None:
-    assert describe_unfit_widths(lines(), replace(SCENE, measurement=widths)) is None
-
-
-@pytest.mark.parametrize(
-    "widths", [{"strain_std": 0.0025}, {"strain_std": 50.0}, {"position_std": 2.2}, {"position_std": 1.6e-5}]
-)
-def test_unfit_widths_are_named(widths: dict[str, float]) -> None:
-    line = describe_unfit_widths(lines(), replace(SCENE, measurement=widths))
-    assert line is not None
-    assert line.startswith("measurement of scene plane: expected kernel widths that fit")
-    assert all(f"found {name} {value:.2g}" in line for name, value in widths.items())
