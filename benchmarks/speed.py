@@ -90,7 +90,7 @@ def decoding(cycles: int) -> list[Row]:
     """Decoding of two classic frames of each of 14 load cells."""
     dbc = resource_path("config/loadcells.dbc")
     names = dict.fromkeys(message.name.rpartition("_")[0] for message in load_dbc(dbc).messages)
-    protocol = LoadCellProtocol.from_dbc(dbc, tuple(names))
+    protocol = LoadCellProtocol(dbc, tuple(names))
     rng = np.random.default_rng(0)
     frames: list[can.Message] = []
     for number in range(cycles):

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, parse_options
-from tactile_localizer.io.can.driver import DriverSettings, LoadCellDriver
+from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.can.reader import WAITING
@@ -51,7 +51,7 @@ class DriverNode(ManagedNode):
         self._declare_messages()  # the phalanges can have changed
         parameters = self.parameters
         phalanges = parameters["phalanges"]
-        protocol = LoadCellProtocol.from_dbc(
+        protocol = LoadCellProtocol(
             given_or_shipped(parameters["dbc"], "config"),
             phalanges,
             {name: parameters[f"messages.{name}"] for name in phalanges},
@@ -65,18 +65,21 @@ class DriverNode(ManagedNode):
             parse_options(parameters["bus_options"]),
             parameters["receive_buffer"],
         )
-        settings = DriverSettings(
-            bus,
-            parameters["period_s"],
-            parameters["reconnect_delay_s"],
-            parameters["reconnect_delay_limit_s"],
-            parameters["wait_for_interface"],
-        )
         self._use_sim_time = self.get_parameter("use_sim_time").value
         self._tare_file = _tare_path(parameters["tare_file"], self.get_namespace())
         self._bus = str(bus)
         log = self.get_logger()
-        self._driver = LoadCellDriver(protocol, settings, self._publish, log.warning, log.info)
+        self._driver = LoadCellDriver(
+            protocol,
+            bus,
+            self._publish,
+            period_s=parameters["period_s"],
+            backoff_s=parameters["reconnect_delay_s"],
+            backoff_limit_s=parameters["reconnect_delay_limit_s"],
+            wait=parameters["wait_for_interface"],
+            log=log.warning,
+            note=log.info,
+        )
         self._driver.offset = load_tare(self._tare_file, phalanges, protocol.channels)
         self._health = DiagnosticsPublisher(self, self._bus)
         self._diagnostics = DriverDiagnostics(

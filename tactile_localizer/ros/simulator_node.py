@@ -91,7 +91,7 @@ class SimulatorNode(ManagedNode):
         self._rig = Rig(
             parameters["feature"], seed, parameters["sweep_speed_mps"], parameters["load_cell_rate_hz"]
         )
-        protocol = LoadCellProtocol.from_dbc(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
+        protocol = LoadCellProtocol(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
         self._faults = self._read_faults()
         options = parse_options(parameters["bus_options"])
         self._bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)

@@ -137,7 +137,7 @@ def test_frames_carry_the_simulated_strain(start, hand, frames):
     hand.call("prepare")
     drain(frames)
     hand.do_sweep()
-    protocol = LoadCellProtocol.from_dbc(resource_path("config/loadcells.dbc"), ("index", "middle"))
+    protocol = LoadCellProtocol(resource_path("config/loadcells.dbc"), ("index", "middle"))
     received = drain(frames)
     assert {protocol.classify(frame)[0] for frame in received} == {FrameKind.DATA}
     others = bytes(protocol.size - 8)
@@ -166,7 +166,7 @@ def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
     from rcl_interfaces.srv import SetParameters
 
     start(**{"fault.silent": ["index"]})
-    protocol = LoadCellProtocol.from_dbc(resource_path("config/loadcells.dbc"), ("index", "middle"))
+    protocol = LoadCellProtocol(resource_path("config/loadcells.dbc"), ("index", "middle"))
     probe.until(lambda: len(hand.poses) > 10, "palm poses")
 
     def kinds_and_slots():

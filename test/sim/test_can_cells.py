@@ -17,7 +17,7 @@ STRAIN = np.linspace(-1.9, 1.9, 16)
 
 @pytest.fixture(params=["loadcells.dbc", "loadcells_fd.dbc"])
 def protocol(request):
-    return LoadCellProtocol.from_dbc(resource_path(f"config/{request.param}"), ("index", "middle"))
+    return LoadCellProtocol(resource_path(f"config/{request.param}"), ("index", "middle"))
 
 
 @pytest.fixture

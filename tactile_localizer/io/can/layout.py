@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import cantools
-import numpy as np
+from can.util import dlc2len, len2dlc
 from cantools.database.can import Database, Message, Signal
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
@@ -28,8 +29,6 @@ VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6}
 
 MAX_BYTES = 64
 """Data bytes of the longest CAN FD frame."""
-
-_FD_LENGTHS = (12, 16, 20, 24, 32, 48, 64)
 
 PhalanxMessages: TypeAlias = tuple[tuple[Message, ...], ...]
 
@@ -54,43 +53,6 @@ class SignalNames:
 
 
 @dataclass(frozen=True)
-class Gauge:
-    """A gauge in a message: its strain is (raw * scale + offset) * volts, saturated at the ends of its range.
-
-    Parameters
-    ----------
-    signal : signal in the DBC
-    column : column in the strain vector
-    scale, offset, volts : conversion from the raw value to the DBC's unit, and from that to V
-    lowest, highest : ends of the range, V
-    """
-
-    signal: Signal
-    column: int
-    scale: float
-    offset: float
-    volts: float
-    lowest: float
-    highest: float
-
-    @classmethod
-    def of(cls, signal: Signal, column: int) -> Gauge:
-        """The gauge of a signal; its range is the narrower of those given by the bits and by the DBC."""
-        volts = VOLTS[signal.unit]
-        ends = sorted(float(raw) * signal.scale + signal.offset for raw in raw_range(signal))
-        lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
-        highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)
-        scale, offset = float(signal.scale), float(signal.offset)
-        return cls(signal, column, scale, offset, volts, lowest * volts, highest * volts)
-
-    def raw(self, volts: float) -> float:
-        """Raw value of a voltage, clipped to what the bits can hold."""
-        raw = (volts / self.volts - self.offset) / self.scale
-        lowest, highest = raw_range(self.signal)
-        return raw if self.signal.is_float else max(lowest, min(highest, round(raw)))
-
-
-@dataclass(frozen=True)
 class LoadCellMessage:
     """A message of a load cell.
 
@@ -98,13 +60,13 @@ class LoadCellMessage:
     ----------
     definition : definition in the DBC
     phalanx : index of the phalanx
-    gauges : gauges in the message
+    gauges : signals of the gauges in the message, by their column in the strain vector
     counter, status : signals of the counter and the status, ``None`` without one
     """
 
     definition: Message
     phalanx: int
-    gauges: tuple[Gauge, ...]
+    gauges: Mapping[int, Signal]
     counter: Signal | None
     status: Signal | None
 
@@ -116,8 +78,7 @@ class LoadCellMessage:
     @cached_property
     def length(self) -> int:
         """Data bytes of a frame on the bus; above 8, CAN FD allows only some lengths."""
-        length = self.definition.length
-        return length if length <= 8 else next(n for n in _FD_LENGTHS if n >= length)
+        return dlc2len(len2dlc(self.definition.length))
 
     @property
     def counter_bits(self) -> int:
@@ -198,17 +159,23 @@ def compile_layout(
     counts: list[int] = []
     for index, (phalanx, definitions) in enumerate(zip(phalanges, messages, strict=True)):
         gauges = _gauges_of(phalanx, definitions, names)
-        first = sum(counts)
+        columns = {name: column for column, name in enumerate(gauges, start=sum(counts))}
         counts.append(len(gauges))
         counter, status = (name.replace("{phalanx}", phalanx) for name in (names.counter, names.status))
-        _check(phalanx, definitions, gauges, counter)
+        own = []
         for message in definitions:
+            _check_message(message)
             by_name = {signal.name: signal for signal in message.signals}
-            contained = [
-                Gauge.of(by_name[name], first + g) for g, name in enumerate(gauges) if name in by_name
-            ]
-            signals = by_name.get(counter), by_name.get(status)
-            found.append(LoadCellMessage(message, index, tuple(contained), *signals))
+            contained = {columns[name]: signal for name, signal in by_name.items() if name in columns}
+            own.append(LoadCellMessage(message, index, contained, by_name.get(counter), by_name.get(status)))
+        if len({message.counter_bits for message in own}) > 1:
+            raise CanError(
+                f"phalanx {phalanx!r}: expected {counter!r} of one width in all of {_names(definitions)}, "
+                "or in none"
+            )
+        if any(message.counter and message.counter.is_float for message in own):
+            raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
+        found += own
     for key in {message.key for message in found}:
         shared = [message.definition.name for message in found if message.key == key]
         if len(shared) > 1:
@@ -219,38 +186,27 @@ def compile_layout(
 def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) -> list[str]:
     """Names of the phalanx's gauges, up to the last one in its messages, but at least one."""
     gauges = [name.replace("{phalanx}", phalanx) for name in names.gauges]
-    found = {signal.name for message in messages for signal in message.signals}
-    last = max((number for number, name in enumerate(gauges, start=1) if name in found), default=1)
-    return gauges[:last]
-
-
-def _check(phalanx: str, messages: Sequence[Message], gauges: Sequence[str], counter: str) -> None:
     signals = [signal for message in messages for signal in message.signals]
-    where = ", ".join(message.name for message in messages)
-    for gauge in gauges:
+    last = max((gauges.index(signal.name) for signal in signals if signal.name in gauges), default=0)
+    for gauge in gauges[: last + 1]:
         found = [signal for signal in signals if signal.name == gauge]
         if len(found) != 1:
             raise CanError(
-                f"phalanx {phalanx!r}: expected the signal {gauge!r} once in {where}, found {len(found)}"
+                f"phalanx {phalanx!r}: expected the signal {gauge!r} once in {_names(messages)}, "
+                f"found {len(found)}"
             )
+        where = f"signal {gauge!r} of {_names(messages)}"
         if found[0].unit not in VOLTS:
-            raise CanError(
-                f"signal {gauge!r} of {where}: expected a unit of V, mV or uV, found {found[0].unit!r}"
-            )
+            raise CanError(f"{where}: expected a unit of V, mV or uV, found {found[0].unit!r}")
         if found[0].length > 64:
-            raise CanError(f"signal {gauge!r} of {where}: expected at most 64 bits, found {found[0].length}")
+            raise CanError(f"{where}: expected at most 64 bits, found {found[0].length}")
         if not found[0].scale:
-            raise CanError(f"signal {gauge!r} of {where}: expected a scale other than 0, found 0")
-    if any(signal.is_float for signal in signals if signal.name == counter):
-        raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
-    counters = {signal.length for signal in signals if signal.name == counter}
-    having = sum(any(signal.name == counter for signal in message.signals) for message in messages)
-    if having not in (0, len(messages)) or len(counters) > 1:
-        raise CanError(
-            f"phalanx {phalanx!r}: expected {counter!r} of one width in all of {where}, or in none"
-        )
-    for message in messages:
-        _check_message(message)
+            raise CanError(f"{where}: expected a scale other than 0, found 0")
+    return gauges[: last + 1]
+
+
+def _names(messages: Sequence[Message]) -> str:
+    return ", ".join(message.name for message in messages)
 
 
 def _check_message(message: Message) -> None:
@@ -268,13 +224,15 @@ def bits_of(signal: Signal) -> list[int]:
     return [place ^ 7 for place in reversed(range(first, first + signal.length))]
 
 
-def raw_range(signal: Signal) -> tuple[float, float]:
-    """Smallest and largest raw value of ``signal``; infinite for a float."""
+def range_of(signal: Signal) -> tuple[float, float]:
+    """Ends of the range of a gauge, V: the narrower of those given by its bits and by the DBC."""
+    volts, least = VOLTS[signal.unit], -(1 << (signal.length - 1)) if signal.is_signed else 0
+    ends = sorted(raw * signal.scale + signal.offset for raw in (least, least + (1 << signal.length) - 1))
     if signal.is_float:
-        return -np.inf, np.inf
-    if signal.is_signed:
-        return -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
-    return 0, (1 << signal.length) - 1
+        ends = [-math.inf, math.inf]
+    lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
+    highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)
+    return lowest * volts, highest * volts
 
 
 def _some(names: Mapping[str, object]) -> str:

@@ -11,13 +11,14 @@ import can
 import numpy as np
 
 from tactile_localizer.io.can.layout import (
+    VOLTS,
     LoadCellMessage,
-    PhalanxMessages,
     SignalNames,
     bits_of,
     compile_layout,
     load_dbc,
     phalanx_messages,
+    range_of,
 )
 from tactile_localizer.io.status import FAULT, SATURATED
 
@@ -35,9 +36,16 @@ class FrameKind(enum.IntEnum):
 
 
 class LoadCellProtocol:
-    """Frame format of a hand's load cells, made by :meth:`from_dbc`.
+    """Frame format of a hand's load cells, read from a DBC file.
 
     It is stateless; :class:`~tactile_localizer.io.can.assembler.CycleAssembler` assigns frames to cycles.
+
+    Parameters
+    ----------
+    path : DBC file
+    phalanges : names, in the order of the strain vector
+    messages : names of the messages by phalanx; default: those named after the phalanx
+    names : signal names in the DBC
 
     Attributes
     ----------
@@ -46,11 +54,23 @@ class LoadCellProtocol:
     channels : channels of the strain vector by phalanx
     is_fd : whether any message needs CAN FD
     size : bytes of the frames of one cycle, one frame of each message
+
+    Raises
+    ------
+    CanError
+        The file is not a DBC, or lacks a message or signal of a phalanx.
     """
 
-    def __init__(self, phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        phalanges: Sequence[str],
+        messages: Mapping[str, Sequence[str]] | None = None,
+        names: SignalNames | None = None,
+    ) -> None:
         self.phalanges = tuple(phalanges)
-        self.messages, self.channels = compile_layout(self.phalanges, messages, names)
+        definitions = phalanx_messages(load_dbc(path), phalanges, messages or {})
+        self.messages, self.channels = compile_layout(self.phalanges, definitions, names or SignalNames())
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
         self._ends = np.cumsum([message.length for message in self.messages]).tolist()
@@ -63,12 +83,13 @@ class LoadCellProtocol:
 
         Bits above a signal's own repeat its sign, or are those of a byte of zeros behind the frames.
         """
-        gauges = sorted(
-            ((gauge, slot) for slot, message in enumerate(self.messages) for gauge in message.gauges),
-            key=lambda one: one[0].column,
-        )
+        gauges = {
+            column: (signal, slot)
+            for slot, message in enumerate(self.messages)
+            for column, signal in message.gauges.items()
+        }
         statuses = [(message.status, slot) for slot, message in enumerate(self.messages) if message.status]
-        signals = [(gauge.signal, slot) for gauge, slot in gauges] + statuses
+        signals = [gauges[column] for column in range(self.channels.size)] + statuses
         width = next(bits for bits in (8, 16, 32, 64) if bits >= max(one.length for one, _ in signals))
         zero = 8 * self.size
         self._bits = np.empty((len(signals), width), int)
@@ -81,35 +102,11 @@ class LoadCellProtocol:
             kind = "f" if signal.is_float else "i" if signal.is_signed else "u"
             kinds.setdefault(f"<{kind}{size // 8}", []).append(row)
         self._kinds = [(kind, np.array(rows)) for kind, rows in kinds.items()]
-        self._scale, self._offset, self._volts, self._lowest, self._highest = np.array(
-            [(one.scale, one.offset, one.volts, one.lowest, one.highest) for one, _ in gauges]
-        ).T
+        own = [signal for signal, _ in signals[: self.channels.size]]
+        self._scale, self._offset = np.array([(float(one.scale), float(one.offset)) for one in own]).T
+        self._volts = np.array([VOLTS[one.unit] for one in own])
+        self._lowest, self._highest = np.array([range_of(one) for one in own]).T
         self._status_phalanx = [self.messages[slot].phalanx for _, slot in statuses]
-
-    @classmethod
-    def from_dbc(
-        cls,
-        path: str | Path,
-        phalanges: Sequence[str],
-        messages: Mapping[str, Sequence[str]] | None = None,
-        names: SignalNames | None = None,
-    ) -> LoadCellProtocol:
-        """Read the frame format of the load cells of ``phalanges`` from a DBC file.
-
-        Parameters
-        ----------
-        path : DBC file
-        phalanges : names, in the order of the strain vector
-        messages : names of the messages by phalanx; default: those named after the phalanx
-        names : signal names in the DBC
-
-        Raises
-        ------
-        CanError
-            The file is not a DBC, or lacks a message or signal of a phalanx.
-        """
-        definitions = phalanx_messages(load_dbc(path), phalanges, messages or {})
-        return cls(phalanges, definitions, names or SignalNames())
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
@@ -197,8 +194,9 @@ class LoadCellProtocol:
             if message.phalanx != phalanx:
                 continue
             values: dict[str, float] = {signal.name: 0 for signal in message.definition.signals}
-            for gauge in message.gauges:
-                values[gauge.signal.name] = gauge.raw(float(strain[gauge.column - first]))
+            for column, gauge in message.gauges.items():
+                volts = np.clip(strain[column - first], self._lowest[column], self._highest[column])
+                values[gauge.name] = gauge.scaled_to_raw(float(volts / self._volts[column]))
             if message.counter:
                 values[message.counter.name] = sequence % (1 << message.counter.length)
             if message.status:

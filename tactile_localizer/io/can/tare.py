@@ -12,6 +12,7 @@ import yaml
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.status import OK
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.io.yaml_file import load_yaml
@@ -20,54 +21,40 @@ MIN_SAMPLES = 10
 """Fewest valid samples per phalanx for a tare; the average has a third of the noise of a sample."""
 
 
-class TareAverage:
-    """Average of the strain vectors during a tare.
+def tare_offset(
+    cycles: Sequence[Cycle], phalanges: Sequence[str], layout: ChannelLayout, spread_limit: float
+) -> np.ndarray:
+    """Average strain (C,), V, of a hand at rest.
 
     Parameters
     ----------
+    cycles : as the load cells sent them; phalanges whose status is not OK are ignored
     phalanges : names, in the order of the strain vector
-    spread_limit : largest standard deviation of a gauge in a hand at rest, V
     layout : channels of the strain vector by phalanx
+    spread_limit : largest standard deviation of a gauge in a hand at rest, V
+
+    Raises
+    ------
+    MeasurementError
+        A phalanx has too few valid samples, or moved.
     """
-
-    def __init__(self, phalanges: Sequence[str], spread_limit: float, layout: ChannelLayout) -> None:
-        self._phalanges = phalanges
-        self._layout = layout
-        self._spread_limit = spread_limit
-        self._vectors: list[np.ndarray] = []
-
-    def add(self, strain: np.ndarray, status: np.ndarray) -> None:
-        """Add a strain vector (C,), V, as the load cells sent it, with the status (F,) of the phalanges.
-
-        Phalanges whose status is not OK are ignored.
-        """
-        valid = self._layout.expand(np.asarray(status) == OK)
-        self._vectors.append(np.where(valid & np.isfinite(strain), strain, np.nan))
-
-    def offset(self) -> np.ndarray:
-        """The average (C,), V.
-
-        Raises
-        ------
-        MeasurementError
-            A phalanx has too few valid samples, or moved.
-        """
-        vectors = np.array(self._vectors).reshape(-1, self._layout.size)
-        samples = self._layout.min(np.isfinite(vectors).sum(axis=0))
-        for name, count in zip(self._phalanges, samples, strict=True):
-            if count < MIN_SAMPLES:
-                raise MeasurementError(
-                    f"tare: expected at least {MIN_SAMPLES} valid samples of {name}, got {count}"
-                )
-        spread = np.nanstd(vectors, axis=0)
-        worst = int(np.argmax(spread))
-        if spread[worst] > self._spread_limit:
-            phalanx, channel = self._layout.place(worst)
+    strain = np.array([cycle.strain for cycle in cycles]).reshape(-1, layout.size)
+    status = np.array([cycle.status for cycle in cycles]).reshape(-1, len(phalanges))
+    valid = layout.expand(status == OK) & np.isfinite(strain)
+    for name, count in zip(phalanges, layout.min(valid.sum(axis=0)), strict=True):
+        if count < MIN_SAMPLES:
             raise MeasurementError(
-                f"tare: expected a hand at rest, with a spread of at most {self._spread_limit:g} V, got "
-                f"{spread[worst]:.3g} V on gauge {channel} of {self._phalanges[phalanx]}"
+                f"tare: expected at least {MIN_SAMPLES} valid samples of {name}, got {count}"
             )
-        return np.asarray(np.nanmean(vectors, axis=0))
+    spread = np.std(strain, axis=0, where=valid)
+    worst = int(np.argmax(spread))
+    if spread[worst] > spread_limit:
+        phalanx, channel = layout.place(worst)
+        raise MeasurementError(
+            f"tare: expected a hand at rest, with a spread of at most {spread_limit:g} V, got "
+            f"{spread[worst]:.3g} V on gauge {channel} of {phalanges[phalanx]}"
+        )
+    return np.asarray(np.mean(strain, axis=0, where=valid))
 
 
 def load_tare(path: Path, phalanges: Sequence[str], layout: ChannelLayout) -> np.ndarray:

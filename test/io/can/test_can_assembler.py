@@ -265,7 +265,7 @@ def message(number: int, name: str, channels: int, counter: bool = True) -> str:
 def own(folder: Path, *messages: str) -> LoadCellProtocol:
     (folder / "own.dbc").write_text(HEAD + "".join(messages))
     names = SignalNames(tuple(f"ch_{n}" for n in range(1, 20)))
-    return LoadCellProtocol.from_dbc(folder / "own.dbc", ["index", "thumb"], names=names)
+    return LoadCellProtocol(folder / "own.dbc", ["index", "thumb"], names=names)
 
 
 def test_phalanges_have_the_channels_of_the_dbc(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from support.waiting import wait_until
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, open_bus
-from tactile_localizer.io.can.driver import DriverSettings, LoadCellDriver
+from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.can.reader import OPEN
 
@@ -41,8 +41,9 @@ class Bench:
             "udp_multicast", simulated_can["channel"], {"port": simulated_can["port"]}, receive_buffer=1 << 20
         )
         # On a busy machine the test may be put aside between two frames of a cycle: they are late, not lost.
-        settings = DriverSettings(bus, period_s=1.0, backoff_s=0.01)
-        self.driver = LoadCellDriver(self.hand, settings, self.cycles.append, self.log.append)
+        self.driver = LoadCellDriver(
+            self.hand, bus, self.cycles.append, period_s=1.0, backoff_s=0.01, log=self.log.append
+        )
         monkeypatch.setattr("tactile_localizer.io.can.driver.open_bus", self.open)
         self.sender = can.Bus(**simulated_can, hop_limit=0)
         self.sent = 0

@@ -9,18 +9,17 @@ import pytest
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
-from tactile_localizer.io.can.tare import TareAverage, load_tare, store_tare
-from tactile_localizer.io.status import FAULT, MISSING, SATURATED
+from tactile_localizer.io.can.assembler import Cycle
+from tactile_localizer.io.can.tare import load_tare, store_tare, tare_offset
+from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 
 HAND = ("index", "middle")
 LAYOUT = ChannelLayout((8, 8))
 
 
-def average_of(vectors: np.ndarray, spread_limit: float = 0.02) -> np.ndarray:
-    average = TareAverage(HAND, spread_limit, LAYOUT)
-    for vector in vectors:
-        average.add(vector, np.zeros(len(HAND)))
-    return average.offset()
+def average_of(vectors: np.ndarray, status: tuple[int, int] = (OK, OK)) -> np.ndarray:
+    cycles = [Cycle(0, vector, np.array(status), np.zeros(2)) for vector in vectors]
+    return tare_offset(cycles, HAND, LAYOUT, spread_limit=0.02)
 
 
 def test_tare_averages_a_hand_at_rest() -> None:
@@ -56,11 +55,8 @@ def test_values_that_are_not_finite_are_ignored() -> None:
 
 @pytest.mark.parametrize("status", [MISSING, SATURATED, FAULT])
 def test_phalanges_with_bad_status_are_refused(status: int) -> None:
-    average = TareAverage(HAND, 0.02, LAYOUT)
-    for _ in range(20):
-        average.add(np.zeros(16), np.array([0, status]))
     with pytest.raises(MeasurementError, match="samples of middle, got 0"):
-        average.offset()
+        average_of(np.zeros((20, 16)), (OK, status))
 
 
 def test_offsets_are_stored_by_phalanx(tmp_path: Path) -> None:

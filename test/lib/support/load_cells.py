@@ -19,7 +19,7 @@ START_NS = 1_700_000_000_000_000_000
 
 def protocol(phalanges: Sequence[str] = ("index", "middle"), dbc: str = "loadcells.dbc") -> LoadCellProtocol:
     """One of the example layouts."""
-    return LoadCellProtocol.from_dbc(resource_path(f"config/{dbc}"), phalanges)
+    return LoadCellProtocol(resource_path(f"config/{dbc}"), phalanges)
 
 
 def strain_of(phalanx: int, number: int) -> np.ndarray:
