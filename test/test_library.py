@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import tactile_localizer
+from tactile_localizer import Configuration
 from tactile_localizer.cli.simulate import write_csv
+from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scans.importer import import_recording
@@ -76,6 +78,42 @@ def test_a_stored_calibration_is_reused(recorded, monkeypatch):
     monkeypatch.setattr(learned, "learn", None)  # must not be called
     second = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan")
     assert first.model.information_length == second.model.information_length
+
+
+def localizer(recorded, **options):
+    scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
+    return tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan", **options)
+
+
+def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
+    localizer(recorded).update(stamp_ns, np.array(position), np.array(strain))
+
+
+def scene_in(recorded, old, new):
+    text = (recorded / "bump_scan" / "scene.yaml").read_text()
+    assert old in text
+    (recorded / "other.yaml").write_text(text.replace(old, new, 1))
+    load_scene(recorded / "other.yaml")
+
+
+@pytest.mark.parametrize(
+    ("mistake", "message"),
+    [
+        (lambda folder: scene_in(folder, "0.0518", "'0.0518'"), "bounds: .* got '0.0518'; remove the quotes"),
+        (lambda folder: scene_in(folder, "index:", '"in\\0dex":'), "phalanx: .* printable characters"),
+        (lambda folder: localizer(folder, configuration=Configuration(model="os:system")), "os:system"),
+        (lambda folder: localizer(folder, configuration=Configuration(model="none:Model")), "none:Model"),
+        (lambda folder: localizer(folder, seed=-1), "seed: expected at least 0, got -1"),
+        (lambda folder: Configuration(particles="5"), "particles: expected a .*number, got '5'"),
+        (lambda folder: update(folder, stamp_ns=None), "stamp_ns: expected .* got None"),
+        (lambda folder: update(folder, position=(0.01,)), "position: expected 2 finite numbers"),
+        (lambda folder: update(folder, strain=(0.0,) * 7), r"strain: expected .*16"),
+    ],
+)
+def test_a_mistake_is_an_error_of_one_line(recorded, mistake, message):
+    with pytest.raises(TactileLocalizerError, match=message) as refusal:
+        mistake(recorded)
+    assert "\n" not in str(refusal.value)
 
 
 def test_every_public_name_is_there():

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Scene
 
@@ -112,23 +112,6 @@ class Recording:
     notes: tuple[str, ...] = field(default=())
     channels: tuple[int, ...] = ()
     lost: int = 0
-
-    def __post_init__(self) -> None:
-        for sweep in self.sweeps:
-            n = len(sweep)
-            expected = {
-                "position": (n, len(self.axes)),
-                "strain": (n, self.layout.size),
-                "status": (n, len(self.phalanges)),
-            }
-            if sweep.truth is not None:
-                expected["truth"] = (n, len(self.axes))
-            for name, shape in expected.items():
-                found = getattr(sweep, name).shape
-                if found != shape:
-                    raise ScanError(
-                        f"{self.source} sweep {sweep.number} {name}: expected shape {shape}, got {found}"
-                    )
 
     @cached_property
     def layout(self) -> ChannelLayout:
@@ -239,9 +222,8 @@ def usable(status: np.ndarray) -> np.ndarray:
     return status == OK
 
 
-@dataclass(frozen=True)
-class Screening:
-    """Samples that can become state-measurement pairs, and counts of the others by reason."""
+class Screening(NamedTuple):
+    """Samples that can become state-measurement pairs, (n,) bool, and counts of the others by reason."""
 
     keep: np.ndarray
     missing: int
@@ -257,29 +239,22 @@ class Screening:
 def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.ndarray) -> Screening:
     """Select the samples that a scan can use: complete, not saturated and inside the scene's bounds.
 
+    A skipped sample counts once, in the order missing, saturated, outside.
+
     Parameters
     ----------
     scene : axes with their bounds
     position : (n, d) palm positions, m (yaw: rad)
     strain : (n, C) strain voltages, V
     status : (n, F) status bits
-
-    Returns
-    -------
-    Screening
-        ``keep`` is (n,) bool. A skipped sample counts once, in the order missing, saturated, outside.
     """
     # Implausibly large values count as missing. Comparisons with NaN are false.
     complete = (np.abs(strain) <= LARGEST_STRAIN).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
-    in_range = ~np.any(status & SATURATED, axis=1)
+    in_range = complete & ~np.any(status & SATURATED, axis=1)
     # A position that is not finite counts as outside.
-    inside = np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
-    return Screening(
-        keep=complete & in_range & inside,
-        missing=int(np.sum(~complete)),
-        saturated=int(np.sum(complete & ~in_range)),
-        outside=int(np.sum(complete & in_range & ~inside)),
-    )
+    keep = in_range & np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
+    counts = [np.count_nonzero(each) for each in (complete, in_range, keep)]
+    return Screening(keep, len(keep) - counts[0], counts[0] - counts[1], counts[1] - counts[2])
 
 
 _BAG_EXTENSIONS = (".mcap", ".db3")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.disk import full_disk
 
 from tactile_localizer.io.whole_file import whole_file
 
@@ -30,6 +31,18 @@ def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
         fail_halfway()
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_names_the_users_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with (
+        pytest.raises(OSError, match="File too large") as refusal,
+        full_disk(100),
+        whole_file(path) as unfinished,
+    ):
+        unfinished.write_text("x" * 1000)
+    assert refusal.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_link_is_preserved(tmp_path: Path) -> None:

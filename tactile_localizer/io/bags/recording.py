@@ -188,7 +188,7 @@ class _Strains:
 
     def convert(self, message: Any, received_ns: int) -> StrainVector:
         """Stamp, strain (C,) and status (F,); raises MeasurementError or SceneError."""
-        names, counts = tuple(message.phalanges), tuple(getattr(message, "channels", ()))
+        names, counts = tuple(message.phalanges), tuple(message.channels)
         if (names, counts) not in self._indices:
             if len(counts) not in (0, len(names)):
                 raise MeasurementError(f"channels: expected {len(names)} numbers, got {len(counts)}")

@@ -40,9 +40,6 @@ _MAX_STAMP_NS = 2**62
 _SLOWEST_PERIOD_S = 0.5
 """Longest plausible time between samples of a tactile sensor, s (judgement)."""
 
-_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of time, with their size in s."""
-
 
 def read_csv(
     paths: str | Path | Sequence[str | Path],
@@ -198,7 +195,7 @@ def _read_table(
     if latest > _MAX_STAMP_NS:
         raise ScanError(
             f"{path}: expected stamps in s in column {time.names[0]!r}, found "
-            f"{float(latest / (time.scale * 10**9)):.6g}{_unit(stamp, time, latest)}"
+            f"{float(latest / (time.scale * 10**9)):.6g}{_in_other_unit(stamp, time)}"
         )
     note = f"skipped {lost} of {total} rows of {path} that are not numbers (first: {first})"
     scales = [float(each.scale) for each in wanted.values() for _ in each.names]
@@ -275,19 +272,12 @@ def _unit_notes(path: Path, stamp_ns: np.ndarray, column: Columns) -> Iterator[s
     """A hint if the stamps are too far apart for a tactile sensor."""
     period_s = float(np.median(np.abs(np.diff(stamp_ns)))) * 1e-9 if len(stamp_ns) > 1 else 0.0
     if period_s > _SLOWEST_PERIOD_S:
-        factor = next((each for each in _UNITS.values() if period_s * each < _SLOWEST_PERIOD_S), 1e-9)
-        yield f"{path}: the stamps are {period_s:.3g} s apart{_hint('stamp_s', column, factor)}"
+        yield f"{path}: the stamps are {period_s:.3g} s apart{_in_other_unit('stamp_s', column)}"
 
 
-def _unit(quantity: str, column: Columns, stamp_ns: int) -> str:
-    """Unit in which a stamp that is too large for one in s would be since 1970."""
-    factor = next((each for each in _UNITS.values() if abs(stamp_ns) * each < _MAX_STAMP_NS), 1e-9)
-    return _hint(quantity, column, factor)
-
-
-def _hint(quantity: str, column: Columns, factor: float) -> str:
-    unit = next(name for name, size in _UNITS.items() if size == factor)
-    return f" (in {unit}? --column {quantity}={column.names[0]}*{float(column.scale) * factor:g})"
+def _in_other_unit(quantity: str, column: Columns) -> str:
+    name = f"--column {quantity}={column.names[0]}"
+    return f" (another unit? {name}*0.001 for ms, *1e-6 for us, *1e-9 for ns)"
 
 
 def _travelled(stamp_ns: np.ndarray, speed: float, axis: Axis) -> np.ndarray:

@@ -121,7 +121,7 @@ def read_recording(path: Path, scene: Scene) -> RecordedSweep:
     )
 
 
-def require_plausible(position: np.ndarray, strain: np.ndarray) -> None:
+def _require_plausible(position: np.ndarray, strain: np.ndarray) -> None:
     """Require that positions and strains are finite and of plausible magnitude.
 
     Raises
@@ -166,7 +166,7 @@ def _checked(number: int, arrays: dict[str, Any], scene: Scene) -> RecordedSweep
     expected_shapes = ((n,), (n, scene.dimension), (n, scene.layout.size))
     if kinds != ("i", "f", "f") or shapes != expected_shapes:
         raise ValueError(f"expected integers and floats of shapes {expected_shapes}, found {shapes}")
-    require_plausible(position, strain)
+    _require_plausible(position, strain)
     return RecordedSweep(
         number,
         stamp_ns.astype(np.int64, copy=False),

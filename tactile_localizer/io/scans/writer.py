@@ -33,7 +33,6 @@ from tactile_localizer.io.scans.folder import (
 from tactile_localizer.io.scans.sweep_files import (
     read_recording,
     records,
-    require_plausible,
     sweep_number,
     write_sweep,
 )
@@ -121,9 +120,8 @@ class ScanWriter(ScanFolder):
         Raises
         ------
         ScanError
-            Its values are invalid, or the file cannot be written.
+            The file cannot be written.
         """
-        self._require_pairs(sweep.stamp_ns, sweep.position, sweep.strain)
         number = self._free_number(sweep.number)
         with self._writing(f"sweep {number}"):
             self._write(replace(sweep, number=number))
@@ -168,11 +166,10 @@ class ScanWriter(ScanFolder):
         Raises
         ------
         ScanError
-            There is no active sweep, shapes or values are invalid, or the file cannot be written.
+            There is no active sweep, or the file cannot be written.
         """
         if self._sweep is None:
             raise ScanError(f"{self.path}: expected an active sweep, found none")
-        self._require_pairs(stamp_ns, position, strain)
         content = records(stamp_ns, position, strain, self.scene).tobytes()
         with self._writing(f"{len(stamp_ns)} pairs of sweep {self._sweep}"):
             size = os.fstat(self._records).st_size
@@ -217,16 +214,6 @@ class ScanWriter(ScanFolder):
         entry = {"at": at, "what": what, "version": __version__, **detail}
         with self._writing("the history"):
             self._history.write(json.dumps(entry).encode() + b"\n")
-
-    def _require_pairs(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
-        n = len(stamp_ns)
-        shapes = (n, self.scene.dimension), (n, self.scene.layout.size)
-        if (position.shape, strain.shape) != shapes:
-            raise ScanError(f"pairs: expected shapes {shapes}, got {position.shape} and {strain.shape}")
-        try:
-            require_plausible(position, strain)
-        except ValueError as error:
-            raise ScanError(f"pairs: {error}") from None
 
     def _used_numbers(self) -> set[int]:
         return {sweep_number(file) for file in (*self.sweep_files(), *self.dropped_files())}

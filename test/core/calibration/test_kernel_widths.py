@@ -1,6 +1,5 @@
 """Kernel widths, from the distance between lines and the difference of their strains."""
 
-
 import numpy as np
 import pytest
 

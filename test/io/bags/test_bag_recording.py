@@ -7,7 +7,6 @@ import zipfile
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.bags import (
     MS,
     SCENE,
@@ -31,7 +30,6 @@ from tactile_localizer.io.bags.recording import BagTopics, read_bag
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.strain_adapter import adapter_from_dict
-from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 STRAIN_MS = np.arange(20, 2001, 5)
@@ -266,29 +264,6 @@ def test_a_missing_phalanx_is_named(tmp_path):
     thumb = Scene("sheet", (Axis("x", 0.0, 1.0),), (Phalanx("thumb", (0.0,)),))
     with pytest.raises(SceneError, match="phalanx 'thumb' of scene 'sheet': expected one of middle, index"):
         read_bag(whole(tmp_path / "bag"), thumb)
-
-
-def test_messages_without_channel_counts_are_decoded(tmp_path):
-    text = resource_path("msg/StrainVectors.msg").read_text(encoding="utf-8")
-    earlier = get_typestore(Stores.ROS2_JAZZY)
-    kind = "tactile_localizer/msg/StrainVectors"
-    earlier.register(get_types_from_msg(text[: text.index("uint16[] channels")], kind))
-    fields = {name: value for name, value in vars(strain(20)).items() if name != "channels"}
-    writer = Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
-    with writer:
-        strains = writer.add_connection("/strain", kind, typestore=earlier)
-        poses = writer.add_connection("/palm_pose", "geometry_msgs/msg/PoseStamped", typestore=STORE)
-        for stamp_ms in range(5, 101, 5):
-            message = earlier.types[kind](**{**fields, **_of(strain(stamp_ms))})
-            writer.write(strains, START + stamp_ms * MS, earlier.serialize_cdr(message, kind))
-            raw = STORE.serialize_cdr(pose(stamp_ms), "geometry_msgs/msg/PoseStamped")
-            writer.write(poses, START + stamp_ms * MS, raw)
-    (sweep,) = read_bag(tmp_path / "bag", SCENE).sweeps
-    assert_whole(sweep, np.arange(5, 101, 5))
-
-
-def _of(message):
-    return {name: getattr(message, name) for name in ("header", "strain", "sequence")}
 
 
 def test_channel_counts_reach_the_scan(tmp_path):

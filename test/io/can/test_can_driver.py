@@ -102,22 +102,6 @@ def test_cycles_arrive_once_and_in_order(bench: Callable[..., Bench], dbc: str) 
     assert abs(one.cycles[-1].stamp_ns * 1e-9 - time.time()) < 5  # by the receiver's clock, not the sender's
 
 
-def test_a_closed_bus_is_reopened_by_the_driver(bench: Callable[..., Bench]) -> None:
-    one = bench()
-    for n in range(50):
-        one.send(cycle(HAND, n), pause_s=0.003)
-    one.settle()
-    one.opened[-1].shutdown()
-    wait_until(lambda: one.driver.status.reconnects == 1 and one.driver.status.state == OPEN, "the bus", 5.0)
-    for n in range(61, 111):  # what was sent meanwhile nobody can know
-        one.send(cycle(HAND, n), pause_s=0.003)
-    one.settle()
-    assert [made.sequence[0] for made in one.cycles[:50]] == list(range(50))
-    assert len(one.cycles) == 100
-    assert one.driver.counts.incomplete == 0
-    assert [phalanx.drops for phalanx in one.driver.counts.phalanges] == [0, 0]
-
-
 def test_invalid_datagrams_are_counted(
     bench: Callable[..., Bench],
 ) -> None:

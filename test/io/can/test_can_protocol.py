@@ -150,21 +150,6 @@ def test_voltages_beyond_the_range_are_saturated(dbc: str) -> None:
     assert hand.saturated(strain).tolist() == [False] * 6 + [True, False]
 
 
-def test_frames_are_classified() -> None:
-    hand = protocol()
-    key = hand.encode(0, np.zeros(8), sequence=0)[0].arbitration_id
-    frames = {
-        FrameKind.DATA: can.Message(arbitration_id=key, is_extended_id=False, data=bytes(8)),
-        FrameKind.UNKNOWN_ID: can.Message(arbitration_id=key, is_extended_id=True, data=bytes(8)),
-        FrameKind.WRONG_LENGTH: can.Message(arbitration_id=key, is_extended_id=False, data=bytes(6)),
-        FrameKind.REMOTE: can.Message(arbitration_id=key, is_extended_id=False, is_remote_frame=True, dlc=8),
-        FrameKind.ERROR: can.Message(
-            arbitration_id=key, is_extended_id=False, is_error_frame=True, data=bytes(8)
-        ),
-    }
-    assert [hand.classify(frame)[0] for frame in frames.values()] == list(frames)
-
-
 def test_arbitrary_frames_are_classified_without_error() -> None:
     hand = protocol(PHALANGES_OF_A_HAND)
     rng = np.random.default_rng(2)

@@ -3,7 +3,6 @@
 import csv
 import gzip
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,11 +18,8 @@ from tactile_localizer.io.csv.columns import (
     naming_to_dict,
 )
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
-
-ROOT = Path(__file__).parents[3]
 
 SCENE = Scene(
     "bump", (Axis("x", 0, 1), Axis("y", 0, 1)), (Phalanx("index", (0, 0)), Phalanx("middle", (0, 0)))
@@ -188,8 +184,11 @@ def test_delimiters_quotes_byte_order_marks_and_gzip_are_read(tmp_path, delimite
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [
-        ([1.7e12 + 5 * n for n in range(20)], r"found 1.7e\+12 \(in ms\? --column stamp_s=stamp_s\*0.001\)"),
-        ([17e17 + 5e6 * n for n in range(20)], r"found 1.7e\+18 \(in ns\? --column stamp_s=stamp_s\*1e-09\)"),
+        (
+            [1.7e12 + 5 * n for n in range(20)],
+            r"found 1.7e\+12 \(another unit\? --column stamp_s=stamp_s\*0.001",
+        ),
+        ([17e17 + 5e6 * n for n in range(20)], r"found 1.7e\+18 \(another unit\? .* \*1e-9 for ns"),
         ([5] * 20, "expected increasing stamps in column 'stamp_s', found 1 of 20"),
         (range(20, 0, -1), "expected increasing stamps in column 'stamp_s', found 1 of 20"),
     ],
@@ -200,12 +199,11 @@ def test_stamps_that_cannot_be_seconds_are_refused_with_the_unit(tmp_path, stamp
         read_csv(write(tmp_path / "a.csv", HEADER, rows), LINE)
 
 
-@pytest.mark.parametrize(
-    ("factor", "unit"), [(1e3, "in ms? --column stamp_s=stamp_s*0.001"), (1e9, "in ns?")]
-)
-def test_stamps_far_apart_are_reported_with_the_unit(tmp_path, factor, unit):
+@pytest.mark.parametrize("factor", [1e3, 1e9])
+def test_stamps_far_apart_are_reported_with_other_units(tmp_path, factor):
     rows = [[factor * 0.005 * n + 1, *row[1:]] for n, row in enumerate(line_rows(20))]
-    assert unit in read_csv(write(tmp_path / "a.csv", HEADER, rows), LINE).notes[0]
+    note = read_csv(write(tmp_path / "a.csv", HEADER, rows), LINE).notes[0]
+    assert "s apart (another unit? --column stamp_s=stamp_s*0.001 for ms" in note
 
 
 HEAD = ",".join(HEADER).encode()
@@ -269,18 +267,6 @@ def test_an_invalid_naming_file_is_refused(tmp_path, content):
         path.write_text(content)
     with pytest.raises(ScanError, match=str(path)):
         load_naming(path)
-
-
-def test_fabric_recordings_are_read(data_dir):
-    scene = load_scene(ROOT / "config" / "scenes" / "linen.yaml")
-    naming = load_naming(ROOT / "config" / "import" / "fabric_slide.yaml")
-    files = sorted((data_dir / "fabric_slide").glob("Linen_F250_V10mmps_*.csv"))
-    recording = read_csv(files, scene, replace(naming, speed={"x": 0.01}))
-    assert recording.notes == ()
-    for sweep in recording.sweeps:
-        assert len(sweep) > 2000
-        assert 0.58 < sweep.position[-1, 0] < 0.60
-        assert np.isfinite(sweep.strain).all()
 
 
 def test_messages_about_huge_headers_are_short(tmp_path):

@@ -118,19 +118,35 @@ def test_a_scan_without_pairs_is_not_loaded(tmp_path):
         ScanFolder(tmp_path / "scan").load()
 
 
-def test_pairs_must_fit_the_scene(tmp_path):
+def test_sweeps_are_written_one_after_the_other(tmp_path):
     with ScanWriter(tmp_path / "scan", SCENE) as writer:
         with pytest.raises(ScanError, match="expected an active sweep, found none"):
             writer.append(*pairs())
         writer.begin_sweep()
         with pytest.raises(ScanError, match="expected no active sweep, found sweep 1"):
             writer.begin_sweep()
-        stamps, position, strain = pairs()
-        for wrong in ((stamps, position[:, :1], strain), (stamps[:5], position, strain)):
-            with pytest.raises(ScanError, match="pairs: expected shapes"):
-                writer.append(*wrong)
-        with pytest.raises(ScanError, match="strain: expected finite values"):
-            writer.append(stamps, position, np.full_like(strain, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"strain": np.full((10, 16), np.nan)}, "strain: expected finite values of at most 1e.10, found nan"),
+        (
+            {"position": np.full((10, 2), 1e6)},
+            r"position: expected finite values of at most 1000, found 1e\+06",
+        ),
+        ({"position": np.zeros((10, 1))}, "expected integers and floats of shapes"),
+        ({"stamp_ns": np.zeros(10)}, "expected integers and floats"),
+    ],
+)
+def test_implausible_values_are_damage(tmp_path, changes, message):
+    scan = record(tmp_path / "scan")
+    file = tmp_path / "scan" / "sweep_0002.npz"
+    with np.load(file) as found:
+        arrays = {**found, **changes}
+    np.savez(file, **arrays)
+    with pytest.raises(ScanError, match=rf"sweep_0002\.npz: damaged, {message}"):
+        scan.load()
 
 
 def test_another_scene_is_refused(tmp_path):
