@@ -10,7 +10,7 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
 _LARGEST = 1e100
@@ -73,23 +73,6 @@ def usable(numbers: np.ndarray) -> bool:
 def _require_usable(strain: np.ndarray) -> None:
     if not usable(strain):
         raise MeasurementError(f"strain: expected finite volts, found NaN, infinity or over {_LARGEST:g}")
-
-
-def positive(name: str, value: object, size: int) -> np.ndarray:
-    """A parameter as an array (size,) of positive finite numbers; a single number applies to all.
-
-    Raises
-    ------
-    ParameterError
-        Not a number, not positive, or the wrong count.
-    """
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterError(f"{name}: expected numbers, got {value!r}") from None
-    if array.shape not in ((), (size,)) or not (np.isfinite(array).all() and (array > 0).all()):
-        raise ParameterError(f"{name}: expected one or {size} positive numbers, got {value!r}")
-    return np.broadcast_to(array, (size,)).copy()
 
 
 def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:

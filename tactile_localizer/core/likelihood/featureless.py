@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
-from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive, training_pairs
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
 from tactile_localizer.core.likelihood.gaussian import ridge
 from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.core.scan.scan import Scan
@@ -36,7 +36,7 @@ class Featureless(MeasurementModel):
     Raises
     ------
     ParameterError
-        A width that is not positive, or a lattice too large for the memory.
+        A lattice too large for the memory.
     SceneError
         The scene gives no region, or all pairs of a phalanx are on one side of it.
     """
@@ -47,8 +47,8 @@ class Featureless(MeasurementModel):
                 f"scene {scene.name}: expected a feature region for the model featureless, found none"
             )
         positions, strain = training_pairs(scan, scene)
-        position_std = positive("position_std", position_std, scene.dimension)
-        strain_std = positive("strain_std", strain_std, strain.shape[1])
+        position_std = np.broadcast_to(position_std, scene.dimension)
+        strain_std = np.broadcast_to(strain_std, strain.shape[1])
         self._layout = scene.layout
         self._phalanges = [
             _PhalanxModel(scene, phalanx, positions, strain[:, columns], position_std, strain_std[columns])

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.likelihood.base import MeasurementModel, checked, positive, training_pairs
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
 from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
@@ -26,7 +26,7 @@ class SumOfGaussians(MeasurementModel):
     Raises
     ------
     ParameterError
-        A width that is not positive, or a lattice too large for the memory.
+        A lattice too large for the memory.
     SceneError
         The scene names a phalanx that the scan does not have.
     """
@@ -39,8 +39,8 @@ class SumOfGaussians(MeasurementModel):
         self._density = KernelDensity(
             positions,
             strain,
-            positive("position_std", position_std, scene.dimension),
-            positive("strain_std", strain_std, self._layout.size),
+            np.broadcast_to(position_std, scene.dimension),
+            np.broadcast_to(strain_std, self._layout.size),
             scene.wraps,
             self._layout,
             conditional=conditional,

@@ -1,6 +1,4 @@
-"""Checks of measurements and parameters."""
-
-import math
+"""Checks of measurements."""
 
 import numpy as np
 import pytest
@@ -9,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.base import checked, flatten_axes, positive
-from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.core.likelihood.base import checked, flatten_axes
+from tactile_localizer.errors import MeasurementError
 
 TWO = ChannelLayout((8, 8))
 
@@ -45,20 +43,6 @@ def test_the_given_strain_is_not_modified():
     strain[:8] = 1.0
     checked(strain, TWO, np.array([True, False]))
     assert np.isnan(strain[8:]).all()
-
-
-@given(value=st.floats(1e-300, 1e300), size=st.integers(1, 5))
-def test_a_single_number_applies_to_all(value, size):
-    np.testing.assert_array_equal(positive("width", value, size), np.full(size, value))
-    np.testing.assert_array_equal(positive("width", [value] * size, size), np.full(size, value))
-
-
-@pytest.mark.parametrize(
-    "value", [0.0, -1.0, math.inf, math.nan, "a", None, [1.0, 2.0], [1.0, 1.0, 0.0], [[1.0] * 3]]
-)
-def test_a_parameter_that_is_not_positive_is_refused(value):
-    with pytest.raises(ParameterError, match="width: expected"):
-        positive("width", value, 3)
 
 
 def test_axes_are_flattened_in_c_order():

@@ -10,7 +10,7 @@ from support.scans import scan, scene
 
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import MeasurementError, ParameterError, SceneError
+from tactile_localizer.errors import MeasurementError, SceneError
 
 WIDTHS = (np.array([0.003, 0.004, 0.15]), 0.05)
 
@@ -82,22 +82,6 @@ def test_poses_a_turn_away_are_the_same():
         other.log_likelihood(states + np.array([0, 0, 2 * math.pi]), measured),
         atol=1e-3,
     )
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"position_std": 0.0}, "position_std: expected one or 2 positive numbers, got 0.0"),
-        ({"position_std": [1, 2, 3]}, "position_std: expected one or 2"),
-        ({"strain_std": -1.0}, "strain_std: expected one or 16 positive numbers, got -1.0"),
-        ({"strain_std": math.nan}, "strain_std"),
-        ({"strain_std": "wide"}, "strain_std: expected numbers, got 'wide'"),
-    ],
-)
-def test_an_invalid_parameter_is_named(wrong, message):
-    of, made = setting()
-    with pytest.raises(ParameterError, match=message):
-        SumOfGaussians(made, of, **({"position_std": 0.003, "strain_std": 0.05} | wrong))
 
 
 def test_a_scene_with_more_than_the_scan_is_refused():
