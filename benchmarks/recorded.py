@@ -201,6 +201,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         return localize(localizer, load_recording(path, scene), variant.odometry_noise, seed)
 
     tracks = tracks_of(test)
+    memory = localizer.model.drift.memory
     row: Row = {
         "folder": folder.name,
         "passes": variant.passes,
@@ -212,7 +213,10 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         **falsely_converged(scene, tracks, configuration.convergence_radius),
         **update_times(tracks, read_us(scan)),
         "learning_s": learning_s,
-        "learned": learned_values(calibration._asdict()),
+        "learned": {
+            **learned_values(calibration._asdict()),
+            "memory": memory if np.isfinite(memory) else "constant",
+        },
     }
     if files["blank"] is not None:
         row["false_blank"] = ever_converged(tracks_of(files["blank"]))
@@ -233,7 +237,9 @@ def learned_values(values: Mapping[str, Any]) -> Row:
     """The numbers and short arrays among learned values, by name; lengths in m."""
     known = {name: np.asarray(value) for name, value in values.items() if value is not None}
     return {
-        name: value.tolist() for name, value in known.items() if value.dtype.kind in "fi" and value.size <= 8
+        name: value.round(6).tolist()
+        for name, value in known.items()
+        if value.dtype.kind in "fi" and value.size <= 8
     }
 
 
@@ -268,7 +274,7 @@ def show(rows: Sequence[Row]) -> None:
     """Print the rows, their means, and what was learned."""
     print_rows(("folder", "passes", "lines", "noise", "seed", "sweeps"), _COLUMNS, rows, totals(rows))
     for row in rows:
-        learned = ", ".join(f"{name} {np.round(value, 6)}" for name, value in row["learned"].items())
+        learned = ", ".join(f"{name} {value}" for name, value in row["learned"].items())
         print(f"{row['folder']}, passes {row['passes']}, lines {row['lines']}: {learned}")
 
 
