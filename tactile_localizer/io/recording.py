@@ -253,7 +253,7 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
     in_range = complete & ~np.any(status & SATURATED, axis=1)
     # A position that is not finite counts as outside.
     keep = in_range & np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
-    counts = [np.count_nonzero(each) for each in (complete, in_range, keep)]
+    counts = [int(np.count_nonzero(each)) for each in (complete, in_range, keep)]
     return Screening(keep, len(keep) - counts[0], counts[0] - counts[1], counts[1] - counts[2])
 
 
