@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import ndimage
 from support.models import belief_of
 from support.scans import scene
 
@@ -84,34 +83,3 @@ def test_it_is_the_bayes_recursion_cell_by_cell():
 def test_more_cells_than_memory_is_meant_for_are_refused():
     with pytest.raises(SceneError, match="expected at most 1,000,000 cells, got 2,500,000,000"):
         GridFilter(scene(), np.array([1e-6, 1e-6]))
-
-
-def test_a_belief_that_leaves_the_scene_whole_begins_anew():
-    """By steps shorter than the scene, each of which is possible; nothing is left to normalise."""
-    grid = GridFilter(line(), np.array([0.01]))
-    grid.seed(np.array([0.45]), np.array([0.001]))
-    grid.predict(np.array([0.6]), 0.6)
-    np.testing.assert_allclose(grid.hypotheses()[1], 0.01)
-
-
-@pytest.mark.parametrize("axis", ["x", "yaw"])
-@pytest.mark.parametrize("variance", [0.1, 0.6, 2.0, 900.0])
-def test_diffusion_is_a_convolution_with_a_gaussian(axis: str, variance: float) -> None:
-    turns = axis == "yaw"
-    bounds = (-math.pi, math.pi) if turns else (0.0, 0.04)
-    motion_std = 1e-3
-    where = Axis(axis, *bounds, motion_std)
-    grid = GridFilter(
-        Scene("line", (where,), (Phalanx("index", (0.0,)),)), np.array([(bounds[1] - bounds[0]) / 40.0])
-    )
-    cell = (bounds[1] - bounds[0]) / 40.0
-    grid.seed(np.array([bounds[0] + 5.5 * cell]), np.array([1e-9]))
-    before = grid._belief.copy()
-    grid.predict(np.zeros(1), variance * (cell / motion_std) ** 2)
-    mode = "wrap" if turns else "constant"
-    if variance <= 0.6:
-        kernel = [0.5 * variance, 1.0 - variance, 0.5 * variance]
-        expected = ndimage.correlate1d(before, kernel, mode=mode)
-    else:
-        expected = ndimage.gaussian_filter1d(before, math.sqrt(variance), mode=mode)
-    assert grid._belief == pytest.approx(expected / expected.sum(), abs=1e-12)
