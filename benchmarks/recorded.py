@@ -63,10 +63,9 @@ from simulated import read_us
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status, scan_of
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.odometry import SIMULATED, with_odometry
 from tactile_localizer.offline.replay import Track, replay
@@ -131,22 +130,7 @@ def load_recording(path: Path, scene: Scene) -> Recording:
                 felt=felt[part],
             )
         )
-    return Recording(
-        str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), channels=scene.layout.counts
-    )
-
-
-def scan_of(recording: Recording) -> Scan:
-    """The samples of a recording as training pairs."""
-    sweeps = recording.sweeps
-    return Scan(
-        states=np.concatenate([sweep.position for sweep in sweeps]),
-        strain=np.concatenate([sweep.strain for sweep in sweeps]),
-        sweep=np.repeat([sweep.number for sweep in sweeps], [len(sweep) for sweep in sweeps]),
-        axes=recording.axes,
-        phalanges=recording.phalanges,
-        channels=recording.channels,
-    )
+    return Recording(str(path), tuple(sweeps))
 
 
 def with_passes(recording: Recording, passes: str, lines: int) -> Recording:
@@ -189,7 +173,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         raise ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
     axes = tuple(replace(axis, motion_std=variant.process_noise * axis.motion_std) for axis in scene.axes)
     scene = replace(scene, axes=axes)
-    scan = scan_of(with_passes(load_recording(train, scene), variant.passes, variant.lines))
+    scan = scan_of(with_passes(load_recording(train, scene), variant.passes, variant.lines), scene)
     began = time.process_time()
     calibration = learn(scan, scene)
     learning_s = time.process_time() - began

@@ -12,8 +12,6 @@ from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim import SimulatedScan, simulate_scan
-from tactile_localizer.sim.hand import PHALANGES
-from tactile_localizer.sim.scan import AXES
 
 PAIRS = 16_321
 """Number of training pairs in the paper."""
@@ -33,7 +31,7 @@ def recording_of(scan: SimulatedScan) -> Recording:
         )
         for part in scan.slices()
     )
-    return Recording(f"simulated {scan.feature}", AXES, PHALANGES, sweeps, channels=scan.channels)
+    return Recording(f"simulated {scan.feature}", sweeps)
 
 
 def shipped_scene(feature: str) -> Scene:

@@ -13,7 +13,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.csv.columns import ColumnNaming
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan, select
+from tactile_localizer.io.recording import Recording, is_bag, is_scan
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.quantity import whole_number
@@ -91,5 +91,5 @@ def read_recording(
 
         return read_bag(path, scene, by_status=False, **bag_options)
     if is_scan(Path(path)):
-        return select(ScanFolder(path).recording(), scene)
+        return ScanFolder(path).recording(scene)
     return read_csv(path, scene, naming)

@@ -6,14 +6,15 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Scene
 
@@ -97,26 +98,15 @@ class Recording:
     Parameters
     ----------
     source : path of the source, for messages
-    axes : names of the d axes of the positions
-    phalanges : names of the F phalanges, in the order of the strain columns
-    sweeps : the sweeps, in the order of the source
+    sweeps : in the order of the source, with the axes and phalanges of the scene that it was read for
     notes : one line for each part of the source that was skipped
-    channels : channels of each phalanx, C in total; empty: the default for each
     lost : number of samples of the source that could not be read; the notes say why
     """
 
     source: str
-    axes: tuple[str, ...]
-    phalanges: tuple[str, ...]
     sweeps: tuple[RecordedSweep, ...]
-    notes: tuple[str, ...] = field(default=())
-    channels: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
     lost: int = 0
-
-    @cached_property
-    def layout(self) -> ChannelLayout:
-        """Channels of the strain vector by phalanx."""
-        return ChannelLayout.of(self.channels, len(self.phalanges))
 
     def __len__(self) -> int:
         return sum(map(len, self.sweeps))
@@ -136,40 +126,29 @@ def join(recordings: Sequence[Recording]) -> Recording:
         sweeps.append(replace(sweep, number=number))
     return Recording(
         source=", ".join(recording.source for recording in recordings),
-        axes=recordings[0].axes,
-        phalanges=recordings[0].phalanges,
         sweeps=tuple(sweeps),
         notes=tuple(note for recording in recordings for note in recording.notes),
-        channels=recordings[0].channels,
         lost=sum(recording.lost for recording in recordings),
     )
 
 
-def select(recording: Recording, scene: Scene) -> Recording:
-    """Reduce a recording to the axes and phalanges of ``scene``, in the order of the scene.
+def scan_of(recording: Recording, scene: Scene) -> Scan:
+    """The samples of all sweeps as training pairs, in the order of the sweeps; ``scene`` names the columns.
 
     Raises
     ------
-    SceneError
-        The recording lacks one of them.
+    ScanError
+        There are none.
     """
-    columns, rows = scene.columns(recording.axes), scene.rows(recording.phalanges)
-    channels = scene.channels(recording.phalanges, recording.channels)
-    sweeps = tuple(
-        replace(
-            sweep,
-            position=sweep.position[:, columns],
-            strain=sweep.strain[:, channels],
-            status=sweep.status[:, rows],
-            truth=None if sweep.truth is None else sweep.truth[:, columns],
-        )
-        for sweep in recording.sweeps
-    )
-    return replace(
-        recording,
+    if not len(recording):
+        raise ScanError(f"{recording.source}: expected at least one state-measurement pair, found none")
+    sweeps = recording.sweeps
+    return Scan(
+        states=np.concatenate([sweep.position for sweep in sweeps]),
+        strain=np.concatenate([sweep.strain for sweep in sweeps]),
+        sweep=np.repeat([sweep.number for sweep in sweeps], [len(sweep) for sweep in sweeps]),
         axes=scene.axis_names,
         phalanges=scene.phalanx_names,
-        sweeps=sweeps,
         channels=scene.layout.counts,
     )
 

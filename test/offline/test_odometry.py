@@ -31,7 +31,7 @@ def recording(*lengths: int, step: float = 0.001) -> Recording:
         strain = np.arange(n)[:, None] + np.zeros(8)
         stamps = np.arange(n, dtype=np.int64) * 10**7
         sweeps.append(RecordedSweep(number, stamps, position, strain, np.zeros((n, 1), np.uint8)))
-    return Recording("strip.csv", ("x", "y"), ("index",), tuple(sweeps))
+    return Recording("strip.csv", tuple(sweeps))
 
 
 def test_exact_odometry_has_true_displacements_without_the_position() -> None:

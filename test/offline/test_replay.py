@@ -46,7 +46,7 @@ def recording() -> Recording:
         )
         for number, part in enumerate(test.slices())
     )
-    return Recording("simulated", ("x", "y"), ("index", "middle"), sweeps)
+    return Recording("simulated", sweeps)
 
 
 @cache

@@ -74,7 +74,7 @@ def bump() -> tuple[Scan, Recording]:
         for number, part in enumerate(test.slices())
     )
     scan = simulate_scan("bump", 1, sweeps=11).to_scan()
-    return scan, Recording("test", scan.axes, scan.phalanges, sweeps, channels=test.channels)
+    return scan, Recording("test", sweeps)
 
 
 @pytest.mark.slow

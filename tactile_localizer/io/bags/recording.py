@@ -137,11 +137,8 @@ def read_bag(
     samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
     return Recording(
         str(path),
-        scene.axis_names,
-        scene.phalanx_names,
         tuple(_sweep(samples, has_position, span) for span in sweeps),
         tuple(notes),
-        scene.layout.counts,
         sum(count for count, _ in messages.invalid.values()),
     )
 

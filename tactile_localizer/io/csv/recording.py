@@ -135,10 +135,7 @@ def _read_file(
         )
     notes += _unit_notes(path, table.stamp_ns, column)
     lost = table.lost + len(table.stamp_ns) - kept
-    counts = scene.layout.counts
-    return Recording(
-        str(path), scene.axis_names, scene.phalanx_names, tuple(sweeps), tuple(notes), counts, lost
-    )
+    return Recording(str(path), tuple(sweeps), tuple(notes), lost)
 
 
 class _Table(NamedTuple):

@@ -17,17 +17,17 @@ import json
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
-from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan
+from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan, scan_of
 from tactile_localizer.io.scans.sweep_files import read_recording, read_sweep, sweep_number
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.scene import Scene
 
 HISTORY, DROPPED = "history.jsonl", "dropped"
 COMPLETE, IN_PROGRESS = ".npz", ".recording"
@@ -94,33 +94,36 @@ class ScanFolder:
         ScanError
             As :meth:`sweeps`, or there are no pairs.
         """
-        sweeps = [sweep for sweep in self.sweeps() if len(sweep)]
-        if not sweeps:
-            raise ScanError(f"{self.path}: expected at least one state-measurement pair, found none")
-        numbers = [np.full(len(sweep), sweep.number) for sweep in sweeps]
-        scene = self.scene
-        return Scan(
-            np.concatenate([sweep.position for sweep in sweeps]),
-            np.concatenate([sweep.strain for sweep in sweeps]),
-            np.concatenate(numbers),
-            scene.axis_names,
-            scene.phalanx_names,
-            scene.layout.counts,
-        )
+        return scan_of(self.recording(), self.scene)
 
-    def recording(self) -> Recording:
-        """The same pairs as a recording, by sweep and with their stamps.
+    def recording(self, scene: Scene | None = None) -> Recording:
+        """The same pairs as a recording, by sweep and with their stamps; empty sweeps are left out.
+
+        Parameters
+        ----------
+        scene : has some of the scan's axes and phalanges, to which the recording is reduced; ``None``: all
 
         Raises
         ------
         ScanError
             As :meth:`sweeps`.
+        SceneError
+            The scan lacks an axis or a phalanx of ``scene``.
         """
-        scene = self.scene
-        sweeps = tuple(sweep for sweep in self.sweeps() if len(sweep))
-        return Recording(
-            str(self.path), scene.axis_names, scene.phalanx_names, sweeps, channels=scene.layout.counts
+        own, scene = self.scene, scene or self.scene
+        axes, phalanges = scene.columns(own.axis_names), scene.rows(own.phalanx_names)
+        channels = scene.channels(own.phalanx_names, own.layout.counts)
+        sweeps = tuple(
+            replace(
+                sweep,
+                position=sweep.position[:, axes],
+                strain=sweep.strain[:, channels],
+                status=sweep.status[:, phalanges],
+            )
+            for sweep in self.sweeps()
+            if len(sweep)
         )
+        return Recording(str(self.path), sweeps)
 
     def history(self) -> list[dict[str, Any]]:
         """The entries of the history, oldest first: ``at`` (ISO 8601, UTC), ``what``, and details."""

@@ -28,7 +28,7 @@ def sweep_of(number: int, x: list[float], **changes: object) -> RecordedSweep:
 
 
 def recording_of(*sweeps: RecordedSweep) -> Recording:
-    return Recording("source", ("x",), ("index",), sweeps, ("one note",))
+    return Recording("source", sweeps, ("one note",))
 
 
 def test_unusable_samples_are_skipped_and_counted(tmp_path):
