@@ -18,7 +18,7 @@ from tactile_localizer.cli.recording_options import (
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import SceneError
-from tactile_localizer.io.csv.columns import MissingColumnError, naming_to_dict
+from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, join
@@ -80,18 +80,16 @@ def run(args: argparse.Namespace) -> int:
         unit = naming.strain_unit
         detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
         try:
-            if scene is None:
-                scene = _proposed(args, propose_scene(Path(args.output).name, args.files, naming, args.poses))
-            scene.cells(_CELL_M / levers(scene))
+            scene = scene or _proposed(args, naming)
             recording = read_csv(args.files, scene, naming, poses=args.poses, max_gap_s=args.max_gap)
         except MissingColumnError as error:
             print(error.template)
             raise
     else:
-        scene = load_scene(given_or_shipped(args.scene, "config/scenes"))
-        scene.cells(_CELL_M / levers(scene))
+        assert scene is not None
         detail |= {"detect_sweeps": args.detect_sweeps}
         recording = join([_read_bag(file, args, scene) for file in args.files])
+    scene.cells(_CELL_M / levers(scene))
     report = import_recording(
         recording,
         scene,
@@ -108,9 +106,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _proposed(args: argparse.Namespace, proposal: tuple[Scene, list[str]]) -> Scene:
-    """Write a proposed scene and print what was assumed."""
-    scene, assumptions = proposal
+def _proposed(args: argparse.Namespace, naming: ColumnNaming) -> Scene:
+    """Propose a scene, write it and print what was assumed."""
+    scene, assumptions = propose_scene(Path(args.output).name, args.files, naming, args.poses)
     path = Path(f"{args.output}.scene.yaml")
     if path.exists():
         raise SceneError(

@@ -233,5 +233,6 @@ def test_bounds_that_the_recording_does_not_cover_are_reported(folder, capsys):
     )
     sheet = Scene("sheet", (Axis("x", -3.0, 63.0), Axis("y", -3.0, 63.0)), SCENE.phalanges)
     save_scene(sheet, folder / "sheet.yaml")
-    assert main(["import", "csv", "own.csv", "--scene", "sheet.yaml", "-o", "two_scan"]) == 2
+    arguments = "own.csv --column y=x --column middle=index_1..8 --scene sheet.yaml -o two_scan"
+    assert main(["import", "csv", *arguments.split()]) == 2
     assert "cells, got 1,089,000,000 for the bounds" in capsys.readouterr().err

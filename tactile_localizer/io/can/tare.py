@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import reprlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.status import OK
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.io.yaml_file import load_yaml
+from tactile_localizer.io.yaml_file import load_yaml, mapping
+from tactile_localizer.quantity import number
 
 MIN_SAMPLES = 10
 """Fewest valid samples per phalanx for a tare; the average has a third of the noise of a sample."""
@@ -108,13 +109,9 @@ def _read(path: Path) -> dict[str, list[float]]:
 
 
 def _offsets(content: Any) -> dict[str, list[float]]:
-    stored = content or {}
-    if not isinstance(stored, dict) or not all(_is_offset(values) for values in stored.values()):
-        raise ParameterError("expected a list of voltages for each phalanx")
+    stored = dict(mapping(content or {}, "tare"))
+    for name, values in stored.items():
+        if not isinstance(values, list):
+            raise ParameterError(f"{name}: expected a list of voltages, got {reprlib.repr(values)}")
+        stored[name] = [number(value, str(name)) for value in values]
     return stored
-
-
-def _is_offset(values: object) -> bool:
-    return isinstance(values, list) and all(
-        isinstance(value, int | float) and math.isfinite(value) for value in values
-    )

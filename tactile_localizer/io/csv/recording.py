@@ -13,7 +13,7 @@ import csv
 import gzip
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
 from itertools import cycle
 from pathlib import Path
@@ -91,41 +91,36 @@ def read_csv(
 def _read_file(
     path: Path, scene: Scene, naming: ColumnNaming, pose_path: Path | None, max_gap_s: float
 ) -> Recording:
-    notes: list[str] = []
-    recorded = {axis: naming.of(axis) for axis in scene.axis_names if axis not in naming.speed}
-    own = {} if pose_path else recorded
-    strain = {phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}
-    table = _read_table(path, scene, naming, "stamp_s", {**own, **strain}, len(own))
-    notes += table.notes
-    poses = None
+    axes = {axis: naming.of(axis) for axis in scene.axis_names if axis not in naming.speed}
+    phalanges = {phalanx.name: naming.of_phalanx(phalanx) for phalanx in scene.phalanges}
+    table = _read_table(path, scene, naming, "stamp_s", phalanges if pose_path else {**axes, **phalanges})
+    notes = table.notes
+    found = np.ones(len(table.stamp_ns), dtype=bool)
     if pose_path:
         named = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
-        poses = _read_table(pose_path, scene, naming, named, recorded, len(recorded))
+        poses = _read_table(pose_path, scene, naming, named, axes)
         notes += poses.notes
-        rows = in_order(poses.stamp_ns, f"rows of {pose_path}", notes)
-        poses = poses._replace(stamp_ns=poses.stamp_ns[rows], values=poses.values[rows])
+        poses = poses.part(in_order(poses.stamp_ns, f"rows of {pose_path}", notes))
+        kinds = tuple(axis for axis in scene.axes if axis.name in axes)
+        place = np.hstack([poses.columns[name] for name in axes])
+        place, found = interpolate_poses(kinds, poses.stamp_ns, place, table.stamp_ns, max_gap_s)
+        table.columns.update(zip(axes, place.T[:, :, None], strict=True))
     sweeps, kept = [], 0
     for number in dict.fromkeys(table.sweep.tolist()):
         rows = np.flatnonzero(table.sweep == number)
         rows = rows[in_order(table.stamp_ns[rows], f"rows of {path}", notes)]
         kept += len(rows)
-        stamp_ns, values = table.stamp_ns[rows], table.values[rows]
-        columns = dict(zip(recorded, values.T, strict=False))
-        found = np.ones(len(rows), dtype=bool)
-        if poses is not None:
-            axes = tuple(axis for axis in scene.axes if axis.name in recorded)
-            place, found = interpolate_poses(axes, poses.stamp_ns, poses.values, stamp_ns, max_gap_s)
-            columns = dict(zip(recorded, place.T, strict=True))
+        own = table.part(rows)
         for axis in scene.axes:
             if axis.name in naming.speed:
-                columns[axis.name] = _travelled(stamp_ns, naming.speed[axis.name], axis)
-        position = near_bounds(scene.axes, np.column_stack([columns[name] for name in scene.axis_names]))
-        voltage = values[:, len(own) : len(own) + scene.layout.size]
-        voltage[~np.isfinite(voltage)] = math.nan
-        felt = values[:, -1] > 0.0 if table.has_felt else None
-        status = missing_status(voltage, scene.layout)
-        sweep = RecordedSweep(int(number), stamp_ns, position, voltage, status, felt=felt)
-        sweeps.append(sweep.part(found, sweep.number, gaps=int(np.sum(~found))))
+                own.columns[axis.name] = _travelled(own.stamp_ns, naming.speed[axis.name], axis)[:, None]
+        position = near_bounds(scene.axes, np.hstack([own.columns[name] for name in scene.axis_names]))
+        strain = np.hstack([own.columns[name] for name in scene.phalanx_names])
+        strain[~np.isfinite(strain)] = math.nan
+        status = missing_status(strain, scene.layout)
+        felt = own.columns[_FELT][:, 0] > 0.0 if _FELT in own.columns else None
+        sweep = RecordedSweep(int(number), own.stamp_ns, position, strain, status, felt=felt)
+        sweeps.append(sweep.part(found[rows], sweep.number, gaps=int(np.sum(~found[rows]))))
     column = naming.of("stamp_s")
     if 2 * kept < len(table.stamp_ns):
         raise ScanError(
@@ -139,25 +134,27 @@ def _read_file(
 
 
 class _Table(NamedTuple):
-    """Valid rows of a file: ``stamp_ns`` (n,), ``sweep`` (n,), ``values`` (n, k) in SI units, and notes."""
+    """Valid rows of a file.
+
+    ``stamp_ns`` (n,), ``sweep`` (n,), and ``columns`` by quantity, (n, 1) or (n, channels) in SI units.
+    """
 
     stamp_ns: np.ndarray
     sweep: np.ndarray
-    values: np.ndarray
-    has_felt: bool
+    columns: dict[str, np.ndarray]
     notes: list[str]
     lost: int
 
+    def part(self, rows: np.ndarray) -> _Table:
+        """The rows with these indices."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return self._replace(stamp_ns=self.stamp_ns[rows], sweep=self.sweep[rows], columns=columns)
+
 
 def _read_table(
-    path: Path,
-    scene: Scene,
-    naming: ColumnNaming,
-    stamp: str,
-    wanted: dict[str, Columns],
-    positions: int,
+    path: Path, scene: Scene, naming: ColumnNaming, stamp: str, wanted: Mapping[str, Columns]
 ) -> _Table:
-    """Rows with the columns of ``wanted``, of which the first ``positions`` must be finite."""
+    """Rows with the columns of ``wanted``, of which the axes come first and must be finite."""
     rows = read_rows(path)
     _, header = next(rows, (0, []))
     for phalanx in scene.phalanges:
@@ -172,11 +169,12 @@ def _read_table(
         return header.index(name)
 
     number = naming.of("sweep").names[0]
-    has_sweep, has_felt = "sweep" in naming.columns or number in header, _FELT in header
+    has_sweep = "sweep" in naming.columns or number in header
+    wanted = {**wanted, _FELT: Columns((_FELT,))} if _FELT in header else wanted
+    positions = sum(name in scene.axis_names for name in wanted)
     time = naming.of(stamp)
     columns = [index(stamp, time.names[0]), index("sweep", number) if has_sweep else -1]
     columns += [index(what, name) for what, each in wanted.items() for name in each.names]
-    columns += [header.index(_FELT)] if has_felt else []
     samples: list[tuple[int, int, list[float]]] = []
     lost, first = 0, ""
     for line, cells in rows:
@@ -195,9 +193,12 @@ def _read_table(
             f"{float(latest / (time.scale * 10**9)):.6g}{_in_other_unit(stamp, time)}"
         )
     note = f"skipped {lost} of {total} rows of {path} that are not numbers (first: {first})"
-    scales = [float(each.scale) for each in wanted.values() for _ in each.names]
-    scaled = np.array(values) * [*scales, *[1.0] * has_felt]
-    return _Table(np.array(stamps), np.array(sweeps), scaled, has_felt, [note] if lost else [], lost)
+    ends = np.cumsum([len(each.names) for each in wanted.values()])
+    parts = np.split(np.array(values), ends[:-1], axis=1)
+    scaled = {
+        name: float(each.scale) * part for (name, each), part in zip(wanted.items(), parts, strict=True)
+    }
+    return _Table(np.array(stamps), np.array(sweeps), scaled, [note] if lost else [], lost)
 
 
 def _numbers(
