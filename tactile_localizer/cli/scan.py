@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="totals, history, and findings that need attention")
     info.set_defaults(work=_info)
     info.add_argument("--json", action="store_true", help="print them as JSON, with every sweep")
-    plot = actions.add_parser("plot", help="draw the tactile map, the sweeps and neighbouring values")
+    plot = actions.add_parser("plot", help="draw the sweeps and the tactile map")
     plot.set_defaults(work=_plot)
     plot.add_argument(
         "-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR", help="folder (default out/plot)"

@@ -56,8 +56,7 @@ def run(args: argparse.Namespace) -> int:
 def _write(args: argparse.Namespace, path: Path) -> None:
     scan, scene = scan_from_arguments(args)
     recording = odometry_from_arguments(args, scene).recording
-    view = ReplayView(scan, scene, path)
     with progress_bars() as progress:
         localizer, _ = localizer_from_arguments(args, scan, scene, progress)
-        written = view.replay(localizer, recording, progress)
+        written = ReplayView(scan, localizer, path).replay(recording, progress)
     print(f"{len(recording.sweeps)} sweeps, {written} updates")

@@ -100,6 +100,7 @@ def replay(
     recording: Recording,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.perf_counter,
+    observe: Callable[[RecordedSweep, int, Estimate], None] | None = None,
 ) -> list[Track]:
     """Localize each sweep of a recording from a uniform prior.
 
@@ -109,6 +110,7 @@ def replay(
     recording : recording whose positions are the odometry, with the axes and phalanges of the localizer
     progress : called with a description of the work and the completed fraction
     clock : clock for the computing time of the localizer, s
+    observe : called with the sweep, the row and the estimate of each sample
     """
     tracks = []
     done, total = 0, max(len(recording), 1)
@@ -125,6 +127,8 @@ def replay(
             except MeasurementError:
                 continue  # counted as refused
             estimates.append(row, estimate, clock() - began)
+            if observe is not None:
+                observe(sweep, row, estimate)
         done += len(sweep)
         tracks.append(estimates.track(sweep))
     if progress is not None:

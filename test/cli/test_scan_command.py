@@ -100,7 +100,7 @@ def test_info_of_an_empty_scan(tmp_path, capsys):
 def test_plot_draws_every_figure(scan, capsys):
     assert main(["scan", "plot", "bump_scan", "-o", "figures", "--dpi", "30"]) == 0
     drawn = capsys.readouterr().out.split()
-    assert {"figures/map_index.png", "figures/sweeps.png"} <= set(drawn)
+    assert {"figures/map_index.png", "figures/map.png"} <= set(drawn)
     for name in drawn:
         assert (scan.parent / name).read_bytes().startswith(b"\x89PNG")
 

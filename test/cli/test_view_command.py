@@ -41,7 +41,7 @@ def test_a_view_is_saved_with_belief_truth_strains_and_reason(folder, monkeypatc
         timeout=60,
     )
     entities = listed.stdout + listed.stderr
-    for entity in ("material/map", "material/belief", "material/truth", "strain/index/measured", "reason"):
+    for entity in ("material/map", "material/belief", "material/truth", "strain/index", "reason"):
         assert f"/{entity}" in entities
 
 

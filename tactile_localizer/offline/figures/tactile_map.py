@@ -1,4 +1,4 @@
-"""Figures of a scan: the tactile map (paper, Fig. 3 and 4), sweep paths, neighbours' values (Fig. 6)."""
+"""Figures of a scan: the paths of the sweeps and the tactile map (paper, Fig. 3 and 4)."""
 
 from __future__ import annotations
 
@@ -12,20 +12,15 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
-from scipy.spatial import cKDTree
+from matplotlib.patches import Rectangle
 
-from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tactile_map import TactileMap, axis_scale, make_map
-from tactile_localizer.offline.axes import display_units, label_axis, legend_below, literal
+from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
+from tactile_localizer.offline.axes import MM, display_units, label_axis, legend_below, literal
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
 _NO_DATA = "0.82"
-_NEIGHBOURS = 4
-_OUTLINE = 61
-"""Points along each side of a region's outline."""
 
 MAX_CHANNELS = 48
 """Channels of a phalanx shown at most."""
@@ -58,13 +53,10 @@ class DrawnScan:
 
 def scan_figures(drawn: DrawnScan) -> dict[str, Figure]:
     """Every figure of a scan, by the name of its file."""
-    figures = {"sweeps": sweep_paths(drawn)}
     is_plane = len(drawn.map.axes) == 2
-    if is_plane:
-        figures["map"] = map_pair(drawn)
+    figures = {"map": map_pair(drawn)} if is_plane else {}
     for phalanx in drawn.scan.phalanges:
         figures[f"map_{phalanx}"] = (map_sheet if is_plane else profile_sheet)(drawn, phalanx)
-        figures[f"neighbours_{phalanx}"] = neighbour_values(drawn, phalanx)
     return figures
 
 
@@ -147,69 +139,6 @@ def profile_sheet(drawn: DrawnScan, phalanx: str) -> Figure:
     return figure
 
 
-def sweep_paths(drawn: DrawnScan) -> Figure:
-    """Paths of the palm, coloured by the order of the sweeps, with a dot where each begins."""
-    scan, numbers = drawn.scan, drawn.scan.sweep_numbers
-    size = (8, 7) if len(scan.axes) > 1 else (9, 2 + 0.25 * len(numbers))
-    figure = Figure(figsize=size, layout="constrained")
-    plot = figure.subplots()
-    _draw_sweeps(plot, scan)
-    label_axis(plot, "x", scan.axes[0])
-    if len(scan.axes) > 1:
-        _draw_bounds(plot, drawn.scene)
-        label_axis(plot, "y", scan.axes[1])
-    else:
-        plot.set_ylabel("sweep")
-        plot.set_yticks(numbers)
-    plot.set_title(drawn.title(f"{len(numbers)} sweeps, {len(scan)} pairs; dots are where sweeps begin"))
-    return figure
-
-
-def neighbour_values(drawn: DrawnScan, phalanx: str) -> Figure:
-    """Strain along a sweep beside that of its nearest neighbours (paper, Fig. 6).
-
-    Shown is the channel that varies most, along the sweep on which it varies most. The neighbours are the
-    nearest pairs of the four nearest sweeps, one of each: pairs are much denser along a sweep than sweeps
-    are, so that the nearest pairs would all lie on one sweep. Values in separate bands mean that the
-    measurement distribution is multimodal there.
-    """
-    scan = drawn.scan
-    channels = scan.layout.slices[scan.phalanges.index(phalanx)]
-    channel = int(np.argmax(scan.strain[:, channels].std(axis=0)))
-    values = scan.strain[:, channels.start + channel]
-    sweep = int(max(scan.sweep_numbers, key=lambda number: values[scan.sweep == number].std()))
-    mine = scan.sweep == sweep
-    x = display_units(scan.axes[0], scan.states[mine, 0])
-    figure = Figure(figsize=(10, 5.5), layout="constrained")
-    plot = figure.subplots()
-    for index, (number, nearest) in enumerate(_nearest_by_sweep(drawn, values, sweep).items()):
-        colour = colormaps["tab10"](index % 10)
-        plot.plot(x, nearest, ".", markersize=2.5, color=colour, label=f"sweep {number}")
-    plot.plot(x, values[mine], "k", linewidth=1.0, label=f"sweep {sweep}")
-    plot.set_ylabel(f"channel {channel + 1} of {literal(phalanx)}, {literal(drawn.unit)}")
-    plot.margins(x=0)
-    label_axis(plot, "x", scan.axes[0])
-    plot.legend(title="nearest pairs of", markerscale=4, fontsize=8)
-    plot.set_title(drawn.title(f"strain along sweep {sweep}, and of the nearest pairs of other sweeps"))
-    return figure
-
-
-def _nearest_by_sweep(drawn: DrawnScan, values: np.ndarray, sweep: int) -> dict[int, np.ndarray]:
-    """Nearest value of each other sweep to each pair of ``sweep``; NaN where four sweeps are nearer."""
-    scan, scene = drawn.scan, drawn.scene
-    states = scan.positions_on(scene) * axis_scale(scene)
-    path = states[scan.sweep == sweep]
-    others = [number for number in scan.sweep_numbers if number != sweep]
-    distances, nearest = np.empty((len(others), len(path))), np.empty((len(others), len(path)))
-    for row, number in enumerate(others):
-        here = scan.sweep == number
-        distances[row], index = cKDTree(states[here]).query(path)
-        nearest[row] = values[here][index]
-    rank = distances.argsort(axis=0).argsort(axis=0)
-    nearest[rank >= _NEIGHBOURS] = np.nan
-    return {int(number): row for number, row in zip(others, nearest, strict=True) if np.isfinite(row).any()}
-
-
 def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> QuadMesh:
     """Draw the map of one channel and the feature's region; all channels have the same colour scale."""
     tactile_map = drawn.map
@@ -246,23 +175,18 @@ def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:
 
 
 def _draw_sweeps(plot: Axes, scan: Scan) -> None:
-    """Draw paths coloured by order, with a dot where each begins; on one axis, one above the other."""
+    """Draw paths coloured by order, with a dot where each begins."""
     numbers = scan.sweep_numbers
     for colour, number in zip(colormaps["viridis"](np.linspace(0, 0.9, len(numbers))), numbers, strict=True):
-        x, *others = _path(scan, number)
-        y = others[0] if others else np.full(len(x), number)
+        x, y = _path(scan, number)
         plot.plot(x, y, color=colour, linewidth=1.0)
         plot.plot(x[:1], y[:1], "o", color=colour, markersize=4)
 
 
 def _path(scan: Scan, number: int) -> list[np.ndarray]:
-    """First axes of a sweep in display units; NaN where a yaw wraps, so that no line is drawn there."""
-    path = []
-    for axis, values in zip(scan.axes[:2], scan.states[scan.sweep == number].T, strict=False):
-        over = np.flatnonzero(np.abs(np.diff(values)) > np.pi) if axis == "yaw" else np.empty(0, dtype=int)
-        path.append(display_units(axis, values))
-        path[-1][over] = np.nan
-    return path
+    """First two axes of a sweep, in display units."""
+    states = scan.states[scan.sweep == number]
+    return [display_units(axis, states[:, column]) for column, axis in enumerate(scan.axes[:2])]
 
 
 def _draw_bounds(plot: Axes, scene: Scene) -> None:
@@ -281,33 +205,15 @@ def _palm_limits(region: Region, phalanx: Phalanx, scene: Scene) -> tuple[np.nda
     return lower, upper
 
 
-def _palm_outline(region: Region, phalanx: Phalanx, scene: Scene) -> np.ndarray:
-    """Palm positions on the first two axes that have the phalanx on the region's edge, (n, 2), m (yaw: rad).
-
-    Where one of them is a yaw, the phalanx's offset along the other turns with it.
-    """
-    lower, upper = _palm_limits(region, phalanx, scene)
-    along = 0 if scene.axis_names[0] == "yaw" else 1
-    across = 1 - along
-    states = np.zeros((_OUTLINE, scene.dimension))
-    states[:, along] = np.linspace(lower[along], upper[along], _OUTLINE)
-    offset = turned_offsets(scene, phalanx, states)[:, across]
-    sides = []
-    for limit in (region.lower, region.upper):
-        side = states[:, :2].copy()
-        side[:, across] = np.clip(limit[across] - offset, scene.lower[across], scene.upper[across])
-        sides.append(side)
-    return np.concatenate([sides[0], sides[1][::-1]])
-
-
 def _outline(plot: Axes, scene: Scene, phalanx: str) -> None:
-    """Outline the feature's region, if the scene has one."""
-    if scene.feature is None:
+    """Outline the feature's region, if the scene has one; with a yaw it is no rectangle."""
+    if scene.feature is None or "yaw" in scene.axis_names[:2]:
         return
-    edge = _palm_outline(scene.feature, _phalanx(scene, phalanx), scene)
-    corners = [display_units(name, edge[:, column]) for column, name in enumerate(scene.axis_names[:2])]
-    shape = np.stack(corners, axis=1)
-    plot.add_patch(Polygon(shape, fill=False, edgecolor="black", linewidth=1.2, label="feature of the scene"))
+    lower, upper = (MM * limit[:2] for limit in _palm_limits(scene.feature, _phalanx(scene, phalanx), scene))
+    width, height = upper - lower
+    plot.add_patch(
+        Rectangle(tuple(lower), width, height, fill=False, linewidth=1.2, label="feature of the scene")
+    )
 
 
 def _phalanx(scene: Scene, name: str) -> Phalanx:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
-from matplotlib.patches import Polygon
+from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_sheet, neighbour_values, scan_figures
+from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_sheet, scan_figures
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = Scene(
@@ -33,9 +33,8 @@ def meshes(figure):
     return [artist for plot in figure.axes for artist in plot.collections if isinstance(artist, QuadMesh)]
 
 
-def test_a_scan_over_two_axes_has_a_sheet_and_neighbours_for_each_phalanx(scan):
-    expected = ["sweeps", "map", "map_index", "neighbours_index", "map_middle", "neighbours_middle"]
-    assert list(scan_figures(DrawnScan(scan, SCENE))) == expected
+def test_a_scan_over_two_axes_has_a_sheet_for_each_phalanx(scan):
+    assert list(scan_figures(DrawnScan(scan, SCENE))) == ["map", "map_index", "map_middle"]
 
 
 def test_all_channels_share_one_symmetric_colour_scale(scan):
@@ -52,8 +51,10 @@ def test_all_channels_share_one_symmetric_colour_scale(scan):
 def test_the_region_is_outlined_in_palm_coordinates(scan):
     scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
     figure = scan_figures(DrawnScan(scan, scene))["map_index"]
-    (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Polygon))
-    np.testing.assert_allclose(box.get_path().get_extents().extents, [20.0, 5.0, 30.0, 25.0])
+    (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle))
+    np.testing.assert_allclose(
+        box.get_extents().transformed(figure.axes[0].transData.inverted()).extents, [20.0, 5.0, 30.0, 25.0]
+    )
     drawn = figure.axes[0].get_children()
     (mesh,) = (artist for artist in drawn if isinstance(artist, QuadMesh))
     assert drawn.index(box) > drawn.index(mesh), "what is drawn later lies above"
@@ -68,23 +69,15 @@ def test_axes_have_millimetres_and_inches(scan):
     np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
 
 
-def test_neighbours_are_from_other_sweeps(scan):
-    figure = neighbour_values(DrawnScan(scan, SCENE), "index")
-    labels = figure.axes[0].get_legend_handles_labels()[1]
-    assert labels[-1] == "sweep 6"
-    assert 4 <= len(labels) - 1 <= 8
-    assert "sweep 6" not in labels[:-1]
-
-
 def test_a_scan_over_one_axis_has_profiles(scan):
     scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.0,)),), Region((0.02,), (0.03,)))
     line = Scan(scan.states[:, :1], scan.strain[:, :8], scan.sweep, ("x",), ("index",))
     figures = scan_figures(DrawnScan(line, scene, "counts"))
-    assert list(figures) == ["sweeps", "map_index", "neighbours_index"]
+    assert list(figures) == ["map_index"]
     assert len(figures["map_index"].axes) == 8
 
 
 def test_a_single_sweep_can_be_drawn(scan, tmp_path):
     figures = scan_figures(DrawnScan(scan.select(scan.sweep == 3), SCENE))
-    for name in ("sweeps", "map", "neighbours_index"):
-        figures[name].savefig(tmp_path / f"{name}.png", dpi=30)
+    for name, figure in figures.items():
+        figure.savefig(tmp_path / f"{name}.png", dpi=30)
