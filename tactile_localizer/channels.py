@@ -87,10 +87,6 @@ class ChannelLayout:
             return np.asarray(self._reshaped(flags).all(axis=-1))
         return np.logical_and.reduceat(flags, self._starts, axis=-1)
 
-    def min(self, values: np.ndarray) -> np.ndarray:
-        """Minimum over the channels of each phalanx, (..., C) to (..., F)."""
-        return np.minimum.reduceat(values, self._starts, axis=-1)
-
     def place(self, element: int) -> tuple[int, int]:
         """Phalanx index of an element of the strain vector, and its channel number there, from 1."""
         phalanx = int(self.phalanx[element])

@@ -92,24 +92,33 @@ class Counts:
     skew_ns: int = 0
 
 
+@dataclass(slots=True)
 class _LoadCell:
-    """Newest sample of a load cell."""
+    """Newest sample of a load cell.
 
-    __slots__ = (
-        *("began_ns", "counter", "counts", "cycle", "have", "is_open", "parts", "sent", "sequence", "span"),
-    )
+    Attributes
+    ----------
+    parts : frames per sample
+    span : values of the counter; 0 without a counter
+    counter : ``None`` before the first sample
+    sequence : unwrapped counter
+    cycle : number of its cycle
+    began_ns : stamp of its first frame
+    sent : its frames; 0 for the first sample, of which some were sent before reception began
+    have : bit mask of its received frames
+    is_open : whether its cycle is open
+    """
 
-    def __init__(self, parts: int, bits: int) -> None:
-        self.parts = parts  # frames per sample
-        self.span = 1 << bits if bits else 0  # values of the counter; 0 without a counter
-        self.counts = PhalanxCounts()
-        self.counter: int | None = None  # None before the first sample
-        self.sequence = 0  # unwrapped counter
-        self.cycle = 0  # number of its cycle
-        self.began_ns = 0  # stamp of its first frame
-        self.sent = 0  # its frames; 0 for the first sample, of which some were sent before reception began
-        self.have = 0  # bit mask of its received frames
-        self.is_open = False  # whether its cycle is open
+    parts: int
+    span: int
+    counts: PhalanxCounts = field(default_factory=PhalanxCounts)
+    counter: int | None = None
+    sequence: int = 0
+    cycle: int = 0
+    began_ns: int = 0
+    sent: int = 0
+    have: int = 0
+    is_open: bool = False
 
 
 class CycleAssembler:
@@ -124,8 +133,8 @@ class CycleAssembler:
 
     def __init__(self, protocol: LoadCellProtocol, period_s: float = 0.0) -> None:
         phalanx_of = [message.phalanx for message in protocol.messages]
-        bits = {message.phalanx: message.counter_bits for message in protocol.messages}
-        self._cells = [_LoadCell(phalanx_of.count(p), bits[p]) for p in range(len(protocol.phalanges))]
+        spans = {message.phalanx: message.counter_span for message in protocol.messages}
+        self._cells = [_LoadCell(phalanx_of.count(p), spans[p]) for p in range(len(protocol.phalanges))]
         self._slots = [
             (self._cells[p], 1 << phalanx_of[:slot].count(p), protocol.bytes_of(slot))
             for slot, p in enumerate(phalanx_of)

@@ -81,9 +81,9 @@ class LoadCellMessage:
         return dlc2len(len2dlc(self.definition.length))
 
     @property
-    def counter_bits(self) -> int:
-        """Width of the counter, 0 without one."""
-        return self.counter.length if self.counter else 0
+    def counter_span(self) -> int:
+        """Number of values of the counter, 0 without one."""
+        return 1 << self.counter.length if self.counter else 0
 
 
 def load_dbc(path: str | Path) -> Database:
@@ -168,7 +168,7 @@ def compile_layout(
             by_name = {signal.name: signal for signal in message.signals}
             contained = {columns[name]: signal for name, signal in by_name.items() if name in columns}
             own.append(LoadCellMessage(message, index, contained, by_name.get(counter), by_name.get(status)))
-        if len({message.counter_bits for message in own}) > 1:
+        if len({message.counter_span for message in own}) > 1:
             raise CanError(
                 f"phalanx {phalanx!r}: expected {counter!r} of one width in all of {_names(definitions)}, "
                 "or in none"

@@ -42,10 +42,10 @@ def tare_offset(
     strain = np.array([cycle.strain for cycle in cycles]).reshape(-1, layout.size)
     status = np.array([cycle.status for cycle in cycles]).reshape(-1, len(phalanges))
     valid = layout.expand(status == OK) & np.isfinite(strain)
-    for name, count in zip(phalanges, layout.min(valid.sum(axis=0)), strict=True):
-        if count < MIN_SAMPLES:
+    for name, counts in zip(phalanges, layout.split(valid.sum(axis=0)), strict=True):
+        if counts.min() < MIN_SAMPLES:
             raise MeasurementError(
-                f"tare: expected at least {MIN_SAMPLES} valid samples of {name}, got {count}"
+                f"tare: expected at least {MIN_SAMPLES} valid samples of {name}, got {counts.min()}"
             )
     spread = np.std(strain, axis=0, where=valid)
     worst = int(np.argmax(spread))

@@ -68,24 +68,6 @@ def test_kernel_filters_are_set(monkeypatch: pytest.MonkeyPatch) -> None:
     bus.shutdown()
 
 
-def test_a_bus_that_refuses_filters_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    closed = []
-
-    class Refusing(FilteringBus):
-        def _apply_filters(self, filters: Any) -> None:
-            if filters:
-                raise AttributeError("no filters")  # interfaces raise what they like
-
-        def shutdown(self) -> None:
-            closed.append(self)
-            super().shutdown()
-
-    monkeypatch.setattr(can, "Bus", lambda interface, channel: Refusing(channel))
-    with pytest.raises(CanError, match="CAN bus socketcan refusing: could not set its options: no f"):
-        open_bus(BusSettings("socketcan", "refusing"), protocol())
-    assert len(closed) == 1
-
-
 @pytest.mark.parametrize(
     ("interface", "options", "reason"),
     [

@@ -278,14 +278,6 @@ def test_stop_takes_less_than_a_second(line: Callable[..., Line], state: str) ->
         one.opened[-1].recv(0)
 
 
-def test_the_reader_can_be_restarted(line: Callable[..., Line]) -> None:
-    one = line()
-    assert one.reader.stop()
-    one.reader.start()
-    one.send(5)
-    one.wait_for(5)
-
-
 def test_adapter_stamps_are_replaced(
     line: Callable[..., Line],
 ) -> None:
