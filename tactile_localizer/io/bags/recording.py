@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -105,11 +106,11 @@ def read_bag(
         names["active"]: Wanted("std_msgs/msg/Bool", change_of_activity),
     }
     if adapter is None:
-        strains = Wanted("tactile_localizer/msg/StrainVectors", _Strains(scene).convert)
-        messages = read_messages(path, {**wanted, names["strain"]: strains})
+        wanted[names["strain"]] = _strain(scene)
     else:
         names["strain"] = f"/{adapter.sources[0].topic.lstrip('/')}"
-        messages = read_messages(path, {**wanted, **_adapted(adapter, scene)})
+        wanted |= _adapted(adapter, scene)
+    messages = read_messages(path, wanted)
     found = {name: messages.by_topic.get(topic, []) for name, topic in names.items()}
     for name in ("strain", "pose"):
         if not found[name]:
@@ -176,29 +177,26 @@ def _positions(
     return stamp_ns[rows], position[rows]
 
 
-class _Strains:
-    """Converts ``StrainVectors`` messages to the phalanges of a scene."""
+def _strain(scene: Scene) -> Wanted:
+    """``StrainVectors`` reduced to the phalanges of a scene; raises MeasurementError or SceneError."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._indices: dict[Any, tuple[np.ndarray, np.ndarray, int]] = {}
+    @cache
+    def indices(names: tuple[str, ...], counts: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, int]:
+        if len(counts) not in (0, len(names)):
+            raise MeasurementError(f"channels: expected {len(names)} numbers, got {len(counts)}")
+        size = ChannelLayout.of(counts, len(names)).size
+        return scene.rows(names), scene.channels(names, counts), size
 
-    def convert(self, message: Any, received_ns: int) -> StrainVector:
-        """Stamp, strain (C,) and status (F,); raises MeasurementError or SceneError."""
-        names, counts = tuple(message.phalanges), tuple(message.channels)
-        if (names, counts) not in self._indices:
-            if len(counts) not in (0, len(names)):
-                raise MeasurementError(f"channels: expected {len(names)} numbers, got {len(counts)}")
-            size = ChannelLayout.of(counts, len(names)).size
-            rows, channels = self._scene.rows(names), self._scene.channels(names, counts)
-            self._indices[names, counts] = rows, channels, size
-        rows, channels, size = self._indices[names, counts]
-        if len(message.strain) != size or len(message.status) != len(names):
+    def convert(message: Any, received_ns: int) -> StrainVector:
+        rows, channels, size = indices(tuple(message.phalanges), tuple(message.channels))
+        if len(message.strain) != size or len(message.status) != len(message.phalanges):
             raise MeasurementError(
-                f"strain: expected {size} values and {len(names)} statuses, "
+                f"strain: expected {size} values and {len(message.phalanges)} statuses, "
                 f"got {len(message.strain)} and {len(message.status)}"
             )
         return StrainVector(stamp_of(message), message.strain[channels], message.status[rows])
+
+    return Wanted("tactile_localizer/msg/StrainVectors", convert)
 
 
 def _adapted(adapter: StrainAdapter, scene: Scene) -> Mapping[str, Wanted]:
@@ -207,14 +205,14 @@ def _adapted(adapter: StrainAdapter, scene: Scene) -> Mapping[str, Wanted]:
     channels = scene.channels(adapter.phalanges, adapter.layout.counts)
     adapter.reset()
 
-    def converter(topic: str) -> Wanted:
-        def convert(message: Any, received_ns: int) -> StrainVector | None:
-            vector = adapter.feed(topic, message, received_ns)
-            return vector and StrainVector(vector.stamp_ns, vector.strain[channels], vector.status[rows])
+    def convert(topic: str, message: Any, received_ns: int) -> StrainVector | None:
+        vector = adapter.feed(topic, message, received_ns)
+        return vector and StrainVector(vector.stamp_ns, vector.strain[channels], vector.status[rows])
 
-        return Wanted(adapter.topics[topic], convert)
-
-    return {f"/{topic.lstrip('/')}": converter(topic) for topic in adapter.topics}
+    return {
+        f"/{topic.lstrip('/')}": Wanted(kind, partial(convert, topic))
+        for topic, kind in adapter.topics.items()
+    }
 
 
 def _topics(messages: BagMessages) -> str:
