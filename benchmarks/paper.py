@@ -27,12 +27,11 @@ from rich.console import Console
 from rows import Row, in_parallel
 from simulated import recording_of, shipped_scene
 
-from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import Track, replay
-from tactile_localizer.offline.table import Table
 from tactile_localizer.offline.tradeoff import BINS, bin_centres
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim import simulate_scan
@@ -299,15 +298,11 @@ def main() -> None:
 
     with np.errstate(invalid="ignore"):
         checked = [finding.row() for finding in findings(values)]
-    print_tables(
-        [
-            Table("Findings of the paper", ("verdict", "statement", "section", "measured"), checked),
-            Table(
-                "False alarms, % of all sweeps",
-                ("method", "low trace", "high likelihood", "probability"),
-                [false_alarms(rows, method) for method in METHODS],
-            ),
-        ]
+    print_table("Findings of the paper", ("verdict", "statement", "section", "measured"), checked, text=True)
+    print_table(
+        "False alarms, % of all sweeps",
+        ("method", "low trace", "high likelihood", "probability"),
+        [false_alarms(rows, method) for method in METHODS],
     )
     given.out.mkdir(parents=True, exist_ok=True)
     for feature in given.features:

@@ -1,22 +1,22 @@
-"""Progress display: bars on a terminal, a line every 10 s elsewhere."""
+"""Progress bars on a terminal."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 
-_PLAIN_EVERY_S = 10.0
-
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """Context with a function that shows a description of the work and its completed fraction on stderr."""
+    """Context with a function that shows a description of the work and its completed fraction on stderr.
+
+    Nothing is shown where stderr is no terminal.
+    """
     console = Console(stderr=True, markup=False, emoji=False)
     if not console.is_terminal:
-        yield _plain(console)
+        yield lambda text, fraction: None
         return
     # This slow import is needed on a terminal only.
     from rich.progress import (
@@ -43,16 +43,3 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
             progress.update(tasks[text], completed=fraction)
 
         yield show
-
-
-def _plain(console: Console) -> Callable[[str, float], None]:
-    last: dict[str, float] = {}
-
-    def show(text: str, fraction: float) -> None:
-        now = time.monotonic()
-        # Work that takes less than the interval prints nothing.
-        if now - last.setdefault(text, now) >= _PLAIN_EVERY_S:
-            last[text] = now
-            console.print(f"{text}: {fraction:.0%}", highlight=False, soft_wrap=True)
-
-    return show

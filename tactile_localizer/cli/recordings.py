@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.library import read_recording
-from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, random_starts, with_odometry
+from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_odometry
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
@@ -99,33 +99,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -
     add_gap_argument(parser)
 
 
-def add_start_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare random starts in the recordings."""
-    parser.add_argument(
-        "--starts", type=int, metavar="N", help="start N times, at random samples of the recording"
-    )
-    parser.add_argument(
-        "--travel", type=float, metavar="M", help="travel of each start, m (default: to the sweep's end)"
-    )
-
-
-def check_starts(args: argparse.Namespace) -> None:
-    """Check the options of ``add_start_arguments``.
-
-    Raises
-    ------
-    ParameterError
-        A number out of range, or a travel without starts.
-    """
-    if args.starts is not None and args.starts < 1:
-        raise ParameterError(f"--starts: expected at least 1, got {args.starts}")
-    if args.travel is not None and not args.travel > 0:
-        raise ParameterError(f"--travel: expected a positive number of metres, got {args.travel}")
-    if args.travel is not None and args.starts is None:
-        raise ParameterError("--travel: expected --starts with it, found none")
-
-
-def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, bool]:
+def read_recordings(args: argparse.Namespace, scene: Scene, paths: Sequence[str]) -> tuple[Recording, bool]:
     """The joined recordings, and whether their positions are true (otherwise they are the arm's).
 
     Raises
@@ -133,14 +107,14 @@ def read_recordings(args: argparse.Namespace, scene: Scene) -> tuple[Recording, 
     ScanError
         A recording cannot be read, or only some of them are bags.
     """
-    bags = [is_bag(Path(path)) for path in args.recordings]
+    bags = [is_bag(Path(path)) for path in paths]
     if any(bags):
         if not all(bags):
-            raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
+            raise ScanError(f"{paths[bags.index(False)]}: expected only bags beside a bag")
         options = bag_options(args, scene)
-        return join([read_recording(path, scene, **options) for path in args.recordings]), False
-    tables = [path for path in args.recordings if not is_scan(Path(path))]
-    read = [read_recording(path, scene) for path in args.recordings if path not in tables]
+        return join([read_recording(path, scene, **options) for path in paths]), False
+    tables = [path for path in paths if not is_scan(Path(path))]
+    read = [read_recording(path, scene) for path in paths if path not in tables]
     if tables:
         naming = naming_from_arguments(args, scene, imported_columns(args.scan))
         read.append(read_csv(tables, scene, naming, poses=args.poses, max_gap_s=args.max_gap))
@@ -153,37 +127,22 @@ def imported_columns(scan: str) -> Mapping[str, Any]:
     return found[-1] if found and isinstance(found[-1], Mapping) else {}
 
 
-class Recordings(NamedTuple):
-    """Recordings of the command line, as read and as input of the localizer.
-
-    Parameters
-    ----------
-    recorded : recording as read
-    recording : recording whose positions are odometry; with ``--starts``, from random starts
-    kind : kind of the odometry
-    """
-
-    recorded: Recording
-    recording: Recording
-    kind: str
-
-
-def odometry_from_arguments(args: argparse.Namespace, scene: Scene) -> Recordings:
-    """The recordings of ``add_recording_arguments`` with odometry.
+def odometry_from_arguments(
+    args: argparse.Namespace, scene: Scene, paths: Sequence[str]
+) -> tuple[Recording, str]:
+    """Recordings of ``add_recording_arguments``, whose positions are odometry, and the kind of the odometry.
 
     Raises
     ------
     ScanError
-        As :func:`read_recordings`, or no sweep is long enough for a start.
+        As :func:`read_recordings`.
     """
-    recorded, true_positions = read_recordings(args, scene)
-    # The noise must not use the random stream of the localizer, which is that of the filter node.
-    recording, noise = recorded, np.random.default_rng([args.seed, 1])
-    if getattr(args, "starts", None) is not None:
-        recording = random_starts(recording, scene, args.starts, args.travel, noise)
+    recording, true_positions = read_recordings(args, scene, paths)
     if not true_positions:
-        return Recordings(recorded, recording, RECORDED)
-    return Recordings(recorded, with_odometry(recording, scene, noise, args.odometry), args.odometry)
+        return recording, RECORDED
+    # The noise must not use the random stream of the localizer, which is that of the filter node.
+    noise = np.random.default_rng([args.seed, 1])
+    return with_odometry(recording, scene, noise, args.odometry), args.odometry
 
 
 def localizer_from_arguments(

@@ -14,15 +14,13 @@ from tactile_localizer.cli.recordings import (
     add_configuration_arguments,
     add_recording_arguments,
     add_scan_arguments,
-    add_start_arguments,
-    check_starts,
     configuration_from_arguments,
     localizer_from_arguments,
     odometry_from_arguments,
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
@@ -33,7 +31,6 @@ from tactile_localizer.offline.metrics import with_contact, wrong_sweeps
 from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
-from tactile_localizer.offline.table import Table
 from tactile_localizer.scene import Scene
 
 NOT_LOCALIZED = 1
@@ -46,17 +43,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration_arguments(parser)
     add_seed_argument(parser)
     add_recording_arguments(parser)
-    add_start_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error along the travel (*.png)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and print errors and convergence; 0 if every sweep converged to the right position, else 1."""
-    check_starts(args)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
-    recorded, recording, odometry = odometry_from_arguments(args, scene)
+    recording, odometry = odometry_from_arguments(args, scene, args.recordings)
     with progress_bars() as progress:
         localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
         tracks = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
@@ -66,29 +61,29 @@ def run(args: argparse.Namespace) -> int:
     )
     if args.json is not None:
         write_json(args.json, document, rows="updates")
-        print(f"{args.json}: {len(document['updates'])} updates")
+        print(f"{args.json}: {document['summary']['strains']} updates")
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure  # matplotlib takes a second
 
         args.plot.parent.mkdir(parents=True, exist_ok=True)
         replay_figure(scene, tracks).savefig(args.plot, dpi=120)
         print(args.plot)
-    for line in (*recording.notes, *_misfit(scan, scene, recorded, odometry)):
+    for line in (*recording.notes, *_misfit(scan, scene, recording, odometry)):
         print(f"note: {printable(line)}")
     _print(document, args.scan)
     return _verdict(scene, tracks, configuration.convergence_radius)
 
 
-def _misfit(scan: Scan, scene: Scene, recorded: Recording, odometry: str) -> list[str]:
+def _misfit(scan: Scan, scene: Scene, recording: Recording, odometry: str) -> list[str]:
     """A warning if strains or positions are outside the range of the scan."""
     bounds = ScanRange.of(scan, scene)
     beyond, outside = [np.zeros(0, bool)], [np.zeros(0, bool)]
-    for sweep in recorded.sweeps:
+    for sweep in recording.sweeps:
         beyond.append(bounds.strains_outside(sweep.strain, usable(sweep.status)))
         if odometry == RECORDED:
             outside.append(bounds.positions_outside(sweep.position, sweep.position[:1].sum(axis=0)))
-        else:
-            inside = (sweep.position >= scene.lower) & (sweep.position <= scene.upper)
+        elif sweep.truth is not None:
+            inside = (sweep.truth >= scene.lower) & (sweep.truth <= scene.upper)
             outside.append(~(inside | scene.wraps).all(axis=1))
     strains, positions = (np.concatenate(parts) for parts in (beyond, outside))
     found = describe_misfit(float(strains.mean()), float(positions.mean())) if len(strains) else ""
@@ -109,7 +104,7 @@ def _print(document: dict[str, Any], scan: str) -> None:
     if summary["contacts"]:
         print(f"travel counts from contact, which {summary['contacts']} sweeps reach")
     if summary["error_m"]["count"]:
-        print_tables([_table(summary)])
+        _print_errors(summary)
         if "error_rad" in summary and summary["error_rad"]["count"]:
             middle, largest = (np.degrees(summary["error_rad"][name]) for name in ("median", "max"))
             print(f"yaw error {middle:.2f}° (median), {largest:.2f}° (largest)")
@@ -131,7 +126,7 @@ def _print(document: dict[str, Any], scan: str) -> None:
         )
 
 
-def _table(summary: dict[str, Any]) -> Table:
+def _print_errors(summary: dict[str, Any]) -> None:
     after = summary["error_after_travel_m"].items()
     rows = {f"after {float(mark) * MM:g} mm" if float(mark) else "at contact": error for mark, error in after}
     names = {"error_m": "all samples", "error_contact_m": "in contact", "error_converged_m": "converged"}
@@ -141,7 +136,7 @@ def _table(summary: dict[str, Any]) -> Table:
         for title, error in rows.items()
         if error["count"]
     ]
-    return Table("", ("error", "number", "median mm", "mean mm", "largest mm"), cells)
+    print_table("", ("error", "number", "median mm", "mean mm", "largest mm"), cells)
 
 
 def _verdict(scene: Scene, tracks: Sequence[Track], radius: float) -> int:

@@ -13,20 +13,16 @@ from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
     add_scan_arguments,
-    add_start_arguments,
-    check_starts,
     odometry_from_arguments,
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.cli.tables import print_tables
+from tactile_localizer.cli.tables import print_table
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.figures.tradeoff import tradeoff_figure
 from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.table import Table
 from tactile_localizer.offline.tradeoff import (
     Candidate,
     Trade,
@@ -38,14 +34,12 @@ from tactile_localizer.offline.tradeoff import (
     trade,
     within_budget,
 )
-from tactile_localizer.scene import Scene
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     add_scan_arguments(parser)
     add_recording_arguments(parser)
-    add_start_arguments(parser)
     add_seed_argument(parser)
     parser.add_argument(
         "--configurations",
@@ -77,9 +71,8 @@ def run(args: argparse.Namespace) -> int:
         value = getattr(args, name)
         if value is not None and not value > 0:
             raise ParameterError(f"--{name.replace('_', '-')}: expected a positive number, got {value}")
-    check_starts(args)
     scan, scene = scan_from_arguments(args)
-    recordings = [_recording(args, path, scene) for path in args.recordings]
+    recordings = [odometry_from_arguments(args, scene, [path])[0] for path in args.recordings]
     names = args.configurations
     measured = [Candidate(Path(name).stem, named_configuration(name)) for name in names or ()]
     with progress_bars() as progress:
@@ -93,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
             cluster=args.cluster,
             progress=progress,
         )
-    print_tables([_table(trades, args.recordings)])
+    _print(trades, args.recordings)
     args.output.mkdir(parents=True, exist_ok=True)
     truth = np.concatenate([sweep.truth for one in recordings for sweep in one.sweeps])
     tradeoff_figure(trades, scene, sweep_axis(scene, truth)).savefig(args.output / "tradeoff.png", dpi=120)
@@ -114,12 +107,6 @@ def run(args: argparse.Namespace) -> int:
             args.output,
         )
     return 0
-
-
-def _recording(args: argparse.Namespace, path: str, scene: Scene) -> Recording:
-    """One of the recordings of the command line, with odometry."""
-    own = argparse.Namespace(**{**vars(args), "recordings": [path]})
-    return odometry_from_arguments(own, scene).recording
 
 
 def _write_choice(request: str, found: Trade | None, nearest: Trade, folder: Path) -> int:
@@ -159,8 +146,8 @@ def _row(one: Trade, recordings: Sequence[str]) -> dict[str, object]:
     }
 
 
-def _table(trades: Sequence[Trade], recordings: Sequence[str]) -> Table:
-    """A row per candidate, from fast to slow; those on the Pareto front are marked."""
+def _print(trades: Sequence[Trade], recordings: Sequence[str]) -> None:
+    """Print a row per candidate, from fast to slow; those on the Pareto front are marked."""
     front = pareto_front(trades)
     several = len(recordings) > 1
     rows = [
@@ -192,4 +179,4 @@ def _table(trades: Sequence[Trade], recordings: Sequence[str]) -> Table:
         "measurement update, median and 99th percentile, and per millimetre of travel. *: no other candidate "
         "is both more accurate and faster per millimetre."
     )
-    return Table("Accuracy and computing time", columns, rows, note)
+    print_table("Accuracy and computing time", columns, rows, note)

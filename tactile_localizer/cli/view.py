@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _write(args: argparse.Namespace, path: Path) -> None:
     scan, scene = scan_from_arguments(args)
-    recording = odometry_from_arguments(args, scene).recording
+    recording, _ = odometry_from_arguments(args, scene, args.recordings)
     with progress_bars() as progress:
         localizer, _ = localizer_from_arguments(args, scan, scene, progress)
         written = ReplayView(scan, localizer, path).replay(recording, progress)

@@ -18,13 +18,20 @@ from tactile_localizer.offline.metrics import position_error, summarize, timing,
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
 
+_BLOCK = 4096
+"""Rows that are made at once."""
+
 
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
-    """What was learned from a scan, by name, with units."""
+    """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
     is_textured = model.map.featureless_variance is None
+    memory = model.drift.memory
+    noise = np.linalg.norm(np.linalg.inv(model.noise.whitening), axis=1)
     return {
         "material": "textured everywhere" if is_textured else "featureless between features",
         "information length": f"{calibration.information_length * MM:.1f} mm",
+        "memory of the offset": f"{memory * MM:.0f} mm" if np.isfinite(memory) else "constant",
+        "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
         "registration": _sizes(scene, calibration.registration_std),
     }
 
@@ -67,54 +74,37 @@ def replay_document(
         "learned": dict(learned),
         "scene": scene_to_dict(scene),
         "axes": scene.axis_names,
-        "updates": Updates(scene, tracks),
+        "updates": updates(scene, tracks),
     }
 
 
-class Updates:
-    """Rows of all estimates of a replay, made in blocks: those of an hour take more than a gigabyte.
-
-    Parameters
-    ----------
-    scene : scene of the localizer
-    tracks : estimates, one track per sweep
-    """
-
-    BLOCK = 4096
-
-    def __init__(self, scene: Scene, tracks: Sequence[Track]) -> None:
-        self._scene, self._tracks = scene, tracks
-
-    def __len__(self) -> int:
-        return sum(map(len, self._tracks))
-
-    def __iter__(self) -> Iterator[dict[str, Any]]:
-        for track in self._tracks:
-            for begin in range(0, len(track), self.BLOCK):
-                yield from self._rows(track, slice(begin, begin + self.BLOCK))
-
-    def _rows(self, track: Track, part: slice) -> Iterator[dict[str, Any]]:
-        columns: dict[str, Any] = {
-            "stamp_s": [stamp_ns / 1e9 for stamp_ns in track.stamp_ns[part].tolist()],
-            "stamp_ns": track.stamp_ns[part],
-            "sweep": [track.number] * len(track.stamp_ns[part]),
-            "mean": track.mean[part],
-            "covariance": track.covariance[part],
-            "trace": track.trace[part],
-            "converged": track.converged[part],
-            "state": [state.value for state in track.state[part]],
-            "reason": list(track.reason[part]),
-            "probability": track.probability[part],
-            "on_map": track.on_map[part],
-            "log_marginal": track.log_marginal[part],
-            "updated": track.updated[part],
-            "travel_m": track.travel[part],
-            "truth": _known(track, part),
-            "error_m": position_error(self._scene, track)[part],
-        }
-        if "yaw" in self._scene.axis_names:
-            columns["error_rad"] = yaw_error(self._scene, track)[part]
-        return plain_columns(columns)
+def updates(scene: Scene, tracks: Sequence[Track]) -> Iterator[dict[str, Any]]:
+    """Rows of all estimates of a replay, made in blocks: those of an hour take more than a gigabyte."""
+    for track in tracks:
+        errors, yaw_errors = position_error(scene, track), yaw_error(scene, track)
+        for begin in range(0, len(track), _BLOCK):
+            part = slice(begin, begin + _BLOCK)
+            columns: dict[str, Any] = {
+                "stamp_s": [stamp_ns / 1e9 for stamp_ns in track.stamp_ns[part].tolist()],
+                "stamp_ns": track.stamp_ns[part],
+                "sweep": [track.number] * len(track.stamp_ns[part]),
+                "mean": track.mean[part],
+                "covariance": track.covariance[part],
+                "trace": track.trace[part],
+                "converged": track.converged[part],
+                "state": [state.value for state in track.state[part]],
+                "reason": list(track.reason[part]),
+                "probability": track.probability[part],
+                "on_map": track.on_map[part],
+                "log_marginal": track.log_marginal[part],
+                "updated": track.updated[part],
+                "travel_m": track.travel[part],
+                "truth": _known(track, part),
+                "error_m": errors[part],
+            }
+            if "yaw" in scene.axis_names:
+                columns["error_rad"] = yaw_errors[part]
+            yield from plain_columns(columns)
 
 
 def _known(track: Track, part: slice) -> list[list[float] | None]:

@@ -1,4 +1,4 @@
-"""Odometry from true positions, and random starts."""
+"""Odometry from true positions."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.offline.odometry import (
     EXACT,
     SIMULATED,
     displacements,
-    random_starts,
     travelled,
     with_odometry,
 )
@@ -72,25 +70,3 @@ def test_yaw_is_followed_along_the_shortest_arc() -> None:
 def test_travel_is_the_sum_of_the_steps() -> None:
     way = travelled(SCENE, np.array([[0.0, 0.0], [0.003, 0.004], [0.0, 0.0]]))
     np.testing.assert_allclose(way, [0.0, 0.005, 0.01])
-
-
-def test_random_starts_have_the_given_length() -> None:
-    source = recording(100, 30, 200)
-    pieces = random_starts(source, SCENE, 40, 0.08, np.random.default_rng(1)).sweeps
-    assert [piece.number for piece in pieces] == list(range(1, 41))
-    for piece in pieces:
-        assert travelled(SCENE, piece.position)[-1] == pytest.approx(0.08)
-        assert piece.strain[0, 0] == round((piece.position[0, 0] - 0.3) / 0.001)
-    assert len({float(piece.position[0, 0]) for piece in pieces}) > 20
-
-
-def test_without_a_length_starts_continue_to_the_sweep_end() -> None:
-    pieces = random_starts(recording(100), SCENE, 10, None, np.random.default_rng(1)).sweeps
-    assert {float(piece.strain[-1, 0]) for piece in pieces} == {99.0}
-
-
-def test_starts_longer_than_every_sweep_are_refused() -> None:
-    with pytest.raises(ScanError, match=r"120.0 mm .* 99.0 mm"):
-        random_starts(recording(100), SCENE, 5, 0.12, np.random.default_rng(1))
-    with pytest.raises(ScanError, match=r"longest is 0.0 mm"):
-        random_starts(recording(100, step=0.0), SCENE, 5, None, np.random.default_rng(1))

@@ -18,9 +18,9 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
+from tactile_localizer.offline import replay_document
 from tactile_localizer.offline.json_file import plain, plain_columns, write_json
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.offline.replay_document import Updates
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
@@ -151,7 +151,7 @@ def test_updates_do_not_depend_on_the_block_size(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracks = replay(localizer(), recording)
-    whole = list(Updates(SCENE, tracks))
-    assert len(whole) == len(Updates(SCENE, tracks)) == len(recording)
-    monkeypatch.setattr(Updates, "BLOCK", 7)
-    assert list(Updates(SCENE, tracks)) == whole
+    whole = list(replay_document.updates(SCENE, tracks))
+    assert len(whole) == len(recording)
+    monkeypatch.setattr(replay_document, "_BLOCK", 7)
+    assert list(replay_document.updates(SCENE, tracks)) == whole
