@@ -48,7 +48,6 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
-import gzip
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -65,7 +64,8 @@ from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.configuration_file import load_configuration
-from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status, scan_of
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.recording import Recording, scan_of
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.odometry import SIMULATED, with_odometry
 from tactile_localizer.offline.replay import Track, replay
@@ -92,45 +92,13 @@ class Variant(NamedTuple):
 
 
 def load_recording(path: Path, scene: Scene) -> Recording:
-    """Sweeps of a file, in the order of the scene's axes and channels.
-
-    Raises
-    ------
-    ScanError
-        A column is missing.
-    """
-    with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
-        header = file.readline().strip().split(",")
-        values = np.loadtxt(file, delimiter=",", ndmin=2)
-    strain = [
-        f"{phalanx}_{number + 1}"
-        for phalanx, count in zip(scene.phalanx_names, scene.layout.counts, strict=True)
-        for number in range(count)
+    """Sweeps of a file; without a column ``felt``, all samples count as in contact."""
+    recording = read_csv(path, scene)
+    felt = [
+        np.ones(len(sweep), dtype=bool) if sweep.felt is None else sweep.felt for sweep in recording.sweeps
     ]
-    expected = ["stamp_s", "sweep", *scene.axis_names, *strain]
-    if missing := set(expected) - set(header):
-        raise ScanError(f"{path}: expected columns {', '.join(expected)}, missing {', '.join(missing)}")
-
-    def columns(names: Sequence[str]) -> np.ndarray:
-        return values[:, [header.index(name) for name in names]]
-
-    sweeps = []
-    number = columns(["sweep"])[:, 0].astype(int)
-    felt = columns(["felt"])[:, 0] > 0 if "felt" in header else np.ones(len(values), dtype=bool)
-    for one in np.unique(number):
-        part = number == one
-        own = columns(strain)[part]
-        sweeps.append(
-            RecordedSweep(
-                number=int(one),
-                stamp_ns=np.round(1e9 * columns(["stamp_s"])[part, 0]).astype(np.int64),
-                position=columns(scene.axis_names)[part],
-                strain=own,
-                status=missing_status(own, scene.layout),
-                felt=felt[part],
-            )
-        )
-    return Recording(str(path), tuple(sweeps))
+    sweeps = [replace(sweep, felt=each) for sweep, each in zip(recording.sweeps, felt, strict=True)]
+    return replace(recording, sweeps=tuple(sweeps))
 
 
 def with_passes(recording: Recording, passes: str, lines: int) -> Recording:
