@@ -7,12 +7,10 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.cli.progress import progress_bars
 from tactile_localizer.errors import ScanError, printable
 from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.folder import ScanFolder
@@ -53,10 +51,7 @@ def _info(args: argparse.Namespace) -> int:
     folder = ScanFolder(args.scan)
     sweeps, history = folder.sweeps(), folder.history()
     pairs = sum(map(len, sweeps))
-    found = ["no pairs"]
-    if pairs:
-        with progress_bars() as progress:
-            found = findings(folder.load(), folder.scene, sweeps, partial(progress, "checking the scan"))
+    found = findings(folder.load(), folder.scene, sweeps) if pairs else ["no pairs"]
     document = {
         "scan": str(folder.path),
         "scene": scene_to_dict(folder.scene),

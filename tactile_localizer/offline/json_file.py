@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,27 +28,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     return value
-
-
-def plain_columns(columns: Mapping[str, np.ndarray | list[Any]]) -> Iterator[dict[str, Any]]:
-    """Rows of columns of equal length, converted as by :func:`plain` but faster."""
-    lists = [column if isinstance(column, list) else _entries(column) for column in columns.values()]
-    return (dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True))
-
-
-def _entries(column: np.ndarray) -> list[Any]:
-    finite = np.isfinite(column)
-    return (column if finite.all() else np.where(finite, column.astype(object), np.array(None))).tolist()
-
-
-def _line(row: Any) -> str:
-    try:
-        return _ENCODER.encode(row)
-    except ValueError:
-        return json.dumps(plain(row))
-
-
-_ENCODER = json.JSONEncoder(allow_nan=False, default=plain)
 
 
 def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = None) -> None:
@@ -75,7 +54,7 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
                 return
             file.write(f'{text[:-2]},\n "{rows}": [\n')
             for number, row in enumerate(value[rows]):
-                file.write((",\n" if number else "") + _line(row))
+                file.write((",\n" if number else "") + json.dumps(plain(row)))
             file.write("\n]\n}\n")
     except OSError as error:
         raise ScanError(f"{path}: expected to write results, {error.strerror}") from None

@@ -7,7 +7,7 @@ prior.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,8 +40,6 @@ class Track:
     on_map : (n,) probability that the palm is on the map
     log_marginal : (n,) log marginal likelihood, nats
     updated : (n,) bool, whether the sample led to a measurement update
-    moved : (n,) travel according to the localizer, m
-    consistent : (n, F) bool, phalanges that are not stuck
     reason : n texts, the reason for each state
     truth : (n, d) true positions, or ``None``
     travel : (n,) travel from the start of the sweep, m, along the truth if all of it is known
@@ -60,8 +58,6 @@ class Track:
     on_map: np.ndarray
     log_marginal: np.ndarray
     updated: np.ndarray
-    moved: np.ndarray
-    consistent: np.ndarray
     reason: tuple[str, ...]
     truth: np.ndarray | None
     travel: np.ndarray
@@ -116,8 +112,12 @@ def replay(
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
-        estimates, present = _Estimates(localizer.scene, len(sweep)), usable(sweep.status)
-        samples = zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, present, strict=True)
+        rows: list[int] = []
+        estimates: list[Estimate] = []
+        seconds: list[float] = []
+        samples = zip(
+            sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True
+        )
         for row, (stamp_ns, position, strain, here) in enumerate(samples):
             if progress is not None and row % _REPORT_EVERY == 0:
                 progress("replaying", (done + row) / total)
@@ -126,72 +126,45 @@ def replay(
                 estimate = localizer.update(stamp_ns, position, strain, here)
             except MeasurementError:
                 continue  # counted as refused
-            estimates.append(row, estimate, clock() - began)
+            seconds.append(clock() - began)
+            rows.append(row)
+            estimates.append(estimate)
             if observe is not None:
                 observe(sweep, row, estimate)
         done += len(sweep)
-        tracks.append(estimates.track(sweep))
+        tracks.append(_track(localizer.scene, sweep, rows, estimates, seconds))
     if progress is not None:
         progress("replaying", 1.0)
     return tracks
 
 
-class _Estimates:
-    """Arrays of the estimates along a sweep of at most ``count`` samples; an hour has a million."""
-
-    def __init__(self, scene: Scene, count: int) -> None:
-        d = scene.dimension
-        self._scene, self._count = scene, 0
-        self._row = np.empty(count, dtype=np.intp)
-        self._mean, self._covariance = np.empty((count, d)), np.empty((count, d, d))
-        self._numbers = np.empty((count, 5))
-        self._updated = np.empty(count, dtype=bool)
-        self._consistent = np.empty((count, len(scene.phalanges)), dtype=bool)
-        self._state: list[State] = []
-        self._reason: list[str] = []
-
-    def append(self, row: int, estimate: Estimate, seconds: float) -> None:
-        """Add the estimate of a sample and its computing time."""
-        n = self._count
-        self._row[n] = row
-        self._mean[n], self._covariance[n] = estimate.mean, estimate.covariance
-        self._numbers[n] = (
-            estimate.probability,
-            estimate.on_map,
-            estimate.log_marginal,
-            estimate.travel,
-            seconds,
-        )
-        self._updated[n], self._consistent[n] = estimate.updated, estimate.consistent
-        self._state.append(estimate.state)
-        self._reason.append(estimate.reason)
-        self._count += 1
-
-    def track(self, sweep: RecordedSweep) -> Track:
-        """Track of the estimates along ``sweep``."""
-        n = self._count
-        row = self._row[:n]
-        probability, on_map, log_marginal, moved, seconds = self._numbers[:n].T.copy()
-        reference = sweep.position
-        if sweep.truth is not None and np.isfinite(sweep.truth).all():
-            reference = sweep.truth
-        return Track(
-            number=sweep.number,
-            row=row,
-            stamp_ns=sweep.stamp_ns[row],
-            mean=self._mean[:n],
-            covariance=self._covariance[:n],
-            state=tuple(self._state),
-            probability=probability,
-            on_map=on_map,
-            log_marginal=log_marginal,
-            updated=self._updated[:n],
-            moved=moved,
-            consistent=self._consistent[:n],
-            reason=tuple(self._reason),
-            truth=None if sweep.truth is None else sweep.truth[row],
-            travel=travelled(self._scene, reference)[row],
-            seconds=seconds,
-            refused=len(sweep) - n,
-            contact=sweep.contact,
-        )
+def _track(
+    scene: Scene,
+    sweep: RecordedSweep,
+    rows: Sequence[int],
+    estimates: Sequence[Estimate],
+    seconds: Sequence[float],
+) -> Track:
+    """Track of the estimates at some rows of a sweep."""
+    d, row = scene.dimension, np.array(rows, dtype=np.intp)
+    reference = sweep.position
+    if sweep.truth is not None and np.isfinite(sweep.truth).all():
+        reference = sweep.truth
+    return Track(
+        number=sweep.number,
+        row=row,
+        stamp_ns=sweep.stamp_ns[row],
+        mean=np.array([estimate.mean for estimate in estimates]).reshape(-1, d),
+        covariance=np.array([estimate.covariance for estimate in estimates]).reshape(-1, d, d),
+        state=tuple(estimate.state for estimate in estimates),
+        probability=np.array([estimate.probability for estimate in estimates]),
+        on_map=np.array([estimate.on_map for estimate in estimates]),
+        log_marginal=np.array([estimate.log_marginal for estimate in estimates]),
+        updated=np.array([estimate.updated for estimate in estimates], dtype=bool),
+        reason=tuple(estimate.reason for estimate in estimates),
+        truth=None if sweep.truth is None else sweep.truth[row],
+        travel=travelled(scene, reference)[row],
+        seconds=np.array(seconds),
+        refused=len(sweep) - len(row),
+        contact=sweep.contact,
+    )

@@ -13,7 +13,6 @@ from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, display_units
-from tactile_localizer.offline.json_file import plain_columns
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
@@ -104,7 +103,8 @@ def updates(scene: Scene, tracks: Sequence[Track]) -> Iterator[dict[str, Any]]:
             }
             if "yaw" in scene.axis_names:
                 columns["error_rad"] = yaw_errors[part]
-            yield from plain_columns(columns)
+            for row in zip(*columns.values(), strict=True):
+                yield dict(zip(columns, row, strict=True))
 
 
 def _known(track: Track, part: slice) -> list[list[float] | None]:

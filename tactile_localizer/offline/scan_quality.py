@@ -1,11 +1,11 @@
-"""Checks of a scan: losses, coverage, spacing of the lines, dead or saturated channels, repeated recordings.
+"""Checks of a scan: coverage, spacing of the lines, dead or saturated channels, copies, early endings.
 
 The thresholds are judgement, each with its reason; the user decides what to do about a finding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,9 +18,6 @@ from tactile_localizer.scene import Scene
 
 _MIN_PAIRS = 50
 """Pairs below which a channel cannot be checked."""
-
-_LOSS = 0.05
-"""Fraction of a sweep's samples lost to gaps, or skipped, that is reported."""
 
 _COVERED = 0.5
 """Coverage of the bounds below which it is reported: a margin around the scan is no defect."""
@@ -50,12 +47,7 @@ _NEIGHBOURS = 8
 """Nearest pairs among which one of another sweep is looked for."""
 
 
-def findings(
-    scan: Scan,
-    scene: Scene,
-    sweeps: Sequence[RecordedSweep],
-    progress: Callable[[float], None] = lambda fraction: None,
-) -> list[str]:
+def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[str]:
     """Findings about a scan that may need attention.
 
     Parameters
@@ -63,40 +55,15 @@ def findings(
     scan : the pairs
     scene : its bounds
     sweeps : as stored
-    progress : called with the completed fraction of the checks, 0 to 1
     """
-    checks = (
-        _amount(scan),
-        _losses(sweeps),
-        _coverage(scan, scene),
-        _lines(scan),
-        _channels(scan),
-        copied_sweeps(scan),
-    )
-    found: list[str] = []
-    for done, check in enumerate(checks, start=1):
-        found += check
-        progress(done / len(checks))
-    return found
-
-
-def _amount(scan: Scan) -> Iterator[str]:
-    if len(scan) < _MIN_PAIRS:
-        yield f"only {len(scan)} pairs: too few to check the channels"
+    found = [
+        f"sweep {sweep.number}: its recording {sweep.ending}, after {len(sweep)} pairs"
+        for sweep in sweeps
+        if sweep.ending != ENDED
+    ]
     if len(scan.sweep_numbers) == 1:
-        yield "only one sweep: the noise between sweeps cannot be estimated"
-
-
-def _losses(sweeps: Sequence[RecordedSweep]) -> Iterator[str]:
-    for sweep in sweeps:
-        if sweep.ending != ENDED:
-            yield f"sweep {sweep.number}: its recording {sweep.ending}, after {len(sweep)} pairs"
-        total = len(sweep) + sweep.gaps + sweep.skipped
-        if sweep.gaps > _LOSS * total:
-            yield f"sweep {sweep.number}: {sweep.gaps} of {total} samples fell into gaps of the palm poses"
-        if sweep.skipped > _LOSS * total:
-            reasons = "missing, saturated or out of bounds"
-            yield f"sweep {sweep.number}: {sweep.skipped} of {total} samples were {reasons}"
+        found.append("only one sweep: the noise between sweeps cannot be estimated")
+    return [*found, *_coverage(scan, scene), *_lines(scan), *_channels(scan), *copied_sweeps(scan)]
 
 
 def _coverage(scan: Scan, scene: Scene) -> Iterator[str]:
