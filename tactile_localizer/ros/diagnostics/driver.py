@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import copy
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_localizer.io.can.assembler import PhalanxCounts
 from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.error_frames import ERROR_KINDS
 from tactile_localizer.io.can.protocol import FrameKind
 from tactile_localizer.io.can.reader import OPEN
-from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 
 _MIN_JUMPS = 10
 _JUMPS_FRACTION = 0.2
@@ -52,140 +50,110 @@ class DriverDiagnostics:
         self._bus = bus
         self._stale_timeout_s = stale_timeout_s
         self._strain_publishers = strain_publishers
-        self._previous_errors = driver.status.errors.copy()
-        self._previous = copy.deepcopy(driver.counts)
-        self._previous_drops = driver.status.queue_drops
+        self._new_on_bus = Increments()
+        self._new_of_phalanx = [Increments() for _ in driver.protocol.phalanges]
         self._previous_s = time.monotonic()
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Status of the bus, followed by one status per phalanx."""
         now_s = time.monotonic()
-        elapsed_s = max(now_s - self._previous_s, 1e-3)
-        counts, previous = copy.deepcopy(self._driver.counts), self._previous
-        drops = self._driver.status.queue_drops
-        new_frames = [a - b for a, b in zip(counts.frames, previous.frames, strict=True)]
-        self._driver.counts.skew_ns = 0  # the largest since this status
-        phalanges = list(zip(counts.phalanges, previous.phalanges, strict=True))
-        missing = [
-            name
-            for name, (now, before) in zip(self._driver.protocol.phalanges, phalanges, strict=True)
-            if now.missing > before.missing
+        elapsed_s, self._previous_s = max(now_s - self._previous_s, 1e-3), now_s
+        new = [
+            increments.since(asdict(counts))
+            for increments, counts in zip(self._new_of_phalanx, self._driver.counts.phalanges, strict=True)
         ]
-        new_drops, self._previous_drops = drops - self._previous_drops, drops
-        values = {
-            "cycles": counts.cycles,
-            "cycles_incomplete": counts.incomplete,
-            "cycles_per_s": f"{(counts.cycles - previous.cycles) / elapsed_s:.1f}",
-            "period_ms": f"{self._driver.period_ns * 1e-6:.2f}",
-            "max_skew_ms": f"{counts.skew_ns * 1e-6:.2f}",
-            "missing_phalanges": " ".join(missing),
-        }
-        statuses = [self._bus_status(counts.frames, new_frames, new_drops, elapsed_s, values)]
-        for i, (now, before) in enumerate(phalanges):
-            statuses.append(self._phalanx_status(i, now, before, counts.cycles > 0, elapsed_s))
-        self._previous, self._previous_s = counts, now_s
-        return statuses
+        names = self._driver.protocol.phalanges
+        missing = [name for name, own in zip(names, new, strict=True) if own["missing"]]
+        phalanges = [self._phalanx_status(index, own, elapsed_s) for index, own in enumerate(new)]
+        return [self._bus_status(missing, elapsed_s), *phalanges]
 
-    def _bus_status(
-        self,
-        frames: list[int],
-        new_frames: list[int],
-        new_drops: int,
-        elapsed_s: float,
-        cycle_values: dict[str, Any],
-    ) -> DiagnosticStatus:
-        status = self._driver.status
-        new = {kind: new_frames[kind] for kind in _SUSPECT if new_frames[kind]}
-        errors = status.errors.copy()
-        new_errors, self._previous_errors = errors - self._previous_errors, errors
+    def _bus_status(self, missing: Sequence[str], elapsed_s: float) -> DiagnosticStatus:
+        status, counts = self._driver.status, self._driver.counts
+        frames = dict(zip(FrameKind, counts.frames, strict=True))
+        errors = {kind: status.errors[kind] for kind in ERROR_KINDS}
+        new = self._new_on_bus.since(
+            {**frames, **errors, "cycles": counts.cycles, "drops": status.queue_drops}
+        )
+        received = sum(new[kind] for kind in frames)
+        discarded = ", ".join(f"{new[kind]} {_words(kind)}" for kind in _SUSPECT if new[kind])
+        bus_errors = ", ".join(f"{new[kind]} {kind}" for kind in errors if new[kind])
         publishers = self._strain_publishers()
+        level, message = DiagnosticStatus.OK, "open" if received else "open, idle"
         if status.state != OPEN:
             level, message = DiagnosticStatus.ERROR, f"{status.state}: {status.error}"
         elif publishers > 1:
             level = DiagnosticStatus.ERROR
             message = f"expected one publisher of strain, found {publishers}"
-        elif new_drops:
-            level, message = DiagnosticStatus.WARN, f"{new_drops} frames dropped, receive queue full"
-        elif new:
-            discarded = ", ".join(f"{count} {_words(kind)}" for kind, count in new.items())
-            bus_errors = ", ".join(f"{count} {kind}" for kind, count in new_errors.items())
+        elif new["drops"]:
+            level, message = DiagnosticStatus.WARN, f"{new['drops']} frames dropped, receive queue full"
+        elif discarded:
             level = DiagnosticStatus.WARN
             message = f"discarded frames: {discarded}" + (f"; bus errors: {bus_errors}" if bus_errors else "")
-        else:
-            level, message = DiagnosticStatus.OK, "open" if sum(new_frames) else "open, idle"
+        skew_ns, counts.skew_ns = counts.skew_ns, 0  # the largest since this status
         values = {
             "bus": self._bus,
             "state": status.state,
             "last_error": status.error,
             "reconnects": status.reconnects,
-            "frames_per_s": f"{sum(new_frames) / elapsed_s:.1f}",
-            **{f"frames_{kind.name.lower()}": frames[kind] for kind in FrameKind},
+            "frames_per_s": f"{received / elapsed_s:.1f}",
+            **{f"frames_{kind.name.lower()}": count for kind, count in frames.items()},
             "unreadable": status.unreadable,
-            **{f"errors_{kind.replace(' ', '_')}": errors[kind] for kind in ERROR_KINDS},
+            **{f"errors_{kind.replace(' ', '_')}": count for kind, count in errors.items()},
             "strain_publishers": publishers,
-            **cycle_values,
+            "cycles": counts.cycles,
+            "cycles_incomplete": counts.incomplete,
+            "cycles_per_s": f"{new['cycles'] / elapsed_s:.1f}",
+            "period_ms": f"{self._driver.period_ns * 1e-6:.2f}",
+            "max_skew_ms": f"{skew_ns * 1e-6:.2f}",
+            "missing_phalanges": " ".join(missing),
             "queue_bytes": status.queue_used,
             "queue_limit_bytes": status.queue_limit,
             "queue_drops": status.queue_drops,
         }
         return self._publisher.status("CAN bus", level, message, values)
 
-    def _phalanx_status(
-        self, i: int, now: PhalanxCounts, before: PhalanxCounts, is_receiving: bool, elapsed_s: float
-    ) -> DiagnosticStatus:
+    def _phalanx_status(self, index: int, new: Mapping[str, int], elapsed_s: float) -> DiagnosticStatus:
         protocol, latest = self._driver.protocol, self._driver.latest
         saturated: Sequence[int] = ()
         if latest is not None:
-            own = protocol.saturated(latest.strain)[protocol.channels.slices[i]]
+            own = protocol.saturated(latest.strain)[protocol.channels.slices[index]]
             saturated = (np.flatnonzero(own) + 1).tolist()
-        age_s = max(0.0, time.time() - now.last_ns * 1e-9) if now.last_ns else None
+        counts = asdict(self._driver.counts.phalanges[index])
+        last_ns = counts.pop("last_ns")
+        age_s = max(0.0, time.time() - last_ns * 1e-9) if last_ns else None
         values = {
-            "rate_hz": f"{(now.samples - before.samples) / elapsed_s:.1f}",
+            "rate_hz": f"{new['samples'] / elapsed_s:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",
-            "samples": now.samples,
-            "missing": now.missing,
-            "gaps": now.gaps,
-            "drops": now.drops,
-            "jumps": now.jumps,
-            "restarts": now.restarts,
-            "saturated_samples": now.saturated,
+            **counts,
             "saturated_gauges": " ".join(map(str, saturated)),
-            "faults": now.faults,
         }
-        level, message = self._phalanx_level(now, before, age_s, is_receiving)
-        return self._publisher.status(protocol.phalanges[i], level, message, values)
+        level, message = self._level(new, age_s)
+        return self._publisher.status(protocol.phalanges[index], level, message, values)
 
-    def _phalanx_level(
-        self, now: PhalanxCounts, before: PhalanxCounts, age_s: float | None, is_receiving: bool
-    ) -> tuple[bytes, str]:
+    def _level(self, new: Mapping[str, int], age_s: float | None) -> tuple[bytes, str]:
         """Level and message of a phalanx: the most severe problem since the previous status."""
-        if age_s is None and is_receiving:
+        if age_s is None and self._driver.counts.cycles:
             return DiagnosticStatus.ERROR, "silent: no frames received, while other phalanges send"
         if age_s is None:
             return DiagnosticStatus.OK, "idle"
         if age_s > self._stale_timeout_s:
             return DiagnosticStatus.ERROR, f"stale: no frames for {age_s:.1f} s"
-        if now.faults > before.faults:
+        if new["faults"]:
             return DiagnosticStatus.ERROR, "fault reported by the load cell"
-        if now.saturated > before.saturated:
-            return DiagnosticStatus.WARN, "saturated"
-        return _counter_level(now, before)
-
-
-def _counter_level(now: PhalanxCounts, before: PhalanxCounts) -> tuple[bytes, str]:
-    received = now.samples + now.missing - before.samples - before.missing
-    jumps, lost = now.jumps - before.jumps, now.drops - before.drops
-    if now.restarts > before.restarts:
-        text = "the counter restarted: the load cell restarted, or another one has its identifiers"
-    elif jumps > max(_MIN_JUMPS, _JUMPS_FRACTION * received):
-        text = f"the counter jumped {jumps} times: losses, or two load cells with its identifiers"
-    elif lost:
-        text = f"{lost} frames lost"
-    elif now.missing > before.missing:
-        text = f"missing in {now.missing - before.missing} of {received} cycles"
-    else:
-        return DiagnosticStatus.OK, "OK"
-    return DiagnosticStatus.WARN, text
+        received = new["samples"] + new["missing"]
+        if new["saturated"]:
+            text = "saturated"
+        elif new["restarts"]:
+            text = "the counter restarted: the load cell restarted, or another one has its identifiers"
+        elif new["jumps"] > max(_MIN_JUMPS, _JUMPS_FRACTION * received):
+            text = f"the counter jumped {new['jumps']} times: losses, or two load cells with its identifiers"
+        elif new["drops"]:
+            text = f"{new['drops']} frames lost"
+        elif new["missing"]:
+            text = f"missing in {new['missing']} of {received} cycles"
+        else:
+            return DiagnosticStatus.OK, "OK"
+        return DiagnosticStatus.WARN, text
 
 
 def _words(kind: FrameKind) -> str:

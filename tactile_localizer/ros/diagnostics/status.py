@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -70,16 +70,17 @@ class ProgressReporter:
 
 
 class Increments:
-    """Counts since the previous call, in words.
-
-    The first call counts from zero.
-    """
+    """Counts since the previous call; the first call counts from zero."""
 
     def __init__(self) -> None:
-        self._previous: Mapping[str, int] = {}
+        self._previous: Mapping[Any, int] = {}
 
-    def describe(self, counts: Mapping[str, int]) -> Sequence[str]:
+    def since(self, counts: Mapping[Any, int]) -> dict[Any, int]:
+        """Increases of totals, by the same keys."""
+        new = {what: count - self._previous.get(what, 0) for what, count in counts.items()}
+        self._previous = dict(counts)
+        return new
+
+    def describe(self, counts: Mapping[str, int]) -> list[str]:
         """Each count that has increased, as ``"3 late messages"``, from totals by description."""
-        increments = {what: count - self._previous.get(what, 0) for what, count in counts.items()}
-        self._previous = counts
-        return [f"{count} {what}" for what, count in increments.items() if count > 0]
+        return [f"{count} {what}" for what, count in self.since(counts).items() if count > 0]
