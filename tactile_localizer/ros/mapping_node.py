@@ -1,8 +1,7 @@
 """Mapping node: records a training scan, sweeps of strain vectors with the palm positions at their stamps.
 
 Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~/start_sweep`` and
-``~/end_sweep`` delimit the sweeps, unless they are detected from the motion. When no sweep has been active
-for some seconds, the scan is calibrated in the background, and the result kept with it.
+``~/end_sweep`` delimit the sweeps, unless they are detected from the motion.
 """
 
 from __future__ import annotations
@@ -35,7 +34,6 @@ from tactile_localizer.ros.diagnostics.mapping import MappingDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
-from tactile_localizer.ros.scan_calibration import ScanCalibration
 from tactile_localizer.ros.subscriptions import palm_poses
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.palm_poses import palm_frame, position
@@ -73,8 +71,6 @@ class MappingNode(ManagedNode):
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = MappingDiagnostics(self._health)
         self._map = MapPublisher(self, parameters["material_frame"])
-        self._calibration = ScanCalibration(self, self._recorder, self._health)
-        self.defer(self._calibration.close)
 
     def activate(self) -> None:
         """Subscribe to strain and poses; create the services and timers."""
@@ -222,7 +218,6 @@ class MappingNode(ManagedNode):
                 self._recorder, self._pairing, self._poses, self._rejections, self._write_error
             )
         )
-        self._calibration.poll()
 
     @property
     def _newest_ns(self) -> int:

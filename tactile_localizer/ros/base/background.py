@@ -9,8 +9,6 @@ from typing import Any, TypeVar
 from rclpy.node import Node
 from rclpy.task import Future
 
-from tactile_localizer.ros.base.exception_guards import one_line
-
 T = TypeVar("T")
 
 
@@ -47,45 +45,3 @@ async def run_in_thread(node: Node, work: Callable[[], T]) -> T:
     threading.Thread(target=run, name=f"{node.get_name()}: background", daemon=True).start()
     result: T = await future
     return result
-
-
-class BackgroundJob:
-    """A computation in a thread, at most one at a time, whose result is handled in the executor.
-
-    Parameters
-    ----------
-    node : node whose executor handles the result
-    name : name of the computation in the log
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._node, self._name = node, name
-        self.is_running = False
-
-    def start(
-        self,
-        work: Callable[[], T],
-        on_result: Callable[[T], None],
-        on_error: Callable[[str], None] = lambda reason: None,
-    ) -> None:
-        """Run ``work`` in a thread, then ``on_result`` in the executor.
-
-        Without effect while a computation is running, or if the node has no executor. An exception in
-        either function is logged as a warning and passed to ``on_error`` as one line.
-        """
-        executor = self._node.executor
-        if self.is_running or executor is None:
-            return
-        self.is_running = True
-
-        async def run() -> None:
-            try:
-                on_result(await run_in_thread(self._node, work))
-            except Exception as error:
-                if self._node.context.ok():
-                    self._node.get_logger().warning(f"{self._name}: {one_line(error)}")
-                    on_error(one_line(error))
-            finally:
-                self.is_running = False
-
-        executor.create_task(run)

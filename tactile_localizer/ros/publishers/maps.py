@@ -15,7 +15,8 @@ from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.ros.base.background import BackgroundJob
+from tactile_localizer.ros.base.background import run_in_thread
+from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.publishers.estimates import cloud
@@ -94,7 +95,7 @@ class MapPublisher:
 
     def __init__(self, node: ManagedNode, frame: str) -> None:
         self._frame = frame
-        self._job = BackgroundJob(node, "map")
+        self._node, self._is_drawing = node, False
         self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", LATCHED)
         self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", LATCHED)
 
@@ -107,14 +108,24 @@ class MapPublisher:
 
         Without effect while such a map is being made.
         """
+        if not self._is_drawing and self._node.executor is not None:
+            self._is_drawing = True
+            self._node.executor.create_task(self._draw(path))
 
+    async def _draw(self, path: Path) -> None:
         def make() -> tuple[PointCloud2, Marker]:
             folder = ScanFolder(path)
             scan = folder.load()
             every = math.ceil(len(scan) / _MAX_PAIRS)
             return self._messages(scan.select(np.arange(0, len(scan), every)), folder.scene)
 
-        self._job.start(make, self._publish)
+        try:
+            self._publish(await run_in_thread(self._node, make))
+        except Exception as error:
+            if self._node.context.ok():
+                self._node.get_logger().warning(f"map: {one_line(error)}")
+        finally:
+            self._is_drawing = False
 
     def _messages(self, scan: Scan, scene: Scene) -> tuple[PointCloud2, Marker]:
         cloud = map_cloud(make_map(scan, scene), self._frame)
