@@ -39,7 +39,7 @@ from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
 from tactile_localizer.offline.metrics import INCH
 from tactile_localizer.resources import resource_path
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions.timestamps import to_ns
+from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.scan import TRAINING_SWEEPS, sweep_plan

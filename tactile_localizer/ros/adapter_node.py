@@ -25,7 +25,7 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions.timestamps import from_ns
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 
 PARAMETERS = (

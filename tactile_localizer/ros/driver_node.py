@@ -30,7 +30,7 @@ from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED, STRAIN
-from tactile_localizer.ros.conversions.timestamps import from_ns
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.driver_parameters import PARAMETERS, messages_of

@@ -41,8 +41,7 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import timestamps
-from tactile_localizer.ros.conversions.strain_vectors import StrainReader
+from tactile_localizer.ros.conversions import StrainReader, to_ns
 from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics, InputState
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
 from tactile_localizer.ros.filter_parameters import LIVE, PARAMETERS, configuration
@@ -188,7 +187,7 @@ class FilterNode(ManagedNode):
         self._arrived: set[str] = set()
 
     def _on_strain(self, message: StrainVectors) -> None:
-        stamp_ns = timestamps.to_ns(message.header.stamp)
+        stamp_ns = to_ns(message.header.stamp)
         if not stamp_ns:
             return  # the clock of the sender has not started
         self._receive("strain", stamp_ns)
@@ -206,7 +205,7 @@ class FilterNode(ManagedNode):
         self._reader.lost -= count  # the reader will count them, because their numbers are missing
 
     def _on_pose(self, message: PoseStamped) -> None:
-        stamp_ns = timestamps.to_ns(message.header.stamp)
+        stamp_ns = to_ns(message.header.stamp)
         if not stamp_ns:
             return
         self._receive("palm_pose", stamp_ns)

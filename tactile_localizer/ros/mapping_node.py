@@ -12,6 +12,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
@@ -28,10 +29,8 @@ from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import timestamps
-from tactile_localizer.ros.conversions.strain_vectors import StrainReader
-from tactile_localizer.ros.diagnostics.mapping import MappingDiagnostics
-from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
+from tactile_localizer.ros.conversions import StrainReader, from_ns, to_ns
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.subscriptions import palm_poses
@@ -69,7 +68,6 @@ class MappingNode(ManagedNode):
         store.note("record", node=self.get_fully_qualified_name())
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)
-        self._diagnostics = MappingDiagnostics(self._health)
         self._map = MapPublisher(self, parameters["material_frame"])
 
     def activate(self) -> None:
@@ -82,7 +80,8 @@ class MappingNode(ManagedNode):
         self._rate = 0.0
         self._last_sweep: int | None = None
         self._rejections: dict[str, str] = {}
-        self._poses = 0
+        self._poses = self._reported_pairs = 0
+        self._losses = Increments()
         self._write_error = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         strain = Topic(StrainVectors, "strain", self._on_strain, STRAIN)
@@ -125,7 +124,7 @@ class MappingNode(ManagedNode):
         )
 
     def _on_strain(self, message: StrainVectors) -> None:
-        stamp_ns = timestamps.to_ns(message.header.stamp)
+        stamp_ns = to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
         self._receive(stamp_ns, self._pairing)
@@ -140,7 +139,7 @@ class MappingNode(ManagedNode):
             self._lookup.look_up(stamp_ns)
 
     def _on_pose(self, message: PoseStamped) -> None:
-        stamp_ns = timestamps.to_ns(message.header.stamp)
+        stamp_ns = to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
         self._receive(stamp_ns, self._pairing)
@@ -211,13 +210,39 @@ class MappingNode(ManagedNode):
         self._publish_status(self._newest_ns)
 
     def _publish_diagnostics(self) -> None:
+        """Publish the state of the recording; losses since the previous status are a warning."""
         if self._recorder is None or self._pairing is None:
             return
-        self._health.publish(
-            self._diagnostics.status(
-                self._recorder, self._pairing, self._poses, self._rejections, self._write_error
-            )
+        recorder, pairing = self._recorder, self._pairing
+        losses = self._losses.describe(
+            {
+                "samples without a pose": recorder.gaps,
+                "samples missing, saturated or out of bounds": recorder.skipped,
+                "late messages": pairing.late,
+                "backward jumps of the stamps": pairing.resets,
+            }
         )
+        if recorder.is_active and recorder.pairs == self._reported_pairs and not losses:
+            losses = ["no samples received"]
+        self._reported_pairs = recorder.pairs
+        errors = "; ".join(filter(None, [self._write_error, *self._rejections.values()]))
+        warnings = ", ".join(losses)
+        activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
+        level = DiagnosticStatus.OK
+        if errors or warnings:
+            level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
+        values = {
+            "scan_file": recorder.store.path,
+            "pairs": recorder.pairs,
+            "sweeps": recorder.sweeps,
+            "gaps": recorder.gaps,
+            "skipped": recorder.skipped,
+            "late": pairing.late,
+            "poses": self._poses,
+            "backward_jumps": pairing.resets,
+        }
+        message = ": ".join(filter(None, [activity, errors or warnings]))
+        self._health.publish(self._health.status("scan", level, message, values))
 
     @property
     def _newest_ns(self) -> int:
@@ -230,7 +255,7 @@ class MappingNode(ManagedNode):
         if recorder is None or not self.context.ok():
             return
         message = ScanStatus()
-        message.header.stamp = timestamps.from_ns(max(stamp_ns, 0))
+        message.header.stamp = from_ns(max(stamp_ns, 0))
         message.header.frame_id = self.parameters["material_frame"]
         message.scan_file = str(recorder.store.path)
         message.scene = self._scene.name

@@ -18,7 +18,7 @@ from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.msg import Posterior
 from tactile_localizer.ros.base.parameters import Parameters
-from tactile_localizer.ros.conversions.timestamps import from_ns
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.publishers import hand_markers
 
 _COVARIANCE_INDEX = {"x": 0, "y": 1, "yaw": 5}

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.ros.conversions.timestamps import from_ns
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.scene import Scene
 
 _PAD_M = 0.012

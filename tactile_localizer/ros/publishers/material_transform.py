@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.ros.base.parameters import import_optional
-from tactile_localizer.ros.conversions.timestamps import from_ns
+from tactile_localizer.ros.conversions import from_ns
 
 PUBLISH_PERIOD_NS = 20_000_000
 """Minimum interval between transforms, ns: 50 Hz suffice for planners and RViz."""

@@ -1,16 +1,29 @@
-"""Strain vectors from messages, in the phalanx order of a scene."""
+"""Values from ROS messages: time stamps, and strain vectors in the phalanx order of a scene."""
 
 from __future__ import annotations
 
 import numpy as np
+from builtin_interfaces.msg import Time
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.scene import Scene
 
 _RESTART = 1_000_000
 """Forward step of the sequence number that indicates a restart of the load cells or the driver, cycles."""
+
+
+def to_ns(stamp: Time) -> int:
+    """Nanoseconds of a time stamp; 0 means that the clock has not started."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def from_ns(stamp_ns: int) -> Time:
+    """Time stamp of a number of nanoseconds."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    return Time(sec=seconds, nanosec=nanoseconds)
 
 
 class StrainReader:

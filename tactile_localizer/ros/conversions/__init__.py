@@ -1,1 +1,0 @@
-"""Conversions between ROS messages and values of the core."""
