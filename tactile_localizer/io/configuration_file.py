@@ -17,7 +17,7 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.resources import given_or_shipped
 
-PRESETS = ("fast", "balanced")
+PRESETS = ("fast",)
 """Configurations that come with the package (``config/presets``; docs/tradeoff.md has the numbers)."""
 
 
