@@ -51,7 +51,5 @@ def test_invalid_configurations_name_the_file(tmp_path, text: str, message: str)
 
 
 def test_an_unknown_preset_lists_the_known_ones() -> None:
-    with pytest.raises(
-        ParameterError, match="fastest: expected a configuration file or one of fast"
-    ):
+    with pytest.raises(ParameterError, match="fastest: expected a configuration file or one of fast"):
         load_configuration("fastest")
