@@ -21,7 +21,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.resources import given_or_shipped
@@ -63,8 +63,8 @@ PARAMETERS = (
     Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name"),
     Parameter("fault.drop", 0.0, "Probability that a frame is lost", "", 0.0, 1.0, live=True),
     Parameter("fault.garbage", 0.0, "Probability of garbage after each frame", "", 0.0, 1.0, live=True),
-    Parameter("fault.silent", [], "Phalanges whose load cell sends no frames", live=True),
-    Parameter("fault.faulty", [], "Phalanges whose load cell reports a fault", live=True),
+    Parameter("fault.silent", [], "Phalanges whose load cell sends no frames", choices=PHALANGES, live=True),
+    Parameter("fault.faulty", [], "Phalanges whose load cell reports a fault", choices=PHALANGES, live=True),
 )
 
 
@@ -197,18 +197,11 @@ class SimulatorNode(ManagedNode):
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:
         if self._bus is not None and any(parameter.name.startswith("fault.") for parameter in changed):
-            try:
-                self._faults = self._read_faults()
-            except ParameterError as error:
-                self.get_logger().error(f"{error}; the faults are unchanged")
+            self._faults = self._read_faults()
 
     def _read_faults(self) -> Faults:
-        parameters = self.parameters
-        for name in ("fault.silent", "fault.faulty"):
-            for phalanx in parameters[name]:
-                if phalanx not in PHALANGES:
-                    raise ParameterError(f"{name}: expected some of {', '.join(PHALANGES)}, got {phalanx!r}")
-        return Faults(*(parameters[f"fault.{name}"] for name in ("drop", "garbage", "silent", "faulty")))
+        names = ("drop", "garbage", "silent", "faulty")
+        return Faults(*(self.parameters[f"fault.{name}"] for name in names))
 
 
 def _next_due(due: float, period: float) -> float:

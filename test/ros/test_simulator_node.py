@@ -178,6 +178,11 @@ def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
     assert kinds == {FrameKind.DATA}
     assert {protocol.phalanges[protocol.messages[slot].phalanx] for slot in slots} == {"middle"}
 
+    thumb = ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=["thumb"])
+    request = SetParameters.Request(parameters=[Parameter(name="fault.silent", value=thumb)])
+    refused = probe.call(SetParameters, "simulator/set_parameters", request).results[0]
+    assert refused.reason == "fault.silent: expected one of index, middle, got 'thumb'"
+
     some = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.5)
     request = SetParameters.Request(parameters=[Parameter(name="fault.garbage", value=some)])
     assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
@@ -192,7 +197,7 @@ def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
         ({"feature": "button"}, "expected one of bump, snap, grommet, seam, none, got 'button'"),
         ({"interface": "nonsense"}, "expected an interface that opens"),
         ({"dbc": "missing.dbc"}, "missing.dbc: expected a DBC file"),
-        ({"fault.silent": ["thumb"]}, "fault.silent: expected some of index, middle, got 'thumb'"),
+        ({"fault.silent": ["thumb"]}, "fault.silent: expected one of index, middle, got 'thumb'"),
     ],
 )
 def test_an_invalid_parameter_is_rejected_in_one_line(refusal, parameters, message):

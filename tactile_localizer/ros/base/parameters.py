@@ -34,7 +34,7 @@ class Parameter:
     description : one sentence without its full stop
     unit : SI unit; empty if dimensionless
     lower, upper : inclusive range of an int or a float
-    choices : allowed strings; empty for any
+    choices : allowed strings, or entries of a list of strings; empty for any
     live : whether it can be changed while the node is configured; other parameters are read on configuration
     """
 
@@ -147,11 +147,12 @@ class Parameters:
             if isinstance(change.value, float) and not math.isfinite(change.value):
                 reason = f"{change.name}: expected a finite number, got {change.value}"
                 return SetParametersResult(successful=False, reason=reason)
-            if parameter.choices and change.value not in parameter.choices:
-                reason = (
-                    f"{change.name}: expected one of {', '.join(parameter.choices)}, got {change.value!r}"
-                )
-                return SetParametersResult(successful=False, reason=reason)
+            is_list = isinstance(parameter.default, list)
+            entries = filter(None, change.value or ()) if is_list else [change.value]
+            for entry in entries:
+                if parameter.choices and entry not in parameter.choices:
+                    reason = f"{change.name}: expected one of {', '.join(parameter.choices)}, got {entry!r}"
+                    return SetParametersResult(successful=False, reason=reason)
             if self._configured() and not parameter.live and self._has_value(change.name):
                 reason = f"{change.name}: expected an unconfigured node, cannot be changed while configured"
                 return SetParametersResult(successful=False, reason=reason)
