@@ -56,6 +56,8 @@ from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
 
+_INPUTS = ("strain", "palm_pose")
+"""Topics without which there is no estimate."""
 _WATCH_PERIOD_S = 0.1
 _DIAGNOSTICS_PERIOD_S = 1.0
 
@@ -67,7 +69,7 @@ class LoadedMap:
     Parameters
     ----------
     path : of the scan
-    scan, scene : training pairs and their scene
+    scan, scene : training pairs and their scene; that of the localizer is cropped to the scan
     frame : transformation of palm poses to the axes of the scene
     localizer : localizer on the scan
     """
@@ -181,9 +183,7 @@ class FilterNode(ManagedNode):
         self._online.reset()
         self._sender_clock = SenderClock(lambda: self.now_ns)
         self._inputs = InputState({"strain": 0, "palm_pose": 0, "initial_pose": 0})
-        now_ns = self.now_ns
-        self._received_ns = {"strain": now_ns, "palm_pose": now_ns}
-        self._estimated_ns = now_ns
+        self._last_ns = dict.fromkeys((*_INPUTS, "estimate"), self.now_ns)
         self._arrived: set[str] = set()
 
     def _on_strain(self, message: StrainVectors) -> None:
@@ -304,15 +304,13 @@ class FilterNode(ManagedNode):
         """Detect whether the estimate is stale, and log when that changes."""
         now_ns = self.now_ns
         timeout_s = self.parameters["stale_timeout_s"]
-        for topic, received_ns in self._received_ns.items():
-            if topic in self._arrived or now_ns < received_ns:
-                self._received_ns[topic] = now_ns
-        if "estimate" in self._arrived or now_ns < self._estimated_ns:
-            self._estimated_ns = now_ns
+        for name, last_ns in self._last_ns.items():
+            if name in self._arrived or now_ns < last_ns:
+                self._last_ns[name] = now_ns
         self._arrived.clear()
-        age_s = max((now_ns - self._estimated_ns) / NANOSECONDS, self._online.age_s)
+        age_s = max((now_ns - self._last_ns["estimate"]) / NANOSECONDS, self._online.age_s)
         oldest_ns = now_ns - timeout_s * NANOSECONDS
-        silent = [topic for topic, received_ns in self._received_ns.items() if received_ns < oldest_ns]
+        silent = [topic for topic in _INPUTS if self._last_ns[topic] < oldest_ns]
         was_stale, stale = bool(self._inputs.stale), ""
         if self._online.latest is not None and age_s > timeout_s:
             stale = f"{self._missing(silent)}, no estimate for {age_s:.1f} s"

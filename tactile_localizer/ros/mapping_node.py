@@ -127,7 +127,7 @@ class MappingNode(ManagedNode):
         stamp_ns = to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
-        self._receive(stamp_ns, self._pairing)
+        self._sender_clock.update(stamp_ns, self._pairing.resets)
         try:
             sample = self._reader.read(message)
         except TactileLocalizerError as error:
@@ -142,7 +142,7 @@ class MappingNode(ManagedNode):
         stamp_ns = to_ns(message.header.stamp)
         if self._pairing is None or not stamp_ns:
             return
-        self._receive(stamp_ns, self._pairing)
+        self._sender_clock.update(stamp_ns, self._pairing.resets)
         try:
             pairs = self._pairing.add_pose(stamp_ns, position(self._frame, message))
         except MeasurementError as error:
@@ -151,9 +151,6 @@ class MappingNode(ManagedNode):
         self._rejections.pop("palm_pose", None)
         self._poses += 1
         self._record(pairs)
-
-    def _receive(self, stamp_ns: int, pairing: Pairing[StrainSample]) -> None:
-        self._sender_clock.update(stamp_ns, pairing.resets)
 
     def _reject(self, topic: str, error: TactileLocalizerError) -> None:
         """Reject a message; no sweep can start until a valid message arrives on its topic."""

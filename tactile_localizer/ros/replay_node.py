@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -162,16 +161,9 @@ def main() -> int:
         log.info(ReplayNode().play())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except ParameterError as error:
-        log.error(str(error))
-        return REJECTED
     except TactileLocalizerError as error:
         log.error(str(error))
-        return 1
+        return REJECTED if isinstance(error, ParameterError) else 1
     finally:
         rclpy.try_shutdown()
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
