@@ -77,9 +77,9 @@ _ALIKE = 0.25
 _DETECTED = 0.95
 """Fraction of the sweeps over a feature in which a likelihood has to be reached to count as high."""
 _FIGURES = {
-    "fig5": ("error_along", {GAUSSIAN: ":", INDEPENDENT: "--", SUM: "-"}, "mean error, mm", 1e3),
-    "fig8a": ("error_along", {FEATURELESS: "-", SUM: "--"}, "mean error, mm", 1e3),
-    "fig8b": ("trace_along", {FEATURELESS: "-", SUM: "--"}, "mean covariance trace, mm²", 1e6),
+    "Fig. 5": ("error_along", {GAUSSIAN: ":", INDEPENDENT: "--", SUM: "-"}, "mean error, mm", 1e3),
+    "Fig. 8a": ("error_along", {FEATURELESS: "-", SUM: "--"}, "mean error, mm", 1e3),
+    "Fig. 8b": ("trace_along", {FEATURELESS: "-", SUM: "--"}, "mean covariance trace, mm²", 1e6),
 }
 """Values, methods and lines, as the paper draws them."""
 
@@ -165,7 +165,8 @@ def findings(values: Callable[..., np.ndarray]) -> list[Finding]:
         return values(first, name) - values(second, name)
 
     def after(method: str, stretches: slice) -> np.ndarray:
-        return np.nanmean(values(method, "after_contact")[:, stretches], axis=1)
+        known = np.ma.masked_invalid(values(method, "after_contact")[:, stretches])
+        return np.asarray(known.mean(axis=1).filled(np.nan))
 
     first, then = slice(0, 1), slice(2, None)
     error = "error_before"

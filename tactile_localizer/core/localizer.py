@@ -246,8 +246,9 @@ class Localizer:
         prediction, sweep = self._predict(travel)
         places = np.concatenate([prediction.states, self._references.states])
         nodes, expected = self.model.expected(places)
-        whitened = self.model.whitened(strain)
-        innovation, trend = self.model.drift.update(sweep.trend, whitened, expected, stretch, exponent)
+        innovation, trend = self.model.innovation(
+            sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
+        )
         likelihoods = self.model.evaluate(nodes, prediction.log_weights, innovation, used)
         position = likelihoods.states
         if self._position_model is not None:
@@ -306,7 +307,7 @@ class Localizer:
         assert self._position_model is not None
         if self.model.is_featureless:
             trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
-            strain = self.model.in_volts(innovation.strain + trend)
+            strain = self.model.in_volts(innovation.strain + innovation.turned + trend)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
     def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:

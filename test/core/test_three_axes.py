@@ -33,16 +33,18 @@ def test_a_turned_hand_converges_on_the_feature_and_not_before(localizer: Locali
     test = simulate_scan("bump", 1, "test", yaw=yaw, sweeps=4)
     for rows, contact, end in zip(test.slices(), test.contact, test.feature_end, strict=True):
         localizer.reset()
-        errors = []
+        errors, turned = [], []
         for sample in range(rows.start, end):
             palm = np.array([*test.odometry[sample], yaw])
             estimate = localizer.update(test.stamp_ns[sample], palm, test.strain[sample])
             assert sample >= contact or not estimate.converged
             if estimate.converged:
                 errors.append(np.linalg.norm(estimate.mean[:2] - test.truth[sample]))
+                turned.append(abs(estimate.mean[2] - yaw))
         assert errors
         assert max(errors) < 0.01
         assert np.mean(errors) < 0.004
+        assert np.mean(turned) < 0.035
 
 
 @pytest.mark.parametrize("yaw", [-0.12, 0.05])

@@ -23,12 +23,12 @@ class Trend(NamedTuple):
 
     Parameters
     ----------
-    measurements : number of independent measurements taken in
+    measurements : number of independent measurements taken in, (C,) or of all channels
     level, rate : (C,) of the whitened strain, and its change per metre
     map_level, map_rate : (N, C) of the map along each trajectory
     """
 
-    measurements: float
+    measurements: np.ndarray | float
     level: np.ndarray
     rate: np.ndarray
     map_level: np.ndarray
@@ -60,14 +60,14 @@ class Innovation(NamedTuple):
     map : (N, C), of the first component
     map_trend : (N, C) prediction that was subtracted from the map
     level_variance : (C,) of the level
-    novelty : (C,) fraction of a constant that the trend has not yet taken in
+    turned : (C,) strain of featureless material at the mean yaw, which is not in ``strain``
     """
 
     strain: np.ndarray
     map: np.ndarray
     map_trend: np.ndarray
     level_variance: np.ndarray
-    novelty: np.ndarray
+    turned: np.ndarray | float = 0.0
 
 
 class Drift:
@@ -84,7 +84,7 @@ class Drift:
     def __init__(
         self, memory: float, variance: float, level_variance: np.ndarray, largest_energy: float = np.inf
     ) -> None:
-        self.memory, self._variance, self._largest_energy = memory, variance, largest_energy
+        self.memory, self.variance, self._largest_energy = memory, variance, largest_energy
         # The prior counts as so many measurements of level zero.
         self._prior = variance / np.maximum(level_variance, 1e-12)
 
@@ -94,25 +94,30 @@ class Drift:
         return Trend(0.0, zero, zero, every, every)
 
     def update(
-        self, trend: Trend, strain: np.ndarray, expected: np.ndarray, travel: float, information: float
+        self,
+        trend: Trend,
+        strain: np.ndarray,
+        expected: np.ndarray,
+        travel: float,
+        information: np.ndarray | float,
     ) -> tuple[Innovation, Trend]:
         """Innovations of a whitened ``strain`` (C,) and of the map's ``expected`` strain (N, C) float32.
 
-        ``travel`` is that since the last update, m; ``information`` the fraction of an independent
-        measurement that the strain is.
+        ``travel`` is that since the last update, m; ``information``, (C,) or of all channels, the fraction of
+        an independent measurement that the strain is.
         """
         known = trend.measurements + self._prior
         predicted = trend.level + travel * trend.rate
         map_trend = trend.map_level + np.float32(travel) * trend.map_rate
         strain_left, map_left = strain - predicted, expected - map_trend
         # Whether the strain is an outlier or the level is, the next ones decide: both lose weight.
-        weight = 1.0
+        weight, rate_gain = 1.0, 0.0
         if known.any():
             weight = 1.0 / (1.0 + float(strain_left @ strain_left) / self._largest_energy)
+            # The first strain sets the level, of which the rate is the change.
+            rate_gain = weight * travel / (4.0 * self.memory**2)
         added = information * weight
         gain = np.minimum(np.maximum(added / (known + added), weight * travel / self.memory), _LARGEST_GAIN)
-        # The first strain sets the level, of which the rate is the change.
-        rate_gain = weight * travel / (4.0 * self.memory**2) if trend.measurements else 0.0
         narrow = gain.astype(np.float32)
         following = Trend(
             0.5 * (1.0 + weight) * trend.measurements + added,
@@ -121,9 +126,8 @@ class Drift:
             map_trend + narrow * map_left,
             trend.map_rate + np.float32(rate_gain) * map_left if rate_gain else trend.map_rate,
         )
-        level_variance = self._variance * gain / (1.0 - gain) / information
-        novelty = self._prior / np.maximum(known, 1e-300)
-        return Innovation(strain_left, map_left, map_trend, level_variance, novelty), following
+        level_variance = self.variance * gain / (1.0 - gain) / information
+        return Innovation(strain_left, map_left, map_trend, level_variance), following
 
 
 def innovations(values: np.ndarray, memory: float, pitch: float, robust: bool = False) -> np.ndarray:

@@ -84,6 +84,8 @@ class StrainMap(NamedTuple):
     variance : (M, K, F) float32, variance of a new visit about it
     log_prior : (M, K) float32, of the components
     featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
+    turning : (d, C) change of the whitened strain of featureless material per m (rad) of each axis: zero but
+        for yaw; not in ``mean``
     featureless : (Y, C) whitened strain of featureless material at each of the lattice's yaws
     """
 
@@ -94,6 +96,7 @@ class StrainMap(NamedTuple):
     variance: np.ndarray
     log_prior: np.ndarray
     featureless_variance: float | None
+    turning: np.ndarray
     featureless: np.ndarray
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
@@ -228,13 +231,10 @@ def build_map(
         for table, each in zip(tables, found, strict=True):
             table[part] = each
     mean, spread, prior = tables
-    yaws = np.zeros(1)
-    if turning.any():
-        axis = scene.axis_names.index("yaw")
-        yaws = axes[axis]
-        mean += np.outer(places[:, axis], turning)[:, None].astype(np.float32)
     least = float(spread.min()) if featureless else None
-    return StrainMap(origin, step, shape, mean, spread, prior, least, np.outer(yaws, turning))
+    by_axis = np.outer([name == "yaw" for name in scene.axis_names], turning)
+    yaws = axes[scene.axis_names.index("yaw")] if turning.any() else np.zeros(1)
+    return StrainMap(origin, step, shape, mean, spread, prior, least, by_axis, np.outer(yaws, turning))
 
 
 def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:

@@ -28,7 +28,7 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
-ALGORITHM = 11
+ALGORITHM = 12
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 

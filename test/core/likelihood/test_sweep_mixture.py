@@ -29,7 +29,7 @@ def mixture(
     prior = np.log(rng.dirichlet(np.ones(COMPONENTS), nodes))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
     strain_map = StrainMap(
-        np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless, np.zeros((1, size))
+        np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless, *np.zeros((2, 1, size))
     )
     volume = np.array(counts) * np.log(0.25)
     noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, *np.zeros((2, size)))
