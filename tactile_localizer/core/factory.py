@@ -54,12 +54,20 @@ def build_localizer(
     say = progress or _silent
     scene = _scanned(scan, scene)
     say("learning the noise", 0.0)
-    variance = calibration.variance if calibration else None
-    learned = learn_sweep_model(scan, scene, variance=variance)
+    learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
     if calibration is None:
         say("calibrating on held-out sweeps", 0.2)
         calibration = _calibrated(scene, learned)
-    localizer = _built(scan, scene, configuration, learned, calibration, rng)
+    cell = learned.cell(scene, configuration.cell)
+    localizer = _assembled(
+        scene,
+        configuration,
+        _build_filter(scene, configuration, cell, rng),
+        learned,
+        learned.mixture(scene, cell),
+        calibration.registration_std,
+        *_position_model(scan, scene, configuration, learned),
+    )
     say("ready", 1.0)
     return localizer
 
@@ -119,38 +127,28 @@ def _silent(_doing: str, _done: float) -> None:
 def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
     """What held-out sweeps say, by the exact filter."""
     configuration = Configuration(update_distance=min(INFORMATION_LENGTHS))
-    exact = np.zeros(scene.dimension)
+    exact, length = np.zeros(scene.dimension), learned.information_length
 
     def localizer(near: Scene, cell: np.ndarray, mixture: SweepMixture) -> Localizer:
-        return _assembled(near, configuration, GridFilter(near, cell), learned, mixture, exact)
+        return _assembled(near, configuration, GridFilter(near, cell), learned, mixture, exact, None, length)
 
     return calibrate(scene, learned, localizer)
 
 
-def _built(
-    scan: Scan,
-    scene: Scene,
-    configuration: Configuration,
-    learned: SweepModel,
-    calibration: Calibration,
-    rng: np.random.Generator,
-) -> Localizer:
-    cell = learned.cell(scene, configuration.cell)
-    bayes_filter = _build_filter(scene, configuration, cell, rng)
-    mixture = learned.mixture(scene, cell)
-    position, length = None, None
-    if configuration.model != SWEEP_MIXTURE:
-        without = _without_offsets(scan, scene, learned.noise.offsets)
-        parameters = ModelParameters.from_mapping(scene.measurement)
-        if parameters.position_std is None or parameters.strain_std is None:
-            from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths  # as above
+def _position_model(
+    scan: Scan, scene: Scene, configuration: Configuration, learned: SweepModel
+) -> tuple[MeasurementModel | None, float]:
+    """Model for the position, and its travel per independent measurement, m; ``None``: the default model."""
+    if configuration.model == SWEEP_MIXTURE:
+        return None, learned.information_length
+    without = _without_offsets(scan, scene, learned.noise.offsets)
+    parameters = ModelParameters.from_mapping(scene.measurement)
+    if parameters.position_std is None or parameters.strain_std is None:
+        from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths  # as above
 
-            parameters = choose_kernel_widths(without, scene, parameters)
-        position = build_model(without, scene, configuration, parameters)
-        length = parameters.correlation_length or learned.presence_length
-    return _assembled(
-        scene, configuration, bayes_filter, learned, mixture, calibration.registration_std, position, length
-    )
+        parameters = choose_kernel_widths(without, scene, parameters)
+    model = build_model(without, scene, configuration, parameters)
+    return model, parameters.correlation_length or learned.presence_length
 
 
 def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:
@@ -169,8 +167,8 @@ def _assembled(
     learned: SweepModel,
     mixture: SweepMixture,
     registration: np.ndarray,
-    position_model: MeasurementModel | None = None,
-    information_length: float | None = None,
+    position_model: MeasurementModel | None,
+    information_length: float,
 ) -> Localizer:
     return Localizer(
         scene,
@@ -180,7 +178,7 @@ def _assembled(
         learned.correlation(scene, mixture.map),
         Convergence(convergence_criteria(scene, configuration)),
         configuration.update_distance,
-        information_length or learned.information_length,
+        information_length,
         learned.presence_length,
         registration,
     )

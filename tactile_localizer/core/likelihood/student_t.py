@@ -23,11 +23,6 @@ def log_density(squared: np.ndarray, variance: np.ndarray, channels: int | np.nd
     return -0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - DEGREES_OF_FREEDOM * np.log(variance))
 
 
-def location_weight(squared: np.ndarray, channels: int | np.ndarray) -> np.ndarray:
-    """Weights (...) of residuals in a robust estimate of location, at most one, by their squared length."""
-    return np.minimum((DEGREES_OF_FREEDOM + channels) / (DEGREES_OF_FREEDOM + squared), 1.0)
-
-
 def scatter(residuals: np.ndarray) -> np.ndarray:
     """Scatter matrix (C, C) of zero-mean ``residuals`` (N, C), by EM (Liu and Rubin, 1995).
 
