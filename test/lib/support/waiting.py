@@ -6,6 +6,7 @@ import contextlib
 import os
 import time
 from collections.abc import Callable
+from glob import glob
 from pathlib import Path
 from typing import TypeVar
 
@@ -72,7 +73,7 @@ def wait_until(condition: Callable[[], T], what: str, timeout_s: float = 30.0) -
 def children(pid: int) -> list[int]:
     """Processes that ``pid`` has started and that still run."""
     found: list[int] = []
-    for file in Path(f"/proc/{pid}/task").glob("*/children"):
+    for file in map(Path, glob(f"/proc/{pid}/task/*/children")):
         with contextlib.suppress(OSError):  # the thread has ended
             found += map(int, file.read_text().split())
     return found
@@ -87,7 +88,8 @@ def _family() -> list[int]:
 
 
 def _threads(pid: int) -> list[Path]:
-    return list(Path(f"/proc/{pid}/task").glob("*/schedstat"))
+    # Unlike Path.glob, it finds nothing where the process has ended.
+    return list(map(Path, glob(f"/proc/{pid}/task/*/schedstat")))
 
 
 def _run_delay_s(schedstat: Path) -> float:
