@@ -6,7 +6,6 @@ import contextlib
 import os
 import time
 from collections.abc import Callable
-from glob import glob
 from pathlib import Path
 from typing import TypeVar
 
@@ -58,7 +57,7 @@ class Deadline:
 
 def cpu_waits_s() -> dict[int, float]:
     """Time that this process and its descendants have waited for a CPU, by process id, s: longest thread."""
-    return {pid: max(map(_run_delay_s, _threads(pid)), default=0.0) for pid in _family()}
+    return {pid: max(map(_run_delay_s, _of_threads(pid, "schedstat")), default=0.0) for pid in _family()}
 
 
 def wait_until(condition: Callable[[], T], what: str, timeout_s: float = 30.0) -> T:
@@ -73,7 +72,7 @@ def wait_until(condition: Callable[[], T], what: str, timeout_s: float = 30.0) -
 def children(pid: int) -> list[int]:
     """Processes that ``pid`` has started and that still run."""
     found: list[int] = []
-    for file in map(Path, glob(f"/proc/{pid}/task/*/children")):
+    for file in _of_threads(pid, "children"):
         with contextlib.suppress(OSError):  # the thread has ended
             found += map(int, file.read_text().split())
     return found
@@ -87,9 +86,12 @@ def _family() -> list[int]:
     return family
 
 
-def _threads(pid: int) -> list[Path]:
-    # Unlike Path.glob, it finds nothing where the process has ended.
-    return list(map(Path, glob(f"/proc/{pid}/task/*/schedstat")))
+def _of_threads(pid: int, name: str) -> list[Path]:
+    """The files of that name of each thread of a process; none where it has ended."""
+    try:
+        return list(Path(f"/proc/{pid}/task").glob(f"*/{name}"))
+    except FileNotFoundError:
+        return []
 
 
 def _run_delay_s(schedstat: Path) -> float:
