@@ -43,7 +43,7 @@ class DriverNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("driver", PARAMETERS, threads=2)  # diagnostics continue during a tare
-        self._driver: LoadCellDriver | None = None
+        self._driver: LoadCellDriver  # set while the node is configured
         self._declare_messages()
 
     def configure(self) -> None:
@@ -103,7 +103,7 @@ class DriverNode(ManagedNode):
 
     def activate(self) -> None:
         """Open the bus and start reading."""
-        assert self._driver is not None
+        self.defer(self._stop_reading)
         self._driver.start()
         if self._driver.status.state != WAITING:
             names = ", ".join(self._driver.protocol.phalanges)
@@ -113,9 +113,8 @@ class DriverNode(ManagedNode):
             _DIAGNOSTICS_PERIOD_S, lambda: self._health.publish(*self._diagnostics.statuses())
         )
 
-    def deactivate(self) -> None:
-        """Stop the receive thread and close the bus."""
-        if self._driver is not None and not self._driver.stop():
+    def _stop_reading(self) -> None:
+        if not self._driver.stop():
             self.get_logger().error("CAN receive thread: expected its end within 1 s, it is still running")
 
     def _declare_messages(self) -> None:
@@ -137,7 +136,6 @@ class DriverNode(ManagedNode):
                 raise
 
     def _publish_offset(self) -> None:
-        assert self._driver is not None
         phalanges = self._driver.protocol.phalanges
         message = StrainVectors(
             phalanges=list(phalanges),
@@ -177,7 +175,7 @@ class DriverNode(ManagedNode):
         return response
 
     def _active_driver(self) -> LoadCellDriver:
-        if self._driver is None or not self.is_active:
+        if not self.is_active:
             raise CanError("driver: expected an active node, it is inactive")
         return self._driver
 

@@ -109,11 +109,9 @@ class FilterNode(ManagedNode):
         self._activations = 0
         self._is_loading = False
         self._online: OnlineLocalizer  # set while the node is configured
-        self._has_map = False
         self.create_service(
             LoadScan, "~/load_scan", self._on_load_scan, callback_group=ReentrantCallbackGroup()
         )
-        self.add_post_set_parameters_callback(self._on_set)
 
     def configure(self) -> None:
         """Load the map, build the localizer, create the publishers."""
@@ -131,7 +129,8 @@ class FilterNode(ManagedNode):
         self._use(self._load(Path(parameters["scan_file"]).expanduser()))
         self._estimates = EstimatePublisher(self, parameters)
         self._map = MapPublisher(self, parameters["material_frame"])
-        self._has_map = True
+        self.add_post_set_parameters_callback(self._on_set)
+        self.defer(partial(self.remove_post_set_parameters_callback, self._on_set))
 
     def activate(self) -> None:
         """Subscribe to the inputs; the belief is uniform."""
@@ -151,10 +150,6 @@ class FilterNode(ManagedNode):
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
         self.create_timer(_WATCH_PERIOD_S, self._watch)
         self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
-
-    def cleanup(self) -> None:
-        """Stop adopting live parameters."""
-        self._has_map = False
 
     @property
     def _localizer(self) -> Localizer:
@@ -350,7 +345,7 @@ class FilterNode(ManagedNode):
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:
         """Adopt live parameters without a reset of the belief."""
-        if self._has_map and any(parameter.name in LIVE for parameter in changed):
+        if any(parameter.name in LIVE for parameter in changed):
             choices = configuration(self.parameters)
             criteria = convergence_criteria(self._localizer.scene, choices)
             self._localizer.adjust(criteria, choices.update_distance)

@@ -49,8 +49,6 @@ class MappingNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("mapping", PARAMETERS)
-        self._recorder: SweepRecorder | None = None
-        self._pairing: Pairing[StrainSample] | None = None
 
     def configure(self) -> None:
         """Open the scan and create the publishers."""
@@ -64,6 +62,7 @@ class MappingNode(ManagedNode):
         self._reader = StrainReader(self._scene)
         self._coverage = Coverage(self._scene, parameters["sweep_distance_m"])
         store = ScanWriter(parameters["scan_file"], self._scene)
+        self.defer(store.close)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
         store.note("record", node=self.get_fully_qualified_name())
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
@@ -73,9 +72,10 @@ class MappingNode(ManagedNode):
     def activate(self) -> None:
         """Subscribe to strain and poses; create the services and timers."""
         parameters = self.parameters
-        self._pairing = Pairing(
+        self._pairing: Pairing[StrainSample] = Pairing(
             self._scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
         )
+        self.defer(self._end_recording)
         self._sender_clock = SenderClock(lambda: self.now_ns)
         self._rate = 0.0
         self._last_sweep: int | None = None
@@ -94,22 +94,13 @@ class MappingNode(ManagedNode):
         self._publish_status(self._newest_ns)
         self._refresh_map()
 
-    def deactivate(self) -> None:
-        """End the sweep."""
-        if self._recorder is not None and self._pairing is not None:
-            self._record(self._pairing.finish())
-            self._try_to_write(self._recorder.close)
-            self._pairing = None
-
-    def cleanup(self) -> None:
-        """Close the scan."""
-        if self._recorder is not None:
-            recorder, self._recorder = self._recorder, None
-            self._try_to_write(recorder.store.close)
+    def _end_recording(self) -> None:
+        self._record(self._pairing.finish())
+        self._try_to_write(self._recorder.close)
 
     def _refresh_map(self) -> None:
         """Publish the map of the sweeps so far."""
-        if self._recorder is not None and self._recorder.pairs:
+        if self._recorder.pairs:
             self._map.publish_folder(self._recorder.store.path)
 
     def _detector(self) -> SweepDetector | None:
@@ -125,8 +116,8 @@ class MappingNode(ManagedNode):
 
     def _on_strain(self, message: StrainVectors) -> None:
         stamp_ns = to_ns(message.header.stamp)
-        if self._pairing is None or not stamp_ns:
-            return
+        if not stamp_ns:
+            return  # the clock of the sender has not started
         self._sender_clock.update(stamp_ns, self._pairing.resets)
         try:
             sample = self._reader.read(message)
@@ -140,8 +131,8 @@ class MappingNode(ManagedNode):
 
     def _on_pose(self, message: PoseStamped) -> None:
         stamp_ns = to_ns(message.header.stamp)
-        if self._pairing is None or not stamp_ns:
-            return
+        if not stamp_ns:
+            return  # the clock of the sender has not started
         self._sender_clock.update(stamp_ns, self._pairing.resets)
         try:
             pairs = self._pairing.add_pose(stamp_ns, position(self._frame, message))
@@ -158,12 +149,9 @@ class MappingNode(ManagedNode):
         self._log_error(self._rejections[topic])
 
     def _record(self, pairs: list[Pair[StrainSample]]) -> None:
-        if self._recorder is not None:
-            self._try_to_write(self._recorder.take, pairs)
+        self._try_to_write(self._recorder.take, pairs)
 
     def _commit(self) -> None:
-        if self._recorder is None or self._pairing is None:
-            return
         self._try_to_write(self._recorder.settle, self._pairing.waiting_ns)
         previous, self._last_sweep = self._last_sweep, self._recorder.store.active_sweep
         if previous is not None and previous != self._last_sweep:
@@ -189,8 +177,6 @@ class MappingNode(ManagedNode):
         try:
             if self.parameters["sweep_detection"] != "off":
                 raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
-            if self._recorder is None:
-                raise ScanError("expected an active node")
             response.message = work(self._recorder)
             response.success = True
             self.get_logger().info(response.message)
@@ -200,16 +186,13 @@ class MappingNode(ManagedNode):
         return response
 
     def _update_rate(self) -> None:
-        if self._recorder is not None:
-            self._counts.append((time.monotonic(), self._recorder.pairs))
-            (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
-            self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
+        self._counts.append((time.monotonic(), self._recorder.pairs))
+        (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
+        self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
         self._publish_status(self._newest_ns)
 
     def _publish_diagnostics(self) -> None:
         """Publish the state of the recording; losses since the previous status are a warning."""
-        if self._recorder is None or self._pairing is None:
-            return
         recorder, pairing = self._recorder, self._pairing
         losses = self._losses.describe(
             {
@@ -244,12 +227,12 @@ class MappingNode(ManagedNode):
     @property
     def _newest_ns(self) -> int:
         """Stamp of the newest sample, ns; 0 before the first."""
-        return (self._pairing and self._pairing.newest_ns) or 0
+        return self._pairing.newest_ns or 0
 
     def _publish_status(self, stamp_ns: int) -> None:
         """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""
         recorder = self._recorder
-        if recorder is None or not self.context.ok():
+        if not self.context.ok():
             return
         message = ScanStatus()
         message.header.stamp = from_ns(max(stamp_ns, 0))

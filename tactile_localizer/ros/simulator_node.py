@@ -13,7 +13,6 @@ import threading
 import time
 import traceback
 
-import can
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
@@ -78,8 +77,7 @@ class SimulatorNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("simulator", PARAMETERS)
-        self._bus: can.BusABC | None = None
-        self._thread: threading.Thread | None = None
+        self._faults = Faults()
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self.add_post_set_parameters_callback(self._on_set)
@@ -94,8 +92,9 @@ class SimulatorNode(ManagedNode):
         protocol = LoadCellProtocol(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
         self._faults = self._read_faults()
         options = parse_options(parameters["bus_options"])
-        self._bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)
-        self._cells = CanLoadCells(protocol, self._bus, child(seed, _BUS_NOISE))
+        bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)
+        self.defer(bus.shutdown)
+        self._cells = CanLoadCells(protocol, bus, child(seed, _BUS_NOISE))
         self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
         self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
         self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", LATCHED)
@@ -106,21 +105,10 @@ class SimulatorNode(ManagedNode):
         """Start simulated time."""
         self._origin_s = time.monotonic()
         self._stop.clear()
-        self._thread = threading.Thread(target=self._run, name="simulated hand", daemon=True)
-        self._thread.start()
-
-    def deactivate(self) -> None:
-        """Stop simulated time."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-
-    def cleanup(self) -> None:
-        """Close the bus."""
-        if self._bus is not None:
-            self._bus.shutdown()
-            self._bus = None
+        thread = threading.Thread(target=self._run, name="simulated hand", daemon=True)
+        thread.start()
+        self.defer(thread.join)
+        self.defer(self._stop.set)
 
     def _now_s(self) -> float:
         """Simulated time, s."""
@@ -196,7 +184,7 @@ class SimulatorNode(ManagedNode):
         return response
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:
-        if self._bus is not None and any(parameter.name.startswith("fault.") for parameter in changed):
+        if any(parameter.name.startswith("fault.") for parameter in changed):
             self._faults = self._read_faults()
 
     def _read_faults(self) -> Faults:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
@@ -28,14 +28,6 @@ from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
 
 _BETWEEN_TRANSITIONS_S = 0.2
 """Time that a request waits for the end of the previous transition before it is rejected, s."""
-_STATES = {"configure": "unconfigured", "activate": "inactive", "deactivate": "active", "cleanup": "inactive"}
-"""State that each transition starts from."""
-_LABELS = {
-    Transition.TRANSITION_CONFIGURE: "configure",
-    Transition.TRANSITION_ACTIVATE: "activate",
-    Transition.TRANSITION_DEACTIVATE: "deactivate",
-    Transition.TRANSITION_CLEANUP: "cleanup",
-}
 _AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false leaves both to a lifecycle manager"
 )
@@ -44,11 +36,10 @@ _AUTOSTART = Parameter(
 class ManagedNode(LifecycleNodeMixin, Node):
     """A lifecycle node that destroys what each transition created.
 
-    A subclass overrides :meth:`configure`, :meth:`activate`, :meth:`deactivate` and :meth:`cleanup`. The
-    first two reject the transition by raising a :class:`TactileLocalizerError`: the node logs it in one line
-    and stays in its state. Publishers, subscriptions, services and timers that :meth:`configure` creates are
-    destroyed after :meth:`cleanup`, those that :meth:`activate` creates after :meth:`deactivate`.
-    :meth:`defer` adds other resources.
+    A subclass overrides :meth:`configure` and :meth:`activate`. They reject the transition by raising a
+    :class:`TactileLocalizerError`: the node logs it in one line and stays in its state. Publishers,
+    subscriptions, services and timers that :meth:`configure` creates are destroyed on cleanup, those that
+    :meth:`activate` creates on deactivation, the newest first. :meth:`defer` adds other resources.
 
     :meth:`configure` may take seconds: it runs in a thread, and the services of the node stay responsive.
     Publishers made by :meth:`create_lifecycle_publisher` publish only while the node is active.
@@ -136,7 +127,10 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return int(self.get_clock().now().nanoseconds)
 
     def defer(self, release: Callable[[], Any]) -> None:
-        """Call ``release`` when the transition in progress is undone; without effect outside transitions."""
+        """Call ``release`` when the transition in progress is undone, also if it fails.
+
+        Without effect outside transitions.
+        """
         if self._scope is not None and self._scope_thread == threading.get_ident():
             self._scope.callback(release)
 
@@ -145,12 +139,6 @@ class ManagedNode(LifecycleNodeMixin, Node):
 
     def activate(self) -> None:
         """Start working."""
-
-    def deactivate(self) -> None:
-        """Stop working and join threads; also called if :meth:`activate` failed or was never called."""
-
-    def cleanup(self) -> None:
-        """Release the resources; also called if :meth:`configure` failed or was never called."""
 
     async def start(self) -> bool:
         """Configure and activate while the executor runs; returns whether both succeeded."""
@@ -162,8 +150,9 @@ class ManagedNode(LifecycleNodeMixin, Node):
 
     def close(self) -> None:
         """Stop working and release all resources, from any state, at the end of the process."""
-        self._end_activation()
-        self._end_configuration()
+        self.is_active = False
+        self._activated.close()
+        self._configured.close()
 
     def destroy_node(self) -> None:
         """Leave the ROS graph at once, including the lifecycle services, which rclpy would keep alive."""
@@ -173,8 +162,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive, unless :meth:`configure` fails."""
         self._is_configured = True
-        with self._collecting(self._configured):
-            result = self._attempt(self.configure, undo=self._end_configuration)
+        result = self._attempt(self.configure, self._configured)
         for parameter in self.parameters.undeclared():
             self.get_logger().warning(f"parameter {parameter}: not a parameter of this node, ignored")
         self._is_configured = result == TransitionCallbackReturn.SUCCESS
@@ -184,47 +172,30 @@ class ManagedNode(LifecycleNodeMixin, Node):
         """Transition to active, unless :meth:`activate` fails."""
         super().on_activate(state)
         self.is_active = True
-        with self._collecting(self._activated):
-            result = self._attempt(self.activate, undo=self._end_activation)
+        result = self._attempt(self.activate, self._activated)
         if result != TransitionCallbackReturn.SUCCESS:
+            self.is_active = False
             super().on_deactivate(state)
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive."""
-        result = self._attempt(self._end_activation)
+        self.is_active = False
+        result = self._release(self._activated.close)
         super().on_deactivate(state)
         return result
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to unconfigured."""
         self._is_configured = False
-        return self._attempt(self._end_configuration)
+        return self._release(self._configured.close)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition from any state to finalized; after an unexpected failure, to unconfigured."""
         self._is_configured = False
-        return self._attempt(self.close)
+        return self._release(self.close)
 
     on_error = on_shutdown
-
-    def _end_activation(self) -> None:
-        self.is_active = False
-        self.deactivate()
-        self._activated.close()
-
-    def _end_configuration(self) -> None:
-        self.cleanup()
-        self._configured.close()
-
-    @contextmanager
-    def _collecting(self, scope: ExitStack) -> Iterator[None]:
-        """Register in ``scope`` the release of the resources that this thread creates."""
-        self._scope, self._scope_thread = scope, threading.get_ident()
-        try:
-            yield
-        finally:
-            self._scope = None
 
     async def _on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
@@ -242,9 +213,9 @@ class ManagedNode(LifecycleNodeMixin, Node):
                 return await run_in_thread(self, change)
             return change()
         except RuntimeError:  # from rclpy: the present state does not have this transition
-            present = self._state_machine.current_state[1]
-            expected = _STATES.get(wanted.label or _LABELS.get(wanted.id, ""), "a state with this transition")
-            text = f"expected {expected}, the node is {present}"
+            machine = self._state_machine
+            possible = " or ".join(label for _, label, *_ in machine.available_transitions)
+            text = f"expected {possible}, the node is {machine.current_state[1]}"
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
             return response
 
@@ -258,15 +229,23 @@ class ManagedNode(LifecycleNodeMixin, Node):
         finally:
             self._in_transition.release()
 
-    def _attempt(
-        self, work: Callable[[], None], undo: Callable[[], None] | None = None
-    ) -> TransitionCallbackReturn:
+    def _attempt(self, work: Callable[[], None], scope: ExitStack) -> TransitionCallbackReturn:
+        """Do the work of a transition in this thread, and register in ``scope`` how it is undone."""
+        self._scope, self._scope_thread = scope, threading.get_ident()
         try:
             work()
         except Exception as error:  # rclpy would discard an unexpected exception without logging it
             self.get_logger().error(exception_guards.one_line(error))
-            if undo is None:
-                return TransitionCallbackReturn.ERROR
-            undo()
+            scope.close()
             return TransitionCallbackReturn.FAILURE
+        finally:
+            self._scope = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def _release(self, work: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            work()
+        except Exception as error:
+            self.get_logger().error(exception_guards.one_line(error))
+            return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
