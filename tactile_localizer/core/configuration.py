@@ -18,10 +18,8 @@ SWEEP_MIXTURE = "sweep_mixture"
 MODELS = (SWEEP_MIXTURE, "sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
 
-_CHOICES = {
-    "filter": FILTERS,
-    "resampling": tuple(RESAMPLERS),
-}
+CHOICES = {"filter": FILTERS, "resampling": tuple(RESAMPLERS)}
+"""Allowed values of each name that is a choice."""
 
 RANGES: dict[str, tuple[float, float]] = {
     "particles": (1, 1_000_000),
@@ -88,7 +86,7 @@ class Configuration:
         if self.model not in MODELS and SEPARATOR not in self.model:
             known = ", ".join(MODELS)
             raise ParameterError(f"model {self.model!r}: expected one of {known}, or module:Class")
-        for name, choices in _CHOICES.items():
+        for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")
         for name, (lower, upper) in RANGES.items():

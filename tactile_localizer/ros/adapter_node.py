@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import importlib
 import time
-from array import array
 from collections import Counter
 from functools import partial
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
@@ -25,7 +25,7 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import from_ns
+from tactile_localizer.ros.conversions import fill
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 
 PARAMETERS = (
@@ -89,12 +89,9 @@ class AdapterNode(ManagedNode):
         if vector is None:
             return
         self._sequence += 1
-        outgoing = self._message
-        outgoing.header.stamp = from_ns(vector.stamp_ns)
-        outgoing.strain = array("d", vector.strain.tobytes())
-        outgoing.status = array("B", vector.status.tobytes())
-        outgoing.sequence = [self._sequence & 0xFFFFFFFF] * len(vector.status)
-        self._publisher.publish(outgoing)
+        sequence = np.full(len(vector.status), self._sequence & 0xFFFFFFFF, np.uint32)
+        fill(self._message, *vector, sequence)
+        self._publisher.publish(self._message)
 
     def _publish_diagnostics(self) -> None:
         """Rate of each topic, and the last message that could not be used, since the previous status."""

@@ -9,7 +9,6 @@ Strain is published from the receive thread, to avoid the latency of the executo
 from __future__ import annotations
 
 import os
-from array import array
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +29,7 @@ from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED, STRAIN
-from tactile_localizer.ros.conversions import from_ns
+from tactile_localizer.ros.conversions import fill
 from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.driver_parameters import PARAMETERS, messages_of
@@ -122,29 +121,20 @@ class DriverNode(ManagedNode):
         self.parameters.declare(map(messages_of, self.parameters["phalanges"]))
 
     def _publish(self, cycle: Cycle) -> None:
-        message = self._message
         # Receive times cannot be converted to simulated time, so use the time of the node's clock.
         stamp_ns = self.now_ns if self._use_sim_time else cycle.stamp_ns
-        message.header.stamp = from_ns(stamp_ns)
-        message.strain = array("d", cycle.strain.tobytes())
-        message.status = array("B", cycle.status.tobytes())
-        message.sequence = array("I", cycle.sequence.tobytes())
+        fill(self._message, stamp_ns, cycle.strain, cycle.status, cycle.sequence)
         try:
-            self._strain.publish(message)
+            self._strain.publish(self._message)
         except RuntimeError:
             if self.context.ok():  # otherwise the process is shutting down
                 raise
 
     def _publish_offset(self) -> None:
-        phalanges = self._driver.protocol.phalanges
-        message = StrainVectors(
-            phalanges=list(phalanges),
-            strain=array("d", self._driver.offset.tobytes()),
-            status=bytes(len(phalanges)),
-            sequence=[0] * len(phalanges),
-            channels=self._driver.protocol.channels.counts,
-        )
-        message.header.stamp = self.get_clock().now().to_msg()
+        protocol = self._driver.protocol
+        message = StrainVectors(phalanges=list(protocol.phalanges), channels=protocol.channels.counts)
+        zeros = np.zeros(len(protocol.phalanges), np.uint32)
+        fill(message, self.now_ns, self._driver.offset, zeros.astype(np.uint8), zeros)
         self._offset.publish(message)
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

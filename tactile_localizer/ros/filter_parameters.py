@@ -3,89 +3,76 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
-from tactile_localizer.core.configuration import (
-    FILTERS,
-    MODELS,
-    RANGES,
-    Configuration,
-)
-from tactile_localizer.core.filters.resampling import RESAMPLERS
+from tactile_localizer.core.configuration import CHOICES, MODELS, RANGES, Configuration
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.subscriptions import palm_poses
 
 _DEFAULTS = Configuration()
 
 
-def _choice(name: str, description: str, choices: Any) -> Parameter:
-    return Parameter(name, getattr(_DEFAULTS, name), description, choices=tuple(choices))
-
-
-def _number(name: str, description: str, unit: str = "", live: bool = False) -> Parameter:
-    lower, upper = RANGES[name]
-    return Parameter(name, getattr(_DEFAULTS, name), description, unit, lower, upper, live=live)
-
-
-def _plain(name: str, description: str) -> Parameter:
-    return Parameter(name, getattr(_DEFAULTS, name), description)
+def _field(name: str, description: str, unit: str = "", live: bool = False) -> Parameter:
+    """The parameter of a field of the configuration."""
+    lower, upper = RANGES.get(name, (None, None))
+    default, choices = getattr(_DEFAULTS, name), CHOICES.get(name, ())
+    return Parameter(name, default, description, unit, lower, upper, choices, live)
 
 
 CONFIGURATION = (
-    _plain(
+    _field(
         "model",
         f"Measurement model: {', '.join(MODELS)}, or a user-defined model as module:Class. "
         "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
     ),
-    _choice("filter", "Bayes filter: particle filter, or exact recursion on a grid", FILTERS),
-    _number(
+    _field("filter", "Bayes filter: particle filter, or exact recursion on a grid"),
+    _field(
         "particles",
         "Number of particles when the estimate has converged, 75 in the paper; for filter particle",
     ),
-    _number(
+    _field(
         "max_particles",
         "Number of particles while the belief is wide, if larger; 75 in the paper; for filter particle",
     ),
-    _number(
+    _field(
         "cell",
         "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis use "
         "0.5 mm instead, with three at most 25,000 cells",
     ),
-    _plain(
+    _field(
         "conditional",
         "Conditional form of model sum_of_gaussians; false for the joint form of the paper",
     ),
-    _choice("resampling", "Resampling scheme, for filter particle", RESAMPLERS),
-    _number(
+    _field("resampling", "Resampling scheme, for filter particle"),
+    _field(
         "resample_below",
         "Resample when the effective sample size falls below this fraction of the number of particles, for "
         "filter particle",
     ),
-    _number(
+    _field(
         "random_particles",
         "Number of particles replaced by uniformly drawn ones at each update, 10 in the paper; requires "
         "filter particle",
     ),
-    _number("update_distance", "Travel between measurement updates", "m", live=True),
-    _number(
+    _field("update_distance", "Travel between measurement updates", "m", live=True),
+    _field(
         "convergence_radius",
         "Radius about the estimate that convergence refers to",
         "m",
         live=True,
     ),
-    _number(
+    _field(
         "convergence_yaw_radius",
         "Yaw interval about the estimate that convergence refers to, if the scene has yaw",
         "rad",
         live=True,
     ),
-    _number(
+    _field(
         "convergence_probability",
         "Posterior probability that the palm is on the map and within the radius of the estimate, above "
         "which the estimate has converged",
         live=True,
     ),
-    _number("convergence_travel", "Travel over which that probability must be exceeded", "m", live=True),
+    _field("convergence_travel", "Travel over which that probability must be exceeded", "m", live=True),
 )
 """One parameter per field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 

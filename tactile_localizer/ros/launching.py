@@ -24,52 +24,46 @@ from tactile_localizer.ros.base.parameters import Parameter
 
 _RESPAWN_DELAY_S = 2.0
 _TRUE, _FALSE = ("true", "True"), ("false", "False")
-_SWITCH = (*_TRUE, *_FALSE)
+_LEVELS = ("debug", "info", "warn", "error", "fatal")
+
+
+def argument(parameter: Parameter, default: str | None = None) -> DeclareLaunchArgument:
+    """Declare a launch argument with the description and the choices of a parameter.
+
+    ``default`` is the text in place of the parameter's default; empty: it keeps its value.
+    """
+    choices = (*_TRUE, *_FALSE) if isinstance(parameter.default, bool) else parameter.choices
+    if default == "" and choices:
+        choices = ("", *choices)
+    return DeclareLaunchArgument(
+        parameter.name,
+        default_value=str(parameter.default) if default is None else default,
+        description=parameter.descriptor().description,
+        choices=choices or None,
+    )
+
+
 _TOPICS = {"strain": "strain_topic", "palm_pose": "pose_topic"}
 """Launch argument with the name of each topic that all nodes share."""
 _COMMON = ("use_sim_time", "autostart")
+_QUEUE_DEPTH = Parameter("queue_depth", 100, "Depth of the subscriptions to strain and poses, 100 if empty")
 
-COMMON = (
-    DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of the nodes, for example left; one per hand"
+COMMON = [
+    argument(Parameter("namespace", "", "Namespace of the nodes, for example left; one per hand")),
+    argument(Parameter("strain_topic", "strain", "Topic of the strain (tactile_localizer/StrainVectors)")),
+    argument(Parameter("pose_topic", "palm_pose", "Topic of the palm poses (geometry_msgs/PoseStamped)")),
+    argument(_QUEUE_DEPTH, ""),
+    argument(Parameter("use_sim_time", False, "Take time from /clock")),
+    argument(
+        Parameter(
+            "autostart", True, "Configure and activate the nodes; false leaves both to a lifecycle manager"
+        )
     ),
-    DeclareLaunchArgument(
-        "strain_topic",
-        default_value="strain",
-        description="Topic of the strain (tactile_localizer/StrainVectors)",
+    argument(
+        Parameter("respawn", False, "Restart a crashed node, but not one that rejects its configuration")
     ),
-    DeclareLaunchArgument(
-        "pose_topic",
-        default_value="palm_pose",
-        description="Topic of the palm poses (geometry_msgs/PoseStamped)",
-    ),
-    DeclareLaunchArgument(
-        "queue_depth",
-        default_value="",
-        description="Depth of the subscriptions to strain and poses; 100 by default",
-    ),
-    DeclareLaunchArgument(
-        "use_sim_time", default_value="false", choices=_SWITCH, description="Take time from /clock"
-    ),
-    DeclareLaunchArgument(
-        "autostart",
-        default_value="true",
-        choices=_SWITCH,
-        description="Configure and activate the nodes; false leaves both to a lifecycle manager",
-    ),
-    DeclareLaunchArgument(
-        "respawn",
-        default_value="false",
-        choices=_SWITCH,
-        description="Restart a crashed node, but not one that rejects its configuration",
-    ),
-    DeclareLaunchArgument(
-        "log_level",
-        default_value="info",
-        choices=("debug", "info", "warn", "error", "fatal"),
-        description="Log level of the nodes",
-    ),
-)
+    argument(Parameter("log_level", "info", "Log level of the nodes", choices=_LEVELS)),
+]
 """Arguments of every launch file."""
 
 
@@ -94,17 +88,7 @@ def node(
         description=f"Parameter file of the {name}",
     )
     start = OpaqueFunction(function=_start, args=[name, chosen], condition=condition)
-    return [*map(_argument, chosen), file, start]
-
-
-def _argument(parameter: Parameter) -> DeclareLaunchArgument:
-    choices = _SWITCH if isinstance(parameter.default, bool) else parameter.choices
-    return DeclareLaunchArgument(
-        parameter.name,
-        default_value="",
-        description=parameter.descriptor().description,
-        choices=["", *choices] if choices else None,
-    )
+    return [*(argument(parameter, "") for parameter in chosen), file, start]
 
 
 def _start(context: LaunchContext, name: str, chosen: Sequence[Parameter]) -> list[Action]:
@@ -112,12 +96,12 @@ def _start(context: LaunchContext, name: str, chosen: Sequence[Parameter]) -> li
     file = given[f"{name}_params"]
     if file and not Path(file).is_file():
         raise ParameterError(f"launch argument {name}_params: expected an existing file, got {file!r}")
-    parameters: dict[str, Any] = {argument: given[argument] in _TRUE for argument in _COMMON}
+    parameters: dict[str, Any] = {switch: given[switch] in _TRUE for switch in _COMMON}
     parameters |= {one.name: _value(one, given[one.name]) for one in chosen if given[one.name]}
     if given["queue_depth"]:
-        depth = _value(Parameter("queue_depth", 100, ""), given["queue_depth"])
-        for argument in _TOPICS.values():
-            topic = posixpath.join(f"/{given['namespace'].strip('/')}", given[argument])
+        depth = _value(_QUEUE_DEPTH, given["queue_depth"])
+        for topic_argument in _TOPICS.values():
+            topic = posixpath.join(f"/{given['namespace'].strip('/')}", given[topic_argument])
             parameters[f"qos_overrides.{topic}.subscription.depth"] = depth
     respawn = given["respawn"] in _TRUE
     return [
@@ -127,7 +111,7 @@ def _start(context: LaunchContext, name: str, chosen: Sequence[Parameter]) -> li
             name=name,
             namespace=given["namespace"],
             parameters=[*filter(None, [file]), parameters],
-            remappings=[(topic, given[argument]) for topic, argument in _TOPICS.items()],
+            remappings=[(topic, given[name]) for topic, name in _TOPICS.items()],
             ros_arguments=["--log-level", given["log_level"]],
             respawn=respawn,
             respawn_delay=_RESPAWN_DELAY_S,

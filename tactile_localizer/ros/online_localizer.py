@@ -53,10 +53,10 @@ class RangeCheck:
 
     Parameters
     ----------
-    scan_range : range of the scan; ``None``: nothing is out of range
+    scan_range : range of the scan
     """
 
-    def __init__(self, scan_range: ScanRange | None) -> None:
+    def __init__(self, scan_range: ScanRange) -> None:
         self._range = scan_range
         self._start: np.ndarray | None = None
         self._outside: deque[tuple[bool, bool]] = deque(maxlen=_RANGE_WINDOW)
@@ -68,8 +68,6 @@ class RangeCheck:
 
     def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
         """Add position (d,), m, strain (C,), V, and usable phalanges (F,) bool of a measurement update."""
-        if self._range is None:
-            return
         if self._start is None:
             self._start = position
         strain_is_outside = bool(self._range.strains_outside(strain, present))
@@ -97,7 +95,7 @@ class OnlineLocalizer:
     localizer : localizer to update
     max_gap_s : longest interval between the poses before and after a strain vector, s
     patience_s : time, measured in stamps, that a strain vector waits for its pose, s
-    scan_range : range of the scan in the map; ``None``: not checked
+    scan_range : range of the scan in the map
 
     Attributes
     ----------
@@ -111,11 +109,7 @@ class OnlineLocalizer:
     """
 
     def __init__(
-        self,
-        localizer: Localizer,
-        max_gap_s: float,
-        patience_s: float,
-        scan_range: ScanRange | None = None,
+        self, localizer: Localizer, max_gap_s: float, patience_s: float, scan_range: ScanRange
     ) -> None:
         self.localizer = localizer
         self.range_check = RangeCheck(scan_range)

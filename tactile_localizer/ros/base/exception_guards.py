@@ -50,31 +50,22 @@ def guard_service(
     """The callback of the service ``name``, changed to reject a request instead of raising an exception.
 
     The rejection is a default response (``success`` is false) with the reason in its field ``message``, if
-    it has one. A coroutine stays a coroutine.
+    it has one. The callback may be a coroutine.
     """
 
-    def reject(error: Exception) -> Any:
-        _log(node, name, error)
-        response = service_type.Response()
-        if hasattr(response, "message"):
-            response.message = one_line(error)
-        return response
-
     @wraps(callback)
-    def guarded(request: Any, response: Any) -> Any:
+    async def guarded(request: Any, response: Any) -> Any:
         try:
-            return callback(request, response)
+            answer = callback(request, response)
+            return await answer if inspect.isawaitable(answer) else answer
         except Exception as error:
-            return reject(error)
+            _log(node, name, error)
+            rejection = service_type.Response()
+            if hasattr(rejection, "message"):
+                rejection.message = one_line(error)
+            return rejection
 
-    @wraps(callback)
-    async def guarded_coroutine(request: Any, response: Any) -> Any:
-        try:
-            return await callback(request, response)
-        except Exception as error:
-            return reject(error)
-
-    return guarded_coroutine if inspect.iscoroutinefunction(callback) else guarded
+    return guarded
 
 
 def _log(node: Node, name: str, error: Exception) -> None:

@@ -1,5 +1,6 @@
 """Hostile requests, messages and files are rejected, and the node continues."""
 
+import asyncio
 import os
 
 import pytest
@@ -128,7 +129,7 @@ def test_an_unexpected_exception_is_a_rejection_in_one_line():
     node = ManagedNode("fragile")
     try:
         service = node.create_service(Trigger, "~/break", fail)
-        answer = service.callback(Trigger.Request(), Trigger.Response(success=True))
+        answer = asyncio.run(service.callback(Trigger.Request(), Trigger.Response(success=True)))
         assert not answer.success
         assert answer.message.startswith("unexpected KeyError: 'a key\\nthat is not there' (test_hostile")
         node.create_subscription(Empty, "~/broken", fail, 1).callback(Empty())
