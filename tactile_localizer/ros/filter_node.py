@@ -11,7 +11,6 @@ that is late skips to the newest strain: a measurement update is due only after 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,8 +23,8 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.factory import Progress, build_localizer, convergence_criteria
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
+from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
@@ -33,26 +32,22 @@ from tactile_localizer.errors import MeasurementError, ParameterError, TactileLo
 from tactile_localizer.io.confinement import confined
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameters
-from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import StrainReader, to_ns
-from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics, InputState
-from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, ProgressReporter
+from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments, ProgressReporter
 from tactile_localizer.ros.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.ros.publishers.estimates import EstimatePublisher, standard_deviations
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.publishers.material_transform import MaterialBroadcaster
-from tactile_localizer.ros.subscriptions import palm_poses
-from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
-from tactile_localizer.ros.subscriptions.palm_poses import palm_frame, position
-from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
+from tactile_localizer.ros.subscriptions.draining import Topic
+from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
 
@@ -70,14 +65,12 @@ class LoadedMap:
     ----------
     path : of the scan
     scan, scene : training pairs and their scene; that of the localizer is cropped to the scan
-    frame : transformation of palm poses to the axes of the scene
     localizer : localizer on the scan
     """
 
     path: Path
     scan: Scan
     scene: Scene
-    frame: PalmFrame
     localizer: Localizer
 
 
@@ -96,9 +89,9 @@ def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMa
     scene.columns(scan.axes)
     scene.channels(scan.phalanges, scan.channels)
     choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
-    frame, calibration = palm_frame(parameters, scene), learned_calibration(path, scan, scene, progress)
+    calibration = learned_calibration(path, scan, scene, progress)
     localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
-    return LoadedMap(path, scan, scene, frame, localizer)
+    return LoadedMap(path, scan, scene, localizer)
 
 
 class FilterNode(ManagedNode):
@@ -108,7 +101,6 @@ class FilterNode(ManagedNode):
         super().__init__("filter", PARAMETERS)
         self._activations = 0
         self._is_loading = False
-        self._online: OnlineLocalizer  # set while the node is configured
         self.create_service(
             LoadScan, "~/load_scan", self._on_load_scan, callback_group=ReentrantCallbackGroup()
         )
@@ -121,12 +113,12 @@ class FilterNode(ManagedNode):
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = FilterDiagnostics(self._health)
         self._report_progress = ProgressReporter(self, self._health, "map")
-        self._lookup = palm_poses.tf_lookup(parameters, self._on_pose, partial(self._reject, "palm_pose"))
+        self._inputs = TactileInputs(self, self._on_pairs, may_skip=True)
         self._material = None
         if parameters["publish_tf"]:
             frames = parameters["reference_frame"], parameters["material_frame"]
             self._material = MaterialBroadcaster(self, *frames, parameters["material_pose"])
-        self._use(self._load(Path(parameters["scan_file"]).expanduser()))
+        self._loaded = self._load(Path(parameters["scan_file"]).expanduser())
         self._estimates = EstimatePublisher(self, parameters)
         self._map = MapPublisher(self, parameters["material_frame"])
         self.add_post_set_parameters_callback(self._on_set)
@@ -135,17 +127,9 @@ class FilterNode(ManagedNode):
     def activate(self) -> None:
         """Subscribe to the inputs; the belief is uniform."""
         self._activations += 1
-        self._restart()
-        self._map.publish(self._loaded.scan, self._loaded.scene)
-        subscribe(
-            self,
-            (
-                Topic(StrainVectors, "strain", self._on_strain, STRAIN, self._on_skip),
-                *palm_poses.pose_topics(self._lookup, self._on_pose),
-                Topic(
-                    PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10)
-                ),
-            ),
+        self._start(self._loaded)
+        self._inputs.subscribe(
+            Topic(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10))
         )
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
         self.create_timer(_WATCH_PERIOD_S, self._watch)
@@ -153,7 +137,7 @@ class FilterNode(ManagedNode):
 
     @property
     def _localizer(self) -> Localizer:
-        return self._online.localizer
+        return self._loaded.localizer
 
     def _load(self, path: Path) -> LoadedMap:
         """Build the localizer on a scan; takes seconds unless it is calibrated."""
@@ -164,60 +148,24 @@ class FilterNode(ManagedNode):
         )
         return loaded
 
-    def _use(self, loaded: LoadedMap) -> None:
-        """Localize on another map; on an error the present one stays in use."""
-        parameters, reader = self.parameters, StrainReader(loaded.scene)
-        scan_range = ScanRange.of(loaded.scan, loaded.scene)
-        self._online = OnlineLocalizer(
-            loaded.localizer, parameters["max_gap_s"], parameters["patience_s"], scan_range
+    def _start(self, loaded: LoadedMap) -> None:
+        """Localize on a map, from a uniform belief; on an error the present one stays in use."""
+        online = OnlineLocalizer(
+            loaded.localizer, self.parameters["max_gap_s"], ScanRange.of(loaded.scan, loaded.scene)
         )
-        self._loaded, self._frame, self._reader = loaded, loaded.frame, reader
-
-    def _restart(self) -> None:
-        self._online.interrupt()
-        self._online.reset()
-        self._sender_clock = SenderClock(lambda: self.now_ns)
-        self._inputs = InputState({"strain": 0, "palm_pose": 0, "initial_pose": 0})
+        self._map.publish(loaded.scan, loaded.scene)
+        self._inputs.start(loaded.scene)
+        self._loaded, self._online = loaded, online
+        self._stale = ""
+        self._silent: list[str] = []
+        self._arrivals, self._estimated = Increments(), 0
         self._last_ns = dict.fromkeys((*_INPUTS, "estimate"), self.now_ns)
-        self._arrived: set[str] = set()
 
-    def _on_strain(self, message: StrainVectors) -> None:
-        stamp_ns = to_ns(message.header.stamp)
-        if not stamp_ns:
-            return  # the clock of the sender has not started
-        self._receive("strain", stamp_ns)
-        try:
-            estimates = self._online.add_strain(stamp_ns, *self._reader.read(message))
-        except TactileLocalizerError as error:
-            self._reject("strain", error)
-        else:
-            self._publish(estimates)
-        if self._lookup is not None:
-            self._lookup.look_up(stamp_ns)
-
-    def _on_skip(self, count: int) -> None:
-        self._inputs.skipped += count
-        self._reader.lost -= count  # the reader will count them, because their numbers are missing
-
-    def _on_pose(self, message: PoseStamped) -> None:
-        stamp_ns = to_ns(message.header.stamp)
-        if not stamp_ns:
-            return
-        self._receive("palm_pose", stamp_ns)
-        try:
-            estimates = self._online.add_pose(stamp_ns, position(self._frame, message))
-        except MeasurementError as error:
-            self._reject("palm_pose", error)
-        else:
-            self._publish(estimates)
-
-    def _receive(self, topic: str, stamp_ns: int) -> None:
-        self._arrived.add(topic)
-        self._sender_clock.update(stamp_ns, self._online.pairing.resets)
+    def _on_pairs(self, pairs: list[Pair[StrainSample]]) -> None:
+        self._publish(self._online.take(pairs, self._inputs.pairing.resets))
 
     def _publish(self, estimates: list[Estimate]) -> None:
-        if estimates:
-            self._arrived.add("estimate")
+        self._estimated += len(estimates)
         for estimate in estimates:
             self._estimates.publish(estimate, self._localizer)
         if estimates and self._material is not None and self._online.palm is not None:
@@ -227,22 +175,22 @@ class FilterNode(ManagedNode):
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         scene = self._localizer.scene
         try:
-            mean = position(self._frame, PoseStamped(header=message.header, pose=message.pose.pose))
+            mean = self._inputs.position(PoseStamped(header=message.header, pose=message.pose.pose))
             std = standard_deviations(message, scene.axis_names)
             if not np.isfinite(std).all():
                 raise MeasurementError(f"covariance: expected variances of at least 0, found {std**2}")
             if not ((mean >= scene.lower) & (mean <= scene.upper)).all():
                 raise MeasurementError(f"position: expected {scene.lower} to {scene.upper}, got {mean}")
         except MeasurementError as error:
-            self._reject("initial_pose", error)
+            self._inputs.reject("initial_pose", error)
             return
-        self._online.seed(mean, std, self._sender_clock.now_ns)
-        self._inputs.stale = ""
+        self._online.seed(mean, std, self._inputs.clock.now_ns)
+        self._stale = ""
         self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
 
     def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
-        self._online.reset(self._sender_clock.now_ns)
-        self._inputs.stale = ""
+        self._online.reset(self._inputs.clock.now_ns)
+        self._stale = ""
         self.get_logger().info("belief reset to uniform")
         return response
 
@@ -277,71 +225,57 @@ class FilterNode(ManagedNode):
             if not self.is_active or self._activations != activation:
                 response.result, response.message = response.NOT_ACTIVE, "deactivated while loading"
                 return
-            self._replace_map(loaded)
+            self._start(loaded)
         except TactileLocalizerError as error:
             response.result, response.message = response.NOT_USABLE, str(error)
             return
         response.result, response.message = response.SUCCESS, f"{found}: {len(loaded.scan)} pairs"
 
-    def _replace_map(self, loaded: LoadedMap) -> None:
-        """Restart on another map; on an error the present one stays in use."""
-        previous = self._loaded
-        try:
-            self._use(loaded)
-            self._restart()
-            self._map.publish(loaded.scan, loaded.scene)
-        except Exception:
-            self._use(previous)
-            self._restart()
-            raise
-
     def _watch(self) -> None:
         """Detect whether the estimate is stale, and log when that changes."""
         now_ns = self.now_ns
         timeout_s = self.parameters["stale_timeout_s"]
+        arrived = self._arrivals.since({**self._inputs.received, "estimate": self._estimated})
         for name, last_ns in self._last_ns.items():
-            if name in self._arrived or now_ns < last_ns:
+            if arrived.get(name) or now_ns < last_ns:
                 self._last_ns[name] = now_ns
-        self._arrived.clear()
-        age_s = max((now_ns - self._last_ns["estimate"]) / NANOSECONDS, self._online.age_s)
         oldest_ns = now_ns - timeout_s * NANOSECONDS
-        silent = [topic for topic in _INPUTS if self._last_ns[topic] < oldest_ns]
-        was_stale, stale = bool(self._inputs.stale), ""
-        if self._online.latest is not None and age_s > timeout_s:
-            stale = f"{self._missing(silent)}, no estimate for {age_s:.1f} s"
-        self._inputs.stale, self._inputs.silent = stale, silent
-        if bool(stale) != was_stale:
-            self.get_logger().warning(f"stale: {stale}" if stale else "no longer stale")
-        if stale and not was_stale:
+        self._silent = [topic for topic in _INPUTS if self._last_ns[topic] < oldest_ns]
+        was_stale, self._stale = bool(self._stale), ""
+        if self._online.latest is not None:
+            behind_ns = self._inputs.pairing.newest_input_ns - self._online.latest.stamp_ns
+            age_s = max(now_ns - self._last_ns["estimate"], behind_ns) / NANOSECONDS
+            if age_s > timeout_s:
+                self._stale = f"{self._missing()}, no estimate for {age_s:.1f} s"
+        if bool(self._stale) != was_stale:
+            self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")
+        if self._stale and not was_stale:
             self._repeat_as_stale()
 
-    def _missing(self, silent: Sequence[str]) -> str:
-        """Why there is no new estimate, given the topics without messages."""
-        if self._online.last_error and not silent:
+    def _missing(self) -> str:
+        """Why there is no new estimate."""
+        if self._online.last_error and not self._silent:
             return self._online.last_error
-        return f"no {' and no '.join(silent or [self._online.lagging_input])}"
+        pairing = self._inputs.pairing
+        late = "palm_pose" if (pairing.newest_pose_ns or -1) < (pairing.newest_ns or -1) else "strain"
+        return f"no {' and no '.join(self._silent or [late])}"
 
     def _repeat_as_stale(self) -> None:
         if self._online.latest is not None:
-            self._estimates.publish(self._online.latest, self._localizer, self._inputs.stale)
+            self._estimates.publish(self._online.latest, self._localizer, self._stale)
 
     def _publish_diagnostics(self) -> None:
         self._watch()  # its timer stands still with simulated time
-        if self._inputs.stale:
+        if self._stale:
             self._repeat_as_stale()
         elif self._online.latest is None:
-            reason = f"no estimate yet, {self._missing(self._inputs.silent)}"
-            stamp_ns = self._sender_clock.now_ns or self.now_ns
+            reason = f"no estimate yet, {self._missing()}"
+            stamp_ns = self._inputs.clock.now_ns or self.now_ns
             self._estimates.publish_waiting(stamp_ns, self._localizer, reason)
-        self._inputs.lost = self._reader.lost
         self._health.publish(
-            self._diagnostics.belief(self._online, str(self._loaded.path), self._inputs.stale),
-            self._diagnostics.inputs(self._online, self._inputs),
+            self._diagnostics.belief(self._online, str(self._loaded.path), self._stale),
+            self._diagnostics.inputs(self._inputs, self._online, self._silent, self._stale),
         )
-
-    def _reject(self, topic: str, error: TactileLocalizerError) -> None:
-        self._inputs.invalid[topic] += 1
-        self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=1.0)
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:
         """Adopt live parameters without a reset of the belief."""

@@ -6,7 +6,7 @@ import dataclasses
 
 from tactile_localizer.core.configuration import CHOICES, MODELS, RANGES, Configuration
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
-from tactile_localizer.ros.subscriptions import palm_poses
+from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
 
 _DEFAULTS = Configuration()
 
@@ -93,7 +93,7 @@ PARAMETERS = (
     ),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", lower=0),
-    *palm_poses.SYNCHRONIZATION,
+    *SYNCHRONIZATION,
     Parameter("stale_timeout_s", 0.5, "Age above which an estimate is stale", "s", 0.01, 60.0, live=True),
     Parameter(
         "particles_rate_hz",
@@ -105,7 +105,7 @@ PARAMETERS = (
         live=True,
     ),
     Parameter("shown_particles", 500, "Maximum number of points in ~/particles", "", 1, 1_000_000, live=True),
-    *palm_poses.FRAMES,
+    *FRAMES,
     Parameter(
         "publish_tf",
         False,

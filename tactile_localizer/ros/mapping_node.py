@@ -9,34 +9,28 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
-from tactile_localizer.core.geometry.synchronization import Pair, Pairing
+from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
-from tactile_localizer.errors import MeasurementError, ParameterError, ScanError, TactileLocalizerError
+from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.msg import ScanStatus, StrainVectors
+from tactile_localizer.msg import ScanStatus
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
-from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import StrainReader, from_ns, to_ns
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
-from tactile_localizer.ros.subscriptions import palm_poses
-from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
-from tactile_localizer.ros.subscriptions.palm_poses import palm_frame, position
-from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
+from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2
@@ -57,9 +51,7 @@ class MappingNode(ManagedNode):
             if not parameters[name]:
                 raise ParameterError(f"{name}: expected a path, got none")
         self._scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
-        self._frame = palm_frame(parameters, self._scene)
-        self._lookup = palm_poses.tf_lookup(parameters, self._on_pose, partial(self._reject, "palm_pose"))
-        self._reader = StrainReader(self._scene)
+        self._inputs = TactileInputs(self, self._record)
         self._coverage = Coverage(self._scene, parameters["sweep_distance_m"])
         store = ScanWriter(parameters["scan_file"], self._scene)
         self.defer(store.close)
@@ -71,21 +63,15 @@ class MappingNode(ManagedNode):
 
     def activate(self) -> None:
         """Subscribe to strain and poses; create the services and timers."""
-        parameters = self.parameters
-        self._pairing: Pairing[StrainSample] = Pairing(
-            self._scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
-        )
+        self._inputs.start(self._scene)
         self.defer(self._end_recording)
-        self._sender_clock = SenderClock(lambda: self.now_ns)
         self._rate = 0.0
         self._last_sweep: int | None = None
-        self._rejections: dict[str, str] = {}
-        self._poses = self._reported_pairs = 0
+        self._reported_pairs = 0
         self._losses = Increments()
         self._write_error = ""
         self._counts: deque[tuple[float, int]] = deque(maxlen=3)
-        strain = Topic(StrainVectors, "strain", self._on_strain, STRAIN)
-        subscribe(self, (strain, *palm_poses.pose_topics(self._lookup, self._on_pose)))
+        self._inputs.subscribe()
         self.create_service(Trigger, "~/start_sweep", self._on_start)
         self.create_service(Trigger, "~/end_sweep", self._on_end)
         self.create_steady_timer(_COMMIT_PERIOD_S, self._commit)
@@ -95,7 +81,7 @@ class MappingNode(ManagedNode):
         self._refresh_map()
 
     def _end_recording(self) -> None:
-        self._record(self._pairing.finish())
+        self._record(self._inputs.pairing.finish())
         self._try_to_write(self._recorder.close)
 
     def _refresh_map(self) -> None:
@@ -114,56 +100,22 @@ class MappingNode(ManagedNode):
             rest_s=parameters["rest_s"],
         )
 
-    def _on_strain(self, message: StrainVectors) -> None:
-        stamp_ns = to_ns(message.header.stamp)
-        if not stamp_ns:
-            return  # the clock of the sender has not started
-        self._sender_clock.update(stamp_ns, self._pairing.resets)
-        try:
-            sample = self._reader.read(message)
-        except TactileLocalizerError as error:
-            self._reject("strain", error)
-            return
-        self._rejections.pop("strain", None)
-        self._record(self._pairing.add_strain(stamp_ns, sample))
-        if self._lookup is not None:
-            self._lookup.look_up(stamp_ns)
-
-    def _on_pose(self, message: PoseStamped) -> None:
-        stamp_ns = to_ns(message.header.stamp)
-        if not stamp_ns:
-            return  # the clock of the sender has not started
-        self._sender_clock.update(stamp_ns, self._pairing.resets)
-        try:
-            pairs = self._pairing.add_pose(stamp_ns, position(self._frame, message))
-        except MeasurementError as error:
-            self._reject("palm_pose", error)
-            return
-        self._rejections.pop("palm_pose", None)
-        self._poses += 1
-        self._record(pairs)
-
-    def _reject(self, topic: str, error: TactileLocalizerError) -> None:
-        """Reject a message; no sweep can start until a valid message arrives on its topic."""
-        self._rejections[topic] = f"{topic}: {error}"
-        self._log_error(self._rejections[topic])
-
     def _record(self, pairs: list[Pair[StrainSample]]) -> None:
         self._try_to_write(self._recorder.take, pairs)
 
     def _commit(self) -> None:
-        self._try_to_write(self._recorder.settle, self._pairing.waiting_ns)
+        self._try_to_write(self._recorder.settle, self._inputs.pairing.waiting_ns)
         previous, self._last_sweep = self._last_sweep, self._recorder.store.active_sweep
         if previous is not None and previous != self._last_sweep:
             self._refresh_map()
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Start a sweep with the strain measured from now on."""
+        """Start a sweep with the strain measured from now on, unless the last messages were invalid."""
 
         def start(recorder: SweepRecorder) -> str:
-            for reason in self._rejections.values():
+            for reason in self._inputs.problems.values():
                 raise ScanError(f"start sweep: {reason}")
-            number = recorder.start(self._sender_clock.now_ns)
+            number = recorder.start(self._inputs.clock.now_ns)
             self._write_error = ""
             return f"sweep {number} started"
 
@@ -193,7 +145,7 @@ class MappingNode(ManagedNode):
 
     def _publish_diagnostics(self) -> None:
         """Publish the state of the recording; losses since the previous status are a warning."""
-        recorder, pairing = self._recorder, self._pairing
+        recorder, pairing = self._recorder, self._inputs.pairing
         losses = self._losses.describe(
             {
                 "samples without a pose": recorder.gaps,
@@ -205,7 +157,7 @@ class MappingNode(ManagedNode):
         if recorder.is_active and recorder.pairs == self._reported_pairs and not losses:
             losses = ["no samples received"]
         self._reported_pairs = recorder.pairs
-        errors = "; ".join(filter(None, [self._write_error, *self._rejections.values()]))
+        errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values()]))
         warnings = ", ".join(losses)
         activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
         level = DiagnosticStatus.OK
@@ -218,7 +170,7 @@ class MappingNode(ManagedNode):
             "gaps": recorder.gaps,
             "skipped": recorder.skipped,
             "late": pairing.late,
-            "poses": self._poses,
+            "poses": self._inputs.received["palm_pose"] - self._inputs.invalid["palm_pose"],
             "backward_jumps": pairing.resets,
         }
         message = ": ".join(filter(None, [activity, errors or warnings]))
@@ -227,7 +179,7 @@ class MappingNode(ManagedNode):
     @property
     def _newest_ns(self) -> int:
         """Stamp of the newest sample, ns; 0 before the first."""
-        return self._pairing.newest_ns or 0
+        return self._inputs.pairing.newest_ns or 0
 
     def _publish_status(self, stamp_ns: int) -> None:
         """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""
@@ -255,11 +207,8 @@ class MappingNode(ManagedNode):
             work(*arguments)
         except ScanError as error:
             self._write_error = str(error)
-            self._log_error(self._write_error)
+            self.get_logger().error(self._write_error, throttle_duration_sec=1.0)
             self._publish_status(self._newest_ns)
-
-    def _log_error(self, text: str) -> None:
-        self.get_logger().error(text, throttle_duration_sec=1.0)
 
 
 def main() -> int:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M
 from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M
 from tactile_localizer.ros.base.parameters import Parameter
-from tactile_localizer.ros.subscriptions import palm_poses
+from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued"),
     Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name"),
-    *palm_poses.SYNCHRONIZATION,
+    *SYNCHRONIZATION,
     Parameter(
         "sweep_detection",
         "off",
@@ -28,5 +28,5 @@ PARAMETERS = (
         1e-5,
         1.0,
     ),
-    *palm_poses.FRAMES,
+    *FRAMES,
 )

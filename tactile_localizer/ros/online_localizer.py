@@ -1,15 +1,15 @@
-"""Localization on a stream of strain vectors and palm poses, with counts of unusable inputs."""
+"""Localization on a stream of strain vectors with palm positions, with counts of unusable ones."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import Pair, Pairing
+from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.errors import MeasurementError
@@ -88,13 +88,12 @@ class RangeCheck:
 
 
 class OnlineLocalizer:
-    """Synchronizes poses with strain vectors by stamps and passes the pairs to a localizer.
+    """Passes the usable pairs of strain vectors and palm positions to a localizer.
 
     Parameters
     ----------
     localizer : localizer to update
     max_gap_s : longest interval between the poses before and after a strain vector, s
-    patience_s : time, measured in stamps, that a strain vector waits for its pose, s
     scan_range : range of the scan in the map
 
     Attributes
@@ -104,33 +103,19 @@ class OnlineLocalizer:
     range_check : comparison of strains and positions with the scan
     last_error : why the last strain vector was not used; empty if it was
     counts : numbers of strain vectors by how they were used
-    forward_jumps : number of strain stamps more than ``patience_s`` after the last: silence, or a clock set
     update_times_ns : durations of the last measurement updates
     """
 
-    def __init__(
-        self, localizer: Localizer, max_gap_s: float, patience_s: float, scan_range: ScanRange
-    ) -> None:
+    def __init__(self, localizer: Localizer, max_gap_s: float, scan_range: ScanRange) -> None:
         self.localizer = localizer
         self.range_check = RangeCheck(scan_range)
-        self.latest: Estimate | None = None
         self.palm: np.ndarray | None = None
         self.last_error = ""
-        self.forward_jumps = 0
         self.counts = Counts(dict.fromkeys(localizer.scene.phalanx_names, 0))
         self.update_times_ns: deque[int] = deque(maxlen=_TIMES_KEPT)
-        self._max_gap_s, self._patience_s = max_gap_s, patience_s
-        self.interrupt()
-
-    def interrupt(self) -> None:
-        """Discard buffered poses and waiting strain vectors: the next inputs do not continue the last."""
-        scene = self.localizer.scene
-        self.pairing: Pairing[StrainSample] = Pairing(
-            scene.axes, max_gap_s=self._max_gap_s, patience_s=self._patience_s
-        )
-        self._newest_ns: dict[str, int] = {}
-        self._resets = 0
-        self._since_ns = _BEFORE_FIRST_NS
+        self._max_gap_s = max_gap_s
+        self._epoch = 0
+        self.reset()
 
     def reset(self, since_ns: int = _BEFORE_FIRST_NS) -> None:
         """Reset to a uniform belief; strain vectors stamped up to ``since_ns`` are ignored."""
@@ -146,44 +131,18 @@ class OnlineLocalizer:
         self._restart(since_ns)
 
     def _restart(self, since_ns: int) -> None:
-        self.latest, self._since_ns = None, since_ns
+        self.latest: Estimate | None = None
+        self._since_ns = since_ns
         self.range_check.reset()
 
-    @property
-    def age_s(self) -> float:
-        """Age of the last estimate relative to the newest input stamp, s; 0 before the first estimate."""
-        if self.latest is None or not self._newest_ns:
-            return 0.0
-        return (max(self._newest_ns.values()) - self.latest.stamp_ns) / NANOSECONDS
+    def take(self, pairs: Sequence[Pair[StrainSample]], epoch: int) -> list[Estimate]:
+        """Update with pairs of strain vectors and positions; returns their estimates.
 
-    @property
-    def lagging_input(self) -> str:
-        """The input with the older newest stamp: ``strain`` or ``palm_pose``."""
-        return min(("strain", "palm_pose"), key=lambda topic: self._newest_ns.get(topic, -1))
-
-    def add_strain(self, stamp_ns: int, strain: np.ndarray, status: np.ndarray) -> list[Estimate]:
-        """Add a strain vector (C,), V, with status bits (F,); returns the estimates that it completes."""
-        newest_ns = self.pairing.newest_ns
-        self.forward_jumps += newest_ns is not None and stamp_ns - newest_ns > self._patience_s * NANOSECONDS
-        return self._take("strain", stamp_ns, self.pairing.add_strain(stamp_ns, (strain, status)))
-
-    def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Estimate]:
-        """Add a palm position (d,), m (yaw: rad); returns the estimates that it completes.
-
-        Raises
-        ------
-        MeasurementError
-            The position is not finite, or its dimension is not that of the scene.
+        ``epoch`` is the number of backward jumps of the stamps so far.
         """
-        return self._take("palm_pose", stamp_ns, self.pairing.add_pose(stamp_ns, position))
-
-    def _take(self, topic: str, stamp_ns: int, pairs: list[Pair[StrainSample]]) -> list[Estimate]:
-        if self.pairing.resets != self._resets:
-            self._resets = self.pairing.resets
-            self._newest_ns.clear()
-            self._since_ns = _BEFORE_FIRST_NS
+        if epoch != self._epoch:
+            self._epoch, self._since_ns = epoch, _BEFORE_FIRST_NS
             self.range_check.reset()
-        self._newest_ns[topic] = max(self._newest_ns.get(topic, stamp_ns), stamp_ns)
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
     def _localize(self, pair: Pair[StrainSample]) -> Estimate | None:

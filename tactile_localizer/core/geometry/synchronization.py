@@ -50,6 +50,7 @@ class Pairing(Generic[T]):
     ----------
     late : number of poses and strain vectors dropped because a later one had already arrived
     resets : number of backward jumps of the stamps, each of which clears everything
+    forward_jumps : number of strain stamps more than ``patience_s`` after the last: silence, or a clock set
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Pairing(Generic[T]):
     ) -> None:
         self.late = 0
         self.resets = 0
+        self.forward_jumps = 0
         self._patience_ns = round(patience_s * NANOSECONDS)
         # Poses are kept for as long as a strain vector that needs them may wait.
         self._length_s = 2 * patience_s + max_gap_s
@@ -72,6 +74,16 @@ class Pairing(Generic[T]):
     def newest_ns(self) -> int | None:
         """Stamp of the newest strain vector, ns; ``None`` before the first."""
         return self._newest_strain_ns
+
+    @property
+    def newest_pose_ns(self) -> int | None:
+        """Stamp of the newest pose, ns; ``None`` before the first."""
+        return self._poses.newest_ns
+
+    @property
+    def newest_input_ns(self) -> int:
+        """Stamp of the newest strain vector or pose, ns; 0 before the first."""
+        return max(self._newest_strain_ns or 0, self._poses.newest_ns or 0)
 
     @property
     def waiting_ns(self) -> int | None:
@@ -109,6 +121,8 @@ class Pairing(Generic[T]):
                 return []
             self._poses.clear()
             done = self._reset()
+        elif newest is not None:
+            self.forward_jumps += stamp_ns - newest > self._patience_ns
         self._newest_strain_ns = stamp_ns
         self._waiting.append((stamp_ns, measurement))
         return done + self._complete()

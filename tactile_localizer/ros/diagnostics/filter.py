@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,26 +15,10 @@ from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
+from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 
-
-@dataclass
-class InputState:
-    """State of the inputs of a filter node.
-
-    Parameters
-    ----------
-    invalid : numbers of invalid messages, by topic
-    lost : number of strain vectors lost in transport
-    skipped : number of queued strain vectors skipped because the node was late
-    silent : topics without a message for ``stale_timeout_s``
-    stale : why the estimate is stale; empty if it is not
-    """
-
-    invalid: dict[str, int]
-    lost: int = 0
-    skipped: int = 0
-    silent: Sequence[str] = ()
-    stale: str = ""
+TOPICS = ("strain", "palm_pose", "initial_pose")
+"""Topics whose invalid messages are counted."""
 
 
 class FilterDiagnostics:
@@ -81,44 +64,44 @@ class FilterDiagnostics:
                 level = DiagnosticStatus.WARN
         return self._publisher.status("belief", level, message, values)
 
-    def inputs(self, online: OnlineLocalizer, state: InputState) -> DiagnosticStatus:
-        """Status of the inputs."""
+    def inputs(
+        self, inputs: TactileInputs, online: OnlineLocalizer, silent: Sequence[str], stale: str
+    ) -> DiagnosticStatus:
+        """Status of the inputs: ``silent`` topics, and why the estimate is ``stale``, empty if it is not."""
         counts = dataclasses.asdict(online.counts)
         absent = counts.pop("absent")
-        pairing = online.pairing
+        pairing = inputs.pairing
         losses = self._losses.describe(
             {
-                "strain vectors lost in transport": state.lost,
-                "strain vectors skipped, the node was late": state.skipped,
+                "strain vectors lost in transport": inputs.lost,
+                "strain vectors skipped, the node was late": inputs.skipped,
                 "strain vectors without a pose": counts["gaps"],
                 "strain vectors without a phalanx with status OK": counts["unusable"],
                 "strain vectors that are not finite": counts["rejected"],
                 **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
-                **{f"invalid messages on {topic}": count for topic, count in state.invalid.items()},
+                **{f"invalid messages on {topic}": inputs.invalid[topic] for topic in TOPICS},
                 "late messages": pairing.late,
                 "backward jumps of the stamps": pairing.resets,
-                "forward jumps of the stamps": online.forward_jumps,
+                "forward jumps of the stamps": pairing.forward_jumps,
             }
         )
         values = {
             **counts,
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
-            **{f"invalid_{topic}": count for topic, count in state.invalid.items()},
-            "lost": state.lost,
-            "skipped": state.skipped,
+            **{f"invalid_{topic}": inputs.invalid[topic] for topic in TOPICS},
+            "lost": inputs.lost,
+            "skipped": inputs.skipped,
             "waiting": pairing.waiting,
             "late": pairing.late,
             "backward_jumps": pairing.resets,
-            "forward_jumps": online.forward_jumps,
+            "forward_jumps": pairing.forward_jumps,
             "waiting_s": f"{_waiting_s(pairing):.3f}",
             "last_error": online.last_error,
         }
-        missing = state.stale or (f"no {' and no '.join(state.silent)}" if state.silent else "")
+        missing = stale or (f"no {' and no '.join(silent)}" if silent else "")
         message = "; ".join(filter(None, [missing, ", ".join(losses)])) or "OK"
         level = DiagnosticStatus.WARN if missing or losses else DiagnosticStatus.OK
-        return self._publisher.status(
-            "inputs", DiagnosticStatus.ERROR if state.stale else level, message, values
-        )
+        return self._publisher.status("inputs", DiagnosticStatus.ERROR if stale else level, message, values)
 
 
 def _describe(estimate: Estimate) -> dict[str, Any]:

@@ -148,7 +148,7 @@ def _check_posteriors(probe: Probe, place: Place, namespace: str = "") -> None:
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, f"{namespace}filter/posterior", 1000)
-    probe.until(lambda: posteriors, "the first posterior", 60.0)
+    probe.until(lambda: posteriors and not posteriors[-1].stale, "an estimate", 60.0)
     _call(probe, f"{namespace}simulator/prepare")
     _call(probe, f"{namespace}simulator/sweep")
     probe.until(

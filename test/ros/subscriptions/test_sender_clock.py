@@ -12,7 +12,7 @@ class Clock:
     """A sender clock on a receiver clock that shows ``receiver_ns``."""
 
     def __init__(self):
-        from tactile_localizer.ros.subscriptions.sender_clock import SenderClock
+        from tactile_localizer.ros.subscriptions.tactile_inputs import SenderClock
 
         self.receiver_ns = 0
         self.sender = SenderClock(lambda: self.receiver_ns)

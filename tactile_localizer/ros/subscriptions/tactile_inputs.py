@@ -1,0 +1,245 @@
+"""Strain vectors and palm poses that a node receives, paired by their stamps."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import QoSProfile
+
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS
+from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S, Pair, Pairing
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.io.scans.recorder import StrainSample
+from tactile_localizer.msg import StrainVectors
+from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.parameters import Parameter
+from tactile_localizer.ros.base.qos import STRAIN
+from tactile_localizer.ros.conversions import StrainReader, to_ns
+from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
+from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
+from tactile_localizer.scene import Axis, Scene
+
+_RECORDED_NS = 60 * NANOSECONDS
+
+SYNCHRONIZATION = (
+    Parameter(
+        "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
+    ),
+    Parameter(
+        "patience_s",
+        DEFAULT_PATIENCE_S,
+        "Time, measured in stamps, that a strain vector waits for a late pose",
+        "s",
+        0.0,
+        60.0,
+    ),
+)
+"""Synchronization of poses with strain vectors."""
+
+FRAMES = (
+    Parameter(
+        "pose_source",
+        "topic",
+        "Source of palm poses: topic palm_pose, or lookup in tf at the stamp of the strain vector",
+        choices=("topic", "tf"),
+    ),
+    Parameter("palm_frame", "palm", "Frame of the palm, looked up in reference_frame if pose_source is tf"),
+    Parameter("material_frame", "material", "Frame of the material; palm poses in it are used unchanged"),
+    Parameter(
+        "reference_frame",
+        "base_link",
+        "Other accepted frame of palm poses, transformed by material_pose; empty for none",
+    ),
+    Parameter(
+        "material_pose",
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        "Pose of material_frame in reference_frame: x, y, z, roll, pitch, yaw",
+        "m, rad",
+    ),
+)
+"""Source and frames of the poses."""
+
+
+class TactileInputs:
+    """Receives strain and palm poses, and passes on the pairs that they make; :meth:`start` it first.
+
+    Parameters
+    ----------
+    node : its parameters include :data:`SYNCHRONIZATION` and :data:`FRAMES`
+    on_pairs : called with the pairs that a message completes, in the order of their stamps
+    may_skip : whether only the newest strain vector of a long backlog is used
+
+    Attributes
+    ----------
+    pairing : pairing of the strain vectors with poses
+    clock : estimate of the present time of the sender
+    received, invalid : numbers of messages, and of invalid ones, by topic: ``strain`` and ``palm_pose``
+    problems : why the last message of a topic was invalid; without the topics whose last one was valid
+    skipped : number of strain vectors that were skipped because the node was late
+
+    Raises
+    ------
+    ParameterError
+        ``material_pose`` is not six finite numbers. With ``pose_source`` tf: tf2_ros is not installed, or
+        ``reference_frame`` is empty.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        on_pairs: Callable[[list[Pair[StrainSample]]], None],
+        may_skip: bool = False,
+    ) -> None:
+        self._node, self._on_pairs, self._may_skip = node, on_pairs, may_skip
+        self._lookup = self._tf_lookup()
+        self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
+
+    def start(self, scene: Scene) -> None:
+        """Begin anew with the axes and phalanges of a scene: the next messages do not continue the last."""
+        parameters = self._node.parameters
+        self._frame = self._palm_frame(scene.axes)
+        self._reader = StrainReader(scene)
+        self.pairing: Pairing[StrainSample] = Pairing(
+            scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
+        )
+        self.clock = SenderClock(lambda: self._node.now_ns)
+        self.received: Counter[str] = Counter()
+        self.invalid: Counter[str] = Counter()
+        self.problems: dict[str, str] = {}
+        self.skipped = 0
+
+    def subscribe(self, *others: Topic) -> None:
+        """Subscribe to strain and poses, and to topics that belong to them."""
+        poses = [Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100))]
+        if self._lookup is not None:
+            poses = self._lookup.topics()
+        on_skip = self._on_skip if self._may_skip else None
+        strain = Topic(StrainVectors, "strain", self._on_strain, STRAIN, on_skip)
+        subscribe(self._node, (strain, *poses, *others))
+
+    @property
+    def lost(self) -> int:
+        """Number of strain vectors lost in transport."""
+        return self._reader.lost
+
+    def position(self, message: PoseStamped) -> np.ndarray:
+        """The palm's position on the scene's axes, (d,), m (yaw: rad).
+
+        Raises
+        ------
+        MeasurementError
+            The pose is in an unknown frame, or not finite.
+        """
+        point, turn = message.pose.position, message.pose.orientation
+        return self._frame.position(
+            message.header.frame_id, (point.x, point.y, point.z), (turn.x, turn.y, turn.z, turn.w)
+        )
+
+    def reject(self, topic: str, error: TactileLocalizerError) -> None:
+        """Count and log an invalid message."""
+        self.invalid[topic] += 1
+        self.problems[topic] = f"{topic}: {error}"
+        self._node.get_logger().error(self.problems[topic], throttle_duration_sec=1.0)
+
+    def _palm_frame(self, axes: tuple[Axis, ...]) -> PalmFrame:
+        parameters = self._node.parameters
+        return PalmFrame(
+            axes, parameters["material_frame"], parameters["reference_frame"], parameters["material_pose"]
+        )
+
+    def _tf_lookup(self) -> PalmLookup | None:
+        """The lookup of palm poses in tf; ``None`` if they arrive on a topic."""
+        parameters = self._node.parameters
+        if parameters["pose_source"] == "topic":
+            return None
+        if not parameters["reference_frame"]:
+            raise ParameterError("reference_frame: expected the target frame of the lookup in tf, got none")
+        frames = parameters["reference_frame"], parameters["palm_frame"]
+        failed = partial(self.reject, "palm_pose")
+        return PalmLookup(*frames, parameters["patience_s"], self._on_pose, failed)
+
+    def _on_strain(self, message: StrainVectors) -> None:
+        self._take(
+            "strain",
+            message.header.stamp,
+            lambda stamp_ns: self.pairing.add_strain(stamp_ns, self._reader.read(message)),
+        )
+        if self._lookup is not None and (stamp_ns := to_ns(message.header.stamp)):
+            self._lookup.look_up(stamp_ns)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        self._take(
+            "palm_pose",
+            message.header.stamp,
+            lambda stamp_ns: self.pairing.add_pose(stamp_ns, self.position(message)),
+        )
+
+    def _on_skip(self, count: int) -> None:
+        self.skipped += count
+        self._reader.lost -= count  # the reader will count them, because their numbers are missing
+
+    def _take(self, topic: str, stamp: Time, pair: Callable[[int], list[Pair[StrainSample]]]) -> None:
+        """Pass on the pairs that a message completes, or reject it."""
+        stamp_ns = to_ns(stamp)
+        if not stamp_ns:
+            return  # the clock of the sender has not started
+        self.received[topic] += 1
+        self.clock.update(stamp_ns, self.pairing.resets)
+        try:
+            pairs = pair(stamp_ns)
+        except TactileLocalizerError as error:
+            self.reject(topic, error)
+        else:
+            self.problems.pop(topic, None)
+            self._on_pairs(pairs)
+
+
+class SenderClock:
+    """Estimates the time of the sender from the stamps and the arrival times of messages.
+
+    An offset of less than one second is taken for transport delay: sender and node share a clock. An offset
+    of more than one minute indicates a recording, whose time stands still between two messages.
+
+    Parameters
+    ----------
+    receiver_ns : returns the time of the node's clock, ns; 0 if it has not started
+    """
+
+    def __init__(self, receiver_ns: Callable[[], int]) -> None:
+        self._receiver_ns = receiver_ns
+        self._newest_ns = 0
+        self._delay_ns: int | None = None
+        self._epoch = 0
+
+    def update(self, stamp_ns: int, epoch: int) -> None:
+        """Account for a message that arrives now.
+
+        Parameters
+        ----------
+        stamp_ns : stamp of the message, ns
+        epoch : number of backward jumps of the stamps so far
+        """
+        if epoch != self._epoch:
+            self._epoch, self._newest_ns, self._delay_ns = epoch, 0, None
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        if receiver_ns := self._receiver_ns():
+            delay_ns = receiver_ns - stamp_ns
+            self._delay_ns = delay_ns if self._delay_ns is None else min(self._delay_ns, delay_ns)
+
+    @property
+    def now_ns(self) -> int:
+        """Stamp of a message sent now, ns; at least the newest stamp, 0 before any.
+
+        Messages with older stamps can still arrive.
+        """
+        delay_ns = self._delay_ns
+        if delay_ns is None or abs(delay_ns) > _RECORDED_NS:
+            return self._newest_ns
+        offset_ns = delay_ns if abs(delay_ns) > NANOSECONDS else 0
+        return max(self._newest_ns, self._receiver_ns() - offset_ns)
