@@ -15,11 +15,11 @@ from matplotlib import colormaps
 from tactile_localizer.core.filters.resampling import representative
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tactile_map import axis_scale
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.offline.axes import MM, display_units
 from tactile_localizer.offline.replay import Progress, replay
+from tactile_localizer.scene import Scene
 
 _SHOWN = 400
 """Number of hypotheses drawn."""
@@ -54,7 +54,7 @@ class ReplayView:
         self._rr = _rerun()
         self._localizer = localizer
         self._scene = localizer.scene
-        self._scale = axis_scale(localizer.scene)
+        self._scale = _axis_scale(localizer.scene)
         self._record = self._rr.RecordingStream("tactile_localizer")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -182,3 +182,12 @@ def _rerun() -> Any:
             "rerun-sdk: expected it to be installed (pip install 'rerun-sdk>=0.41,<0.42'), found none"
         ) from None
     return rerun
+
+
+def _axis_scale(scene: Scene) -> np.ndarray:
+    """Display scale of each axis, (d,): 1 for lengths; yaw is scaled to the extent of the longest of them."""
+    extent = scene.extent
+    angle = np.array([axis.name == "yaw" for axis in scene.axes])
+    if angle.all() or not angle.any():
+        return np.ones(len(extent))
+    return np.where(angle, extent[~angle].max() / extent, 1.0)

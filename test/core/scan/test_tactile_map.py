@@ -54,14 +54,14 @@ def test_yaw_counts_by_its_lever():
     states = np.concatenate(
         [np.column_stack([x, np.full_like(x, yaw)]) for yaw in np.linspace(-3.1, 3.1, 25)]
     )
-    strain = (50 * states[:, :1] + states[:, 1:]) * np.arange(1, 9)
+    strain = (50 * states[:, :1] + np.sin(states[:, 1:])) * np.arange(1, 9)
     tactile_map = make_map(
         Scan(states, strain, np.repeat(np.arange(25), 200), ("x", "yaw"), ("index",)), scene
     )
     assert tactile_map.values.shape == (95, 120, 8)
     places = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)
     inner = np.s_[8:-8, 8:-8]
-    expected = 50 * places[..., 0] + places[..., 1]
+    expected = 50 * places[..., 0] + np.sin(places[..., 1])
     np.testing.assert_allclose(tactile_map.values[inner][..., 0], expected[inner], atol=0.2)
 
 
