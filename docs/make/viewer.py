@@ -31,7 +31,7 @@ def make_view(folder: Path) -> Path:
     for command in (
         "simulate bump -o recording",
         "import csv recording/train.csv --scene bump.yaml -o bump_scan",
-        "view recording/test.csv --scan bump_scan --save view.rrd",
+        "replay recording/test.csv --scan bump_scan --rerun view.rrd",
     ):
         if status := main(command.split()):
             raise SystemExit(status)

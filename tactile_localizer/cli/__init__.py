@@ -23,7 +23,6 @@ COMMANDS: dict[str, str] = {
     "scan": "describe and plot a scan",
     "tradeoff": "measure accuracy against computing time of configurations, and choose one",
     "replay": "localize the palm in a recording, as the filter node would have",
-    "view": "show a replay in the Rerun viewer: belief, truth and strain on a timeline",
     "simulate": "write recordings of the simulated hand (train.csv, test.csv)",
 }
 """Help of the subcommands by name, in the order of the help text, most used first."""

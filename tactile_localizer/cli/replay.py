@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_table
+from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
@@ -32,6 +33,9 @@ from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import Track, replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
 from tactile_localizer.scene import Scene
+
+if TYPE_CHECKING:
+    from tactile_localizer.offline.rerun_recording import ReplayView
 
 NOT_LOCALIZED = 1
 """Exit status if a sweep did not converge, or converged to a wrong position."""
@@ -45,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_recording_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error along the travel (*.png)")
+    parser.add_argument(
+        "--rerun",
+        type=Path,
+        metavar="FILE",
+        help="write belief, truth and strain for the Rerun viewer (*.rrd)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -54,7 +64,11 @@ def run(args: argparse.Namespace) -> int:
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
     with progress_bars() as progress:
         localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
-        tracks = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
+        view = _view(args.rerun, scan, localizer) if args.rerun else None
+        observe = view.observe if view else None
+        tracks = replay(
+            localizer, with_contact(recording, scene, localizer.model.map), progress, observe=observe
+        )
     learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(
         scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
@@ -68,10 +82,19 @@ def run(args: argparse.Namespace) -> int:
         args.plot.parent.mkdir(parents=True, exist_ok=True)
         replay_figure(scene, tracks).savefig(args.plot, dpi=120)
         print(args.plot)
+    if view is not None:
+        view.close()
+        print(f"{args.rerun}: open it with `rerun {args.rerun}`")
     for line in (*recording.notes, *_misfit(scan, scene, recording, odometry)):
         print(f"note: {printable(line)}")
     _print(document, args.scan)
     return _verdict(scene, tracks, configuration.convergence_radius)
+
+
+def _view(path: Path, scan: Scan, localizer: Localizer) -> ReplayView:
+    from tactile_localizer.offline.rerun_recording import ReplayView  # matplotlib takes a second
+
+    return ReplayView(scan, localizer, path)
 
 
 def _misfit(scan: Scan, scene: Scene, recording: Recording, odometry: str) -> list[str]:

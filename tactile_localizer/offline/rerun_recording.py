@@ -16,9 +16,8 @@ from tactile_localizer.core.filters.resampling import representative
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.offline.axes import MM, display_units
-from tactile_localizer.offline.replay import Progress, replay
 from tactile_localizer.scene import Scene
 
 _SHOWN = 400
@@ -36,7 +35,7 @@ _BELIEF = [255, 140, 0, 200]
 
 
 class ReplayView:
-    """Writes a replay into a Rerun recording.
+    """Writes a replay into a Rerun recording. Close it after use.
 
     Parameters
     ----------
@@ -66,13 +65,10 @@ class ReplayView:
         self._draw_map(scan)
         self._sweep: RecordedSweep | None = None
         self._start_s = self._now_s = 0.0
-        self._written = 0
 
-    def replay(self, recording: Recording, progress: Progress | None = None) -> int:
-        """Localize each sweep of a recording and write every measurement update; returns their number."""
-        replay(self._localizer, recording, progress, observe=self._observe)
+    def close(self) -> None:
+        """Complete the file."""
         self._record.flush()
-        return self._written
 
     def _draw_map(self, scan: Scan) -> None:
         positions, strain = scan.positions_on(self._scene), scan.strain_on(self._scene)
@@ -85,12 +81,12 @@ class ReplayView:
         )
         self._record.log("material/map", points, static=True)
 
-    def _observe(self, sweep: RecordedSweep, row: int, estimate: Estimate) -> None:
+    def observe(self, sweep: RecordedSweep, row: int, estimate: Estimate) -> None:
+        """Write the measurement update of a sample, for :func:`~.offline.replay.replay`."""
         if sweep is not self._sweep:
             self._begin(sweep)
         if not estimate.updated:
             return
-        self._written += 1
         self._now_s = self._start_s + (int(sweep.stamp_ns[row]) - int(sweep.stamp_ns[0])) * 1e-9
         self._record.set_time("time", duration=self._now_s)
         self._draw_belief(estimate)

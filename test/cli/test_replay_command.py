@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,6 +188,25 @@ def test_unusable_input_is_refused_in_one_line(
     printed = capsys.readouterr()
     assert message in printed.err
     assert printed.err.count("\n") == 1
+
+
+def test_a_rerun_recording_has_belief_truth_strains_and_reason(bump_folder: Path, capsys) -> None:
+    rerun = pytest.importorskip("rerun")
+    Path("short.csv").write_text("\n".join(Path("test.csv").read_text().splitlines()[:120]))
+    assert run("replay short.csv --scan bump_scan --config fast --rerun a/b.rrd") < 2
+    assert "open it with `rerun a/b.rrd`" in capsys.readouterr().out
+    command = [sys.executable, "-m", rerun.__name__, "rrd", "print", "a/b.rrd"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    for entity in ("material/map", "material/belief", "material/truth", "strain/index", "reason"):
+        assert f"/{entity}" in listed.stdout + listed.stderr
+
+
+def test_a_missing_viewer_is_named_in_one_line(bump_folder: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert run("replay test.csv --scan bump_scan --rerun a.rrd") == 2
+    printed = capsys.readouterr().err
+    assert "rerun-sdk" in printed
+    assert printed.count("\n") == 1
 
 
 def test_a_scan_of_another_scene_is_noted(bump_folder: Path, capsys) -> None:
