@@ -13,7 +13,6 @@ from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.geometry.references import COARSE, FINE, References, TakenIn
-from tactile_localizer.core.geometry.stamps import StampUnit
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
@@ -22,11 +21,11 @@ from tactile_localizer.core.hypotheses.convergence import (
 )
 from tactile_localizer.core.hypotheses.correlation import AWAY, PRIOR, Correlation, Sums
 from tactile_localizer.core.hypotheses.explanations import Explanations
-from tactile_localizer.core.hypotheses.phalanx_consistency import PhalanxConsistency
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, usable
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import log_sum, probability
+from tactile_localizer.core.plausibility import PhalanxConsistency, StampUnit
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 

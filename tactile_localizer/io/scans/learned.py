@@ -11,7 +11,7 @@ import dataclasses
 import json
 import logging
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -44,21 +44,18 @@ def learned_calibration(
     progress : called with a description of the step and its completed fraction
     """
     digest = digest_of(scan, scene)
-    calibration = stored_calibration(path, digest)
-    if calibration is None or calibration.registration_std.shape != (scene.dimension,):
-        calibration = learn(scan, scene, progress)
-        store_calibration(path, digest, calibration)
-    return calibration
-
-
-def stored_calibration(path: str | Path, digest: str) -> Calibration | None:
-    """The calibration in the folder of a scan, if it was learned from the data with that digest."""
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         values = json.loads(Path(path, FILE).read_text(encoding="utf-8"))
-        calibration = calibration_from_dict(values)
-        if values == _content(digest, calibration):
+        calibration = Calibration(
+            float(values["information_length"]),
+            np.array(values["registration_std"], dtype=np.float64),
+            values["variance"] and VarianceModel(**values["variance"]),
+        )
+        if values == _content(digest, calibration) and len(calibration.registration_std) == scene.dimension:
             return calibration
-    return None
+    calibration = learn(scan, scene, progress)
+    store_calibration(path, digest, calibration)
+    return calibration
 
 
 def store_calibration(path: str | Path, digest: str, calibration: Calibration) -> None:
@@ -73,25 +70,12 @@ def store_calibration(path: str | Path, digest: str, calibration: Calibration) -
         _log.warning("%s: could not be written, %s; the next start calibrates again", file, error.strerror)
 
 
-def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
-    """JSON form of a calibration."""
-    return {
+def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
+    """What the file holds; the checksum is that of what was learned."""
+    learned = {
         "information_length": calibration.information_length,
         "registration_std": calibration.registration_std.tolist(),
         "variance": calibration.variance and dataclasses.asdict(calibration.variance),
     }
-
-
-def calibration_from_dict(values: Mapping[str, Any]) -> Calibration:
-    """Calibration from its JSON form; raises KeyError, TypeError or ValueError if it is another one."""
-    return Calibration(
-        float(values["information_length"]),
-        np.array(values["registration_std"], dtype=np.float64),
-        values["variance"] and VarianceModel(**values["variance"]),
-    )
-
-
-def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
-    learned = calibration_to_dict(calibration)
     checksum = zlib.crc32(json.dumps(learned).encode())
     return {"algorithm": ALGORITHM, "digest": digest, **learned, "checksum": checksum}
