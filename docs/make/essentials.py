@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactile_localizer import Configuration, make_localizer
-from tactile_localizer.io.recording import screen
+from tactile_localizer.io.recording import USABLE, screen
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
@@ -67,7 +67,7 @@ def trial(task: tuple[str, float]) -> tuple[float, float, float]:
         scene = change[name](scene, value)
     passes = int(value) if name == "passes" else 1
     train = simulate_scan("bump", 1, "train", sweeps=passes * TRAINING_SWEEPS).to_scan()
-    inside = screen(scene, train.states, train.strain, np.zeros((len(train), 2), np.uint8)).keep
+    inside = screen(scene, train.states, train.strain, np.zeros((len(train), 2), np.uint8)) == USABLE
     if name == "lines":
         inside &= train.sweep % round(value / 2.54) == 0
     choices = Configuration()

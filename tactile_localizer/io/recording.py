@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -201,24 +200,15 @@ def usable(status: np.ndarray) -> np.ndarray:
     return status == OK
 
 
-class Screening(NamedTuple):
-    """Samples that can become state-measurement pairs, (n,) bool, and counts of the others by reason."""
-
-    keep: np.ndarray
-    missing: int
-    saturated: int
-    outside: int
-
-    @property
-    def skipped(self) -> int:
-        """Total number of skipped samples."""
-        return self.missing + self.saturated + self.outside
+USABLE = 0
+OUTSIDE = 8
+"""The palm is outside the scene's bounds; differs from all status bits."""
 
 
-def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.ndarray) -> Screening:
-    """Select the samples that a scan can use: complete, not saturated and inside the scene's bounds.
+def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.ndarray) -> np.ndarray:
+    """Reasons why a scan cannot use samples, (n,) of ``MISSING``, ``SATURATED``, ``OUTSIDE``, or ``USABLE``.
 
-    A skipped sample counts once, in the order missing, saturated, outside.
+    Of several reasons, the first in this order is given.
 
     Parameters
     ----------
@@ -229,11 +219,10 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
     """
     # Implausibly large values count as missing. Comparisons with NaN are false.
     complete = (np.abs(strain) <= LARGEST_STRAIN).all(axis=1) & ~np.any(status & (MISSING | FAULT), axis=1)
-    in_range = complete & ~np.any(status & SATURATED, axis=1)
+    saturated = np.any(status & SATURATED, axis=1)
     # A position that is not finite counts as outside.
-    keep = in_range & np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
-    counts = [int(np.count_nonzero(each)) for each in (complete, in_range, keep)]
-    return Screening(keep, len(keep) - counts[0], counts[0] - counts[1], counts[1] - counts[2])
+    inside = np.all((position >= scene.lower) & (position <= scene.upper), axis=1)
+    return np.select([~complete, saturated, ~inside], [MISSING, SATURATED, OUTSIDE], USABLE)
 
 
 _BAG_EXTENSIONS = (".mcap", ".db3")

@@ -105,7 +105,7 @@ class MappingNode(ManagedNode):
 
     def _commit(self) -> None:
         self._try_to_write(self._recorder.settle, self._inputs.pairing.waiting_ns)
-        previous, self._last_sweep = self._last_sweep, self._recorder.store.active_sweep
+        previous, self._last_sweep = self._last_sweep, self._recorder.incomplete
         if previous is not None and previous != self._last_sweep:
             self._refresh_map()
 

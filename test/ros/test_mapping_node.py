@@ -275,8 +275,7 @@ def folder_that_cannot_be_made(files, tmp_path):
 
 def damaged_scan(files, tmp_path):
     with ScanWriter(files["scan_file"], SCENE) as writer:
-        writer.begin_sweep()
-        writer.append(np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
+        writer.append(writer.begin_sweep(), np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
     file = files["scan_file"] / "sweep_0001.npz"
     file.write_bytes(file.read_bytes()[:-100])
     return files, "sweep_0001.npz: damaged"

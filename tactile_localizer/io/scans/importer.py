@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import Recording, Screening, screen
+from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, screen
 from tactile_localizer.io.scans.folder import require_distinct
 from tactile_localizer.io.scans.writer import new_scan
+from tactile_localizer.io.status import MISSING, SATURATED
 from tactile_localizer.scene import Scene
 
 _MAX_NAMED_SWEEPS = 10
@@ -66,9 +68,9 @@ def import_recording(
     require_distinct(
         recording.sweeps, f"{recording.source}: expected every sweep once", "is a recording given twice?"
     )
-    screenings = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
-    notes = (*recording.notes, *_skipped_notes(recording, scene, screenings))
-    kept = sum(int(np.count_nonzero(screening.keep)) for screening in screenings)
+    reasons = [screen(scene, sweep.position, sweep.strain, sweep.status) for sweep in recording.sweeps]
+    notes = (*recording.notes, *_skipped_notes(recording, scene, reasons))
+    kept = sum(int(np.count_nonzero(each == USABLE)) for each in reasons)
     total = len(recording) + recording.lost + sum(sweep.gaps for sweep in recording.sweeps)
     if kept and 2 * kept < total and not force:
         raise ScanError(
@@ -79,35 +81,29 @@ def import_recording(
         raise ScanError(f"{recording.source}: expected usable samples; {'; '.join(notes) or 'found none'}")
     sweeps = 0
     with new_scan(path, scene, strain_unit=strain_unit) as writer:
-        for sweep, screening in zip(recording.sweeps, screenings, strict=True):
-            keep = screening.keep
-            if keep.any():
-                usable = sweep.part(keep, sweep.number, sweep.gaps)
-                writer.add(replace(usable, skipped=screening.skipped))
+        for sweep, reason in zip(recording.sweeps, reasons, strict=True):
+            usable = sweep.part(reason == USABLE, sweep.number, sweep.gaps)
+            if len(usable):
+                writer.add(replace(usable, skipped=len(sweep) - len(usable)))
                 sweeps += 1
         writer.note(what, **detail, notes=list(notes))
     return ImportReport(sweeps, kept, notes)
 
 
-def _skipped_notes(recording: Recording, scene: Scene, screenings: Sequence[Screening]) -> Iterator[str]:
+def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndarray]) -> Iterator[str]:
     """One line per reason for which samples are skipped."""
     gaps = sum(sweep.gaps for sweep in recording.sweeps)
-    reasons = {
-        f"with a palm position outside the scene's bounds{_range_note(recording, scene)}": sum(
-            screening.outside for screening in screenings
-        ),
-        "with missing or implausibly large strain": sum(screening.missing for screening in screenings),
-        "with saturated strain": sum(screening.saturated for screening in screenings),
-        "without a palm pose close enough in time": gaps,
-    }
-    for reason, count in reasons.items():
+    counts = Counter(reason for each in reasons for reason in each.tolist())
+    for count, what in (
+        (counts[OUTSIDE], f"with a palm position outside the scene's bounds{_range_note(recording, scene)}"),
+        (counts[MISSING], "with missing or implausibly large strain"),
+        (counts[SATURATED], "with saturated strain"),
+        (gaps, "without a palm pose close enough in time"),
+    ):
         if count:
-            yield f"skipped {count} of {len(recording) + gaps} samples {reason}"
-    empty = [
-        sweep.number
-        for sweep, screening in zip(recording.sweeps, screenings, strict=True)
-        if not screening.keep.any()
-    ]
+            yield f"skipped {count} of {len(recording) + gaps} samples {what}"
+    sweeps = zip(recording.sweeps, reasons, strict=True)
+    empty = [sweep.number for sweep, reason in sweeps if USABLE not in reason]
     if empty:
         numbers = ", ".join(map(str, empty[:_MAX_NAMED_SWEEPS])) + (
             ", ..." if len(empty) > _MAX_NAMED_SWEEPS else ""

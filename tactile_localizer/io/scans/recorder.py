@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,8 +14,8 @@ from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import screen
-from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.io.recording import USABLE, screen
+from tactile_localizer.io.scans.writer import OpenSweep, ScanWriter
 
 StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""
@@ -27,14 +28,12 @@ _BATCH = 256
 
 
 @dataclass
-class _Sweep:
-    """A planned sweep, its losses, and its samples after ``after_ns`` up to ``until_ns`` (``None``: open)."""
+class _Span:
+    """Samples of a sweep: after ``after_ns`` up to ``until_ns`` (``None``: not known yet)."""
 
-    number: int
+    sweep: OpenSweep
     after_ns: int
     until_ns: int | None = None
-    gaps: int = 0
-    skipped: int = 0
 
 
 class SweepRecorder:
@@ -53,6 +52,7 @@ class SweepRecorder:
     Attributes
     ----------
     sweeps, pairs : numbers of sweeps and pairs in the scan
+    number : number of the newest sweep, also when it has ended; 0 before the first
     gaps : samples in sweeps without a pose close enough in time
     skipped : samples in sweeps that were missing, saturated or out of bounds
     """
@@ -71,9 +71,9 @@ class SweepRecorder:
         self.skipped = 0
         self._detector = detector
         self._coverage = coverage
-        self._planned: deque[_Sweep] = deque()
+        self._spans: deque[_Span] = deque()  # not completed yet, of which the last may be active
         self._on_change = on_change
-        self._last_number = store.last_number
+        self.number = store.last_number
         self._detected = 0
         self._newest_ns = _BEFORE_ALL_NS
         self._batch: list[Pair[StrainSample]] = []
@@ -83,12 +83,12 @@ class SweepRecorder:
     @property
     def is_active(self) -> bool:
         """Whether a sweep is open."""
-        return bool(self._planned) and self._planned[-1].until_ns is None
+        return bool(self._spans) and self._spans[-1].until_ns is None
 
     @property
-    def number(self) -> int:
-        """Number of the open sweep, or of the last one if none is open; 0 before the first."""
-        return self._last_number
+    def incomplete(self) -> int | None:
+        """Number of the oldest sweep that is not complete, because samples wait for poses or it is open."""
+        return self._spans[0].sweep.number if self._spans else None
 
     def start(self, after_ns: int) -> int:
         """Open a sweep of the samples with stamps later than ``after_ns``; returns its number.
@@ -99,15 +99,13 @@ class SweepRecorder:
             A sweep is open, or it cannot be written.
         """
         if self.is_active:
-            raise ScanError(f"start sweep: expected no active sweep, found sweep {self._last_number}")
-        sweep = _Sweep(self._last_number + 1, after_ns)
-        if self.store.active_sweep is None:
-            self.store.begin_sweep(sweep.number)
-        self._last_number = sweep.number
+            raise ScanError(f"start sweep: expected no active sweep, found sweep {self.number}")
+        span = _Span(self.store.begin_sweep(), after_ns)
+        self.number = span.sweep.number
         self.sweeps += 1
-        self._planned.append(sweep)
+        self._spans.append(span)
         self._on_change(after_ns)
-        return sweep.number
+        return self.number
 
     def end(self, until_ns: int) -> int:
         """Close the open sweep after the sample with stamp ``until_ns``; returns its number.
@@ -119,9 +117,9 @@ class SweepRecorder:
         """
         if not self.is_active:
             raise ScanError("end sweep: expected an active sweep, found none")
-        self._planned[-1].until_ns = until_ns
+        self._spans[-1].until_ns = until_ns
         self._on_change(until_ns)
-        return self._last_number
+        return self.number
 
     def take(self, pairs: Sequence[Pair[StrainSample]]) -> None:
         """Collect the pairs that belong to a sweep; :meth:`settle` writes them.
@@ -160,10 +158,7 @@ class SweepRecorder:
             The scan cannot be written. The sweep is abandoned; pairs already written are kept.
         """
         try:
-            while self._planned and (until_ns := self._planned[0].until_ns) is not None:
-                if waiting_ns is not None and waiting_ns <= until_ns:
-                    break
-                self._finish()
+            self._finish_before(math.inf if waiting_ns is None else waiting_ns)
             self._flush()
         except ScanError:
             self._abandon()
@@ -187,14 +182,11 @@ class SweepRecorder:
         self._newest_ns = pair.stamp_ns
         if self._detector is not None and pair.position is not None:
             self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
-        while (
-            self._planned and (until_ns := self._planned[0].until_ns) is not None and pair.stamp_ns > until_ns
-        ):
-            self._finish()
-        if self._planned and pair.stamp_ns > self._planned[0].after_ns:
+        self._finish_before(pair.stamp_ns)
+        if self._spans and pair.stamp_ns > self._spans[0].after_ns:
             if pair.position is None:
                 self.gaps += 1
-                self._planned[0].gaps += 1
+                self._spans[0].sweep.gaps += 1
             else:
                 self._batch.append(pair)
 
@@ -225,25 +217,23 @@ class SweepRecorder:
         strain = np.array([pair.measurement[0] for pair in self._batch])
         status = np.array([pair.measurement[1] for pair in self._batch])
         self._batch = []
-        screening = screen(self.store.scene, states, strain, status)
-        self.skipped += screening.skipped
-        self._planned[0].skipped += screening.skipped
-        keep = screening.keep
-        if keep.any():
+        keep = screen(self.store.scene, states, strain, status) == USABLE
+        pairs, sweep = int(np.count_nonzero(keep)), self._spans[0].sweep
+        self.skipped += len(keep) - pairs
+        sweep.skipped += len(keep) - pairs
+        if pairs:
             self._coverage.add(states[keep])
-            self.store.append(stamp_ns[keep], states[keep], strain[keep])
-            self.pairs += int(np.count_nonzero(keep))
+            self.store.append(sweep, stamp_ns[keep], states[keep], strain[keep])
+            self.pairs += pairs
 
-    def _finish(self) -> None:
-        """End the oldest sweep in the scan and begin the next planned one."""
-        self._flush()
-        sweep = self._planned.popleft()
-        self.store.end_sweep(gaps=sweep.gaps, skipped=sweep.skipped)
-        if self._planned:
-            self.store.begin_sweep(self._planned[0].number)
+    def _finish_before(self, stamp_ns: float) -> None:
+        """Complete the sweeps that ended before ``stamp_ns``."""
+        while self._spans and (until_ns := self._spans[0].until_ns) is not None and until_ns < stamp_ns:
+            self._flush()
+            self.store.end_sweep(self._spans.popleft().sweep)
 
     def _abandon(self) -> None:
-        planned, self._planned, self._batch, self._detected = self._planned, deque(), [], 0
-        if self.store.active_sweep is not None:
+        spans, self._spans, self._batch, self._detected = self._spans, deque(), [], 0
+        for span in spans:
             with contextlib.suppress(ScanError):
-                self.store.end_sweep(gaps=planned[0].gaps, skipped=planned[0].skipped)
+                self.store.end_sweep(span.sweep)

@@ -12,7 +12,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -40,6 +40,24 @@ from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Scene
 
 
+@dataclass(eq=False)
+class OpenSweep:
+    """A sweep in progress.
+
+    Parameters
+    ----------
+    number : its number
+    file : descriptor of its recording
+    gaps : strain samples without a pose close enough in time
+    skipped : strain samples that were missing, saturated or out of bounds
+    """
+
+    number: int
+    file: int
+    gaps: int = 0
+    skipped: int = 0
+
+
 class ScanWriter(ScanFolder):
     """A scan opened for writing by this process alone, created if there is none. Close it after use.
 
@@ -59,8 +77,7 @@ class ScanWriter(ScanFolder):
     def __init__(self, path: str | Path, scene: Scene, *, strain_unit: str = "V") -> None:
         path = Path(path)
         self._strain_unit = strain_unit
-        self._sweep: int | None = None
-        self._records = -1
+        self._open: list[OpenSweep] = []
         try:
             found = {file.name for file in path.iterdir()} if path.exists() else set()
             if SCENE not in found and any(not name.startswith((".", HISTORY)) for name in found):
@@ -91,74 +108,61 @@ class ScanWriter(ScanFolder):
         self.close()
 
     def close(self) -> None:
-        """End the sweep in progress and let others write.
+        """End the sweeps in progress and let others write.
 
         Raises
         ------
         ScanError
-            The sweep could not be written; what is on disk is completed by the next writer.
+            A sweep could not be written; what is on disk is completed by the next writer.
         """
         try:
-            if self._sweep is not None:
-                self.end_sweep()
+            while self._open:
+                self.end_sweep(self._open[0])
         finally:
             self._history.close()
 
     @property
-    def active_sweep(self) -> int | None:
-        """Number of the sweep in progress; ``None`` if there is none."""
-        return self._sweep
-
-    @property
     def last_number(self) -> int:
         """Highest number of a sweep, dropped ones included; 0 without any."""
-        return max(self._used_numbers(), default=0)
+        files = (*self.sweep_files(), *self.dropped_files())
+        return max(map(sweep_number, files), default=0)
 
-    def add(self, sweep: RecordedSweep) -> int:
-        """Write a complete sweep; returns its number, the next free one if its own is in use.
+    def add(self, sweep: RecordedSweep) -> None:
+        """Write a complete sweep, whose number must be free.
 
         Raises
         ------
         ScanError
             The file cannot be written.
         """
-        number = self._free_number(sweep.number)
-        with self._writing(f"sweep {number}"):
-            self._write(replace(sweep, number=number))
-        return number
+        with self._writing(f"sweep {sweep.number}"):
+            sweep = replace(sweep, strain_unit=self._strain_unit)
+            write_sweep(self._file(sweep.number, COMPLETE), sweep, self.scene)
 
-    def begin_sweep(self, number: int | None = None) -> int:
-        """Begin a sweep.
-
-        Parameters
-        ----------
-        number : its number; by default, or if the number is in use, one more than the highest
-
-        Returns
-        -------
-        int
-            The sweep's number.
+    def begin_sweep(self) -> OpenSweep:
+        """Begin a sweep, numbered one higher than the last.
 
         Raises
         ------
         ScanError
-            A sweep is in progress, or the file cannot be written.
+            The file cannot be written.
         """
-        if self._sweep is not None:
-            raise ScanError(f"{self.path}: expected no active sweep, found sweep {self._sweep}")
         self._finish_interrupted()
-        number = self._free_number(number)
+        number = self.last_number + 1
         with self._writing(f"sweep {number}"):
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
-            self._records = os.open(self._file(number, IN_PROGRESS), flags, 0o666)
-        self._sweep = number
-        return number
+            sweep = OpenSweep(number, os.open(self._file(number, IN_PROGRESS), flags, 0o666))
+        self._open.append(sweep)
+        return sweep
 
-    def append(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
-        """Append pairs to the sweep in progress; they are on disk when the method returns.
+    def append(
+        self, sweep: OpenSweep, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray
+    ) -> None:
+        """Append pairs to a sweep in progress; they are on disk when the method returns.
 
         Parameters
         ----------
+        sweep : of :meth:`begin_sweep`
         stamp_ns : (n,) int64 stamps, ns
         position : (n, d) palm positions, m (yaw: rad), finite
         strain : (n, C) strain voltages, V, finite
@@ -166,41 +170,32 @@ class ScanWriter(ScanFolder):
         Raises
         ------
         ScanError
-            There is no active sweep, or the file cannot be written.
+            The file cannot be written.
         """
-        if self._sweep is None:
-            raise ScanError(f"{self.path}: expected an active sweep, found none")
         content = records(stamp_ns, position, strain, self.scene).tobytes()
-        with self._writing(f"{len(stamp_ns)} pairs of sweep {self._sweep}"):
-            size = os.fstat(self._records).st_size
+        with self._writing(f"{len(stamp_ns)} pairs of sweep {sweep.number}"):
+            size = os.fstat(sweep.file).st_size
             try:
-                if os.write(self._records, content) < len(content):
+                if os.write(sweep.file, content) < len(content):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-                os.fdatasync(self._records)
+                os.fdatasync(sweep.file)
             except OSError:
                 with suppress(OSError):  # a part of a record would shift those appended later
-                    os.ftruncate(self._records, size)
+                    os.ftruncate(sweep.file, size)
                 raise
 
-    def end_sweep(self, *, gaps: int = 0, skipped: int = 0) -> None:
-        """Complete the sweep in progress.
-
-        Parameters
-        ----------
-        gaps : strain samples without a pose close enough in time
-        skipped : strain samples that were missing, saturated or out of bounds
+    def end_sweep(self, sweep: OpenSweep) -> None:
+        """Complete a sweep in progress.
 
         Raises
         ------
         ScanError
-            There is no active sweep, or the file cannot be written. The sweep ends nevertheless; it is
-            completed when the next one begins, or by the next writer.
+            The file cannot be written. The sweep ends nevertheless; it is completed when the next one
+            begins, or by the next writer.
         """
-        number, self._sweep = self._sweep, None
-        if number is None:
-            raise ScanError(f"{self.path}: expected an active sweep, found none")
-        os.close(self._records)
-        self._complete(number, gaps=gaps, skipped=skipped, ending=ENDED)
+        self._open.remove(sweep)
+        os.close(sweep.file)
+        self._complete(sweep.number, ENDED, sweep.gaps, sweep.skipped)
 
     def note(self, what: str, **detail: Any) -> None:
         """Add a line to the history, which tells where the pairs come from.
@@ -215,31 +210,21 @@ class ScanWriter(ScanFolder):
         with self._writing("the history"):
             self._history.write(json.dumps(entry).encode() + b"\n")
 
-    def _used_numbers(self) -> set[int]:
-        return {sweep_number(file) for file in (*self.sweep_files(), *self.dropped_files())}
-
-    def _free_number(self, number: int | None) -> int:
-        return self.last_number + 1 if number is None or number in self._used_numbers() else number
-
     def _finish_interrupted(self) -> None:
         """Complete the sweeps that a killed process, or a full disk, has left in progress."""
-        for file in self.path.glob(f"sweep_*{IN_PROGRESS}"):
-            self._complete(sweep_number(file), ending=ENDED_EARLY)
-            self.note(ENDED_EARLY, sweep=sweep_number(file))
+        interrupted = set(map(sweep_number, self.path.glob(f"sweep_*{IN_PROGRESS}")))
+        for number in sorted(interrupted - {sweep.number for sweep in self._open}):
+            self._complete(number, ENDED_EARLY)
+            self.note(ENDED_EARLY, sweep=number)
 
-    def _complete(self, number: int, *, gaps: int = 0, skipped: int = 0, ending: str) -> None:
+    def _complete(self, number: int, ending: str, gaps: int = 0, skipped: int = 0) -> None:
         """Make a sweep of its recording."""
-        recording, complete = self._file(number, IN_PROGRESS), self._file(number, COMPLETE)
+        recording = self._file(number, IN_PROGRESS)
         with self._writing(f"sweep {number}"):
-            if not complete.exists():
+            if not self._file(number, COMPLETE).exists():
                 sweep = read_recording(recording, self.scene)
-                skipped += sweep.skipped
-                self._write(replace(sweep, gaps=gaps, skipped=skipped, ending=ending))
+                self.add(replace(sweep, gaps=gaps, skipped=sweep.skipped + skipped, ending=ending))
             recording.unlink()
-
-    def _write(self, sweep: RecordedSweep) -> None:
-        sweep = replace(sweep, strain_unit=self._strain_unit)
-        write_sweep(self._file(sweep.number, COMPLETE), sweep, self.scene)
 
     def _file(self, number: int, suffix: str) -> Path:
         return self.path / f"sweep_{number:04}{suffix}"

@@ -39,11 +39,11 @@ def path(tmp_path):
 def write_until_killed(path, written):
     with ScanWriter(path, SCENE) as writer:
         while True:
-            first = 1_000_000 * writer.begin_sweep()
+            sweep = writer.begin_sweep()
             for start in range(0, 100, 5):
-                writer.append(*numbered(first + start, 5))
+                writer.append(sweep, *numbered(1_000_000 * sweep.number + start, 5))
                 written.value += 5
-            writer.end_sweep()
+            writer.end_sweep(sweep)
 
 
 def test_kill_9_at_ten_moments_loses_no_pair_that_was_written(path):
@@ -70,20 +70,19 @@ def test_kill_9_at_ten_moments_loses_no_pair_that_was_written(path):
 
 
 def test_an_interrupted_sweep_ends_early(path):
-    records = path / "sweep_0007.recording"
+    records = path / "sweep_0005.recording"
     with ScanWriter(path, SCENE) as writer:
-        writer.begin_sweep(7)
-        writer.append(*numbered(0, 20))
+        writer.append(writer.begin_sweep(), *numbered(0, 20))
         content = records.read_bytes()
-    (path / "sweep_0007.npz").unlink()
+    (path / "sweep_0005.npz").unlink()
     size = len(content) // 20
     damaged = bytearray(content[:-30])
     damaged[3 * size + 5] ^= 4
     records.write_bytes(damaged)
     with ScanWriter(path, SCENE) as writer:
-        assert writer.begin_sweep() == 8
+        assert writer.begin_sweep().number == 6
     sweep = ScanFolder(path).sweeps()[4]
-    assert (sweep.number, len(sweep), sweep.skipped, sweep.ending) == (7, 18, 1, "ended early")
+    assert (sweep.number, len(sweep), sweep.skipped, sweep.ending) == (5, 18, 1, "ended early")
     assert ScanFolder(path).history()[-1]["what"] == "ended early"
 
 
@@ -120,16 +119,17 @@ def test_a_second_writer_is_refused(path):
 
 def test_a_full_disk_keeps_what_was_written(path):
     writer = ScanWriter(path, SCENE)
-    number = writer.begin_sweep()
-    writer.append(*numbered(0, 50))
+    sweep = writer.begin_sweep()
+    writer.append(sweep, *numbered(0, 50))
     with full_disk(5000):
         with pytest.raises(ScanError, match="scan: could not write 50 pairs of sweep 5, "):
-            writer.append(*numbered(50, 50))
+            writer.append(sweep, *numbered(50, 50))
         with pytest.raises(ScanError, match="scan: could not write sweep 5, File too large"):
-            writer.end_sweep()
+            writer.end_sweep(sweep)
     assert len(ScanFolder(path).sweeps()[-1]) == 50
-    assert writer.begin_sweep() == number + 1
-    writer.append(*numbered(100, 7))
+    following = writer.begin_sweep()
+    assert following.number == sweep.number + 1
+    writer.append(following, *numbered(100, 7))
     writer.close()
     assert [(len(s), s.ending) for s in ScanFolder(path).sweeps()[-2:]] == [(50, "ended early"), (7, "ended")]
     assert not [file for file in path.iterdir() if file.name.startswith(".")]

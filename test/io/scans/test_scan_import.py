@@ -96,8 +96,7 @@ def test_a_recording_given_twice_is_refused_by_name(tmp_path):
 def test_simultaneous_imports_do_not_interfere(tmp_path):
     first = new_scan(tmp_path / "bump_scan", SCENE)
     store = first.__enter__()
-    store.begin_sweep()
-    store.append(np.arange(3), np.zeros((3, 1)), np.zeros((3, 8)))
+    store.append(store.begin_sweep(), np.arange(3), np.zeros((3, 1)), np.zeros((3, 8)))
     import_recording(recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / "other_scan", what="test", detail={})
     with pytest.raises(ScanError, match="expected usable samples"):
         import_recording(
