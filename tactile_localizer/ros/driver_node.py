@@ -9,6 +9,7 @@ Strain is published from the receive thread, to avoid the latency of the executo
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from tactile_localizer.io.can.reader import WAITING
 from tactile_localizer.io.can.tare import load_tare, store_tare
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED, STRAIN
@@ -41,7 +43,7 @@ class DriverNode(ManagedNode):
     """Reads load cells on a CAN bus and publishes their strain."""
 
     def __init__(self) -> None:
-        super().__init__("driver", PARAMETERS, threads=2)  # diagnostics continue during a tare
+        super().__init__("driver", PARAMETERS)
         self._driver: LoadCellDriver  # set while the node is configured
         self._declare_messages()
 
@@ -95,7 +97,7 @@ class DriverNode(ManagedNode):
             StrainVectors, "strain", STRAIN, qos_overriding_options=options
         )
         self._offset = self.create_lifecycle_publisher(StrainVectors, "~/tare_offset", LATCHED)
-        group = MutuallyExclusiveCallbackGroup()
+        group = MutuallyExclusiveCallbackGroup()  # one tare after the other
         self.create_service(Trigger, "~/tare", self._on_tare, callback_group=group)
         self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group)
         self.create_service(Trigger, "~/reconnect", self._on_reconnect)
@@ -137,13 +139,16 @@ class DriverNode(ManagedNode):
         fill(message, self.now_ns, self._driver.offset, zeros.astype(np.uint8), zeros)
         self._offset.publish(message)
 
-    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Tare in a thread; diagnostics continue."""
         driver = self._active_driver()
-        driver.tare(
+        tare = partial(
+            driver.tare,
             self.parameters["tare_duration_s"],
             self.parameters["tare_spread_limit"],
             cancelled=lambda: not (self.is_active and self.context.ok()),
         )
+        await run_in_thread(self, tare)
         return self._adopt_offset(driver, response)
 
     def _on_clear_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -15,8 +15,7 @@ T = TypeVar("T")
 async def run_in_thread(node: Node, work: Callable[[], T]) -> T:
     """Await ``work()``, run in a thread, from a callback or task of the node's executor.
 
-    The callback group of the caller must be reentrant: the other callbacks of a mutually exclusive group
-    would wait for the result.
+    The other callbacks of a mutually exclusive callback group of the caller wait for the result.
 
     Raises
     ------

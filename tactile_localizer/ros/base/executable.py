@@ -11,12 +11,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 import rclpy
-from rclpy.executors import (
-    Executor,
-    ExternalShutdownException,
-    MultiThreadedExecutor,
-    SingleThreadedExecutor,
-)
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.ros.base.exception_guards import one_line
@@ -57,7 +52,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     node = None
     try:
         node = _construct(make)
-        with _executor(node) as executor:
+        with SingleThreadedExecutor() as executor:
             executor.add_node(node)
             # On a signal rclpy wakes the executor before it shuts down; an executor that waits again at that
             # moment misses the shutdown. After a timer callback it checks again.
@@ -109,7 +104,3 @@ def _shut_down() -> None:
     except RuntimeError:  # from rclpy, if a signal shuts down at the same moment
         if rclpy.ok():
             raise
-
-
-def _executor(node: ManagedNode) -> Executor:
-    return MultiThreadedExecutor(node.threads) if node.threads > 1 else SingleThreadedExecutor()

@@ -48,16 +48,13 @@ class ManagedNode(LifecycleNodeMixin, Node):
     ----------
     name : name of the node
     declared : parameters of the node in addition to ``autostart``
-    threads : number of executor threads; more than one requires callback groups
 
     Attributes
     ----------
     is_active : whether the node is active, or being activated
     """
 
-    def __init__(
-        self, name: str, declared: Sequence[Parameter] = (), threads: int = 1, **kwargs: Any
-    ) -> None:
+    def __init__(self, name: str, declared: Sequence[Parameter] = (), **kwargs: Any) -> None:
         self._configured, self._activated = ExitStack(), ExitStack()
         self._scope: ExitStack | None = None
         self._scope_thread = 0
@@ -66,7 +63,6 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self._is_configured = False
         self.is_active = False
         self._in_transition = threading.Lock()
-        self.threads = threads
         for service in self.services:
             if service.srv_type is ChangeState:
                 self._change_state, service.callback = service.callback, self._on_change_state
