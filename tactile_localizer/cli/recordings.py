@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +17,13 @@ from tactile_localizer.cli.recording_options import (
     bag_options,
     naming_from_arguments,
 )
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
-from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan, join
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.library import read_recording
 from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_odometry
@@ -143,13 +139,3 @@ def odometry_from_arguments(
     # The noise must not use the random stream of the localizer, which is that of the filter node.
     noise = np.random.default_rng([args.seed, 1])
     return with_odometry(recording, scene, noise, args.odometry), args.odometry
-
-
-def localizer_from_arguments(
-    args: argparse.Namespace, scan: Scan, scene: Scene, progress: Callable[[str, float], None]
-) -> tuple[Localizer, Calibration]:
-    """The localizer with the configuration of the command line, and the calibration of the scan."""
-    configuration = configuration_from_arguments(args)
-    calibration = learned_calibration(Path(args.scan), scan, scene, progress)
-    rng = np.random.default_rng(args.seed)
-    return build_localizer(scan, scene, configuration, rng, progress, calibration), calibration

@@ -15,17 +15,18 @@ from tactile_localizer.cli.recordings import (
     add_recording_arguments,
     add_scan_arguments,
     configuration_from_arguments,
-    localizer_from_arguments,
     odometry_from_arguments,
     scan_from_arguments,
 )
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_table
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import Recording, usable
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import with_contact, wrong_sweeps
@@ -63,7 +64,9 @@ def run(args: argparse.Namespace) -> int:
     configuration = configuration_from_arguments(args)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
     with progress_bars() as progress:
-        localizer, calibration = localizer_from_arguments(args, scan, scene, progress)
+        calibration = learned_calibration(args.scan, scan, scene, progress)
+        rng = np.random.default_rng(args.seed)
+        localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
         view = _view(args.rerun, scan, localizer) if args.rerun else None
         observe = view.observe if view else None
         tracks = replay(
