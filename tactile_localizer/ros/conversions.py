@@ -1,4 +1,4 @@
-"""Values from ROS messages: time stamps, and strain vectors in the phalanx order of a scene."""
+"""Values of ROS messages: time stamps, and the content of strain vectors."""
 
 from __future__ import annotations
 
@@ -7,14 +7,8 @@ from array import array
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
-from tactile_localizer.errors import MeasurementError
 from tactile_localizer.msg import StrainVectors
-from tactile_localizer.scene import Scene
-
-_RESTART = 1_000_000
-"""Forward step of the sequence number that indicates a restart of the load cells or the driver, cycles."""
 
 
 def to_ns(stamp: Time) -> int:
@@ -37,63 +31,3 @@ def fill(
     message.strain = array("d", strain.tobytes())
     message.status = array("B", status.tobytes())
     message.sequence = array("I", sequence.tobytes())
-
-
-class StrainReader:
-    """Extracts the phalanges of a scene from :class:`StrainVectors` messages, which may contain others.
-
-    Parameters
-    ----------
-    scene : scene that names the phalanges
-
-    Attributes
-    ----------
-    lost : number of strain vectors lost in transport, from gaps in the sequence numbers. DDS silently drops
-        the oldest message of a full queue, so only this count reveals a reader that is too slow
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._names: tuple[str, ...] | None = None
-        self._counts: tuple[int, ...] = ()
-        self._sequence: int | None = None
-        self.lost = 0
-
-    def read(self, message: StrainVectors) -> tuple[np.ndarray, np.ndarray]:
-        """Strain voltages (C,), V, and status bits (F,) uint8.
-
-        Raises
-        ------
-        SceneError
-            The message lacks a phalanx of the scene.
-        MeasurementError
-            The lengths of its arrays are inconsistent.
-        """
-        self._count(max(message.sequence, default=None))
-        names, counts = tuple(message.phalanges), tuple(message.channels)
-        if names != self._names or counts != self._counts:
-            self._look_up(names, counts)
-        n, size = len(names), self._size
-        if len(message.strain) != size or len(message.status) != n:
-            raise MeasurementError(
-                f"strain vector of {n} phalanges: expected {size} voltages and {n} status values, "
-                f"got {len(message.strain)} and {len(message.status)}"
-            )
-        strain = np.asarray(message.strain, dtype=np.float64)[self._channels]
-        return strain, np.asarray(message.status, dtype=np.uint8)[self._rows]
-
-    def _look_up(self, names: tuple[str, ...], counts: tuple[int, ...]) -> None:
-        """Find the phalanges of the scene in messages of ``names`` with ``counts`` channels."""
-        if counts and len(counts) != len(names):
-            raise MeasurementError(
-                f"strain vector of {len(names)} phalanges: expected as many channel counts, or none, "
-                f"got {len(counts)}"
-            )
-        self._channels, self._rows = self._scene.channels(names, counts), self._scene.rows(names)
-        self._size = ChannelLayout.of(counts, len(names)).size
-        self._names, self._counts = names, counts
-
-    def _count(self, sequence: int | None) -> None:
-        if sequence is not None and self._sequence is not None and 0 < sequence - self._sequence < _RESTART:
-            self.lost += sequence - self._sequence - 1
-        self._sequence = sequence

@@ -24,7 +24,7 @@ def message(size=30, status=(0, 1, 2), channels=(19, 8, 3)):
 
 
 def reader(scene=SCENE):
-    from tactile_localizer.ros.conversions import StrainReader
+    from tactile_localizer.io.strain_vectors import StrainReader
 
     return StrainReader(scene)
 

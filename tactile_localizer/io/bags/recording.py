@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
@@ -30,6 +29,7 @@ from tactile_localizer.io.bags.sweeps import (
 )
 from tactile_localizer.io.recording import RecordedSweep, Recording, in_order
 from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
+from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
 
 _POSE = "geometry_msgs/msg/PoseStamped"
@@ -178,23 +178,11 @@ def _positions(
 
 
 def _strain(scene: Scene) -> Wanted:
-    """``StrainVectors`` reduced to the phalanges of a scene; raises MeasurementError or SceneError."""
-
-    @cache
-    def indices(names: tuple[str, ...], counts: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, int]:
-        if len(counts) not in (0, len(names)):
-            raise MeasurementError(f"channels: expected {len(names)} numbers, got {len(counts)}")
-        size = ChannelLayout.of(counts, len(names)).size
-        return scene.rows(names), scene.channels(names, counts), size
+    """``StrainVectors`` reduced to the phalanges of a scene."""
+    reader = StrainReader(scene)
 
     def convert(message: Any, received_ns: int) -> StrainVector:
-        rows, channels, size = indices(tuple(message.phalanges), tuple(message.channels))
-        if len(message.strain) != size or len(message.status) != len(message.phalanges):
-            raise MeasurementError(
-                f"strain: expected {size} values and {len(message.phalanges)} statuses, "
-                f"got {len(message.strain)} and {len(message.status)}"
-            )
-        return StrainVector(stamp_of(message), message.strain[channels], message.status[rows])
+        return StrainVector(stamp_of(message), *reader.read(message))
 
     return Wanted("tactile_localizer/msg/StrainVectors", convert)
 

@@ -16,11 +16,12 @@ from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, NANOS
 from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S, Pair, Pairing
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.io.scans.recorder import StrainSample
+from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import StrainReader, to_ns
+from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 from tactile_localizer.scene import Axis, Scene
