@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S
+from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
 from tactile_localizer.io.strain_adapter import load_adapter

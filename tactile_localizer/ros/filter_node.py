@@ -23,8 +23,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.factory import Progress, build_localizer, convergence_criteria
-from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import Pair
+from tactile_localizer.core.geometry.synchronization import NANOSECONDS, Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan

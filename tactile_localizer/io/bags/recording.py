@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses
+from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.bags.reader import BagMessages, Wanted, read_messages

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, interpolate_poses, near_bounds
+from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses, near_bounds
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ColumnNaming,

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import Pairing
+from tactile_localizer.core.geometry.synchronization import NANOSECONDS, Pairing
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments

@@ -12,8 +12,13 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.pose_buffer import DEFAULT_MAX_GAP_S, NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import DEFAULT_PATIENCE_S, Pair, Pairing
+from tactile_localizer.core.geometry.synchronization import (
+    DEFAULT_MAX_GAP_S,
+    DEFAULT_PATIENCE_S,
+    NANOSECONDS,
+    Pair,
+    Pairing,
+)
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.strain_vectors import StrainReader

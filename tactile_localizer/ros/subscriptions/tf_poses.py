@@ -13,7 +13,7 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
-from tactile_localizer.core.geometry.pose_buffer import NANOSECONDS
+from tactile_localizer.core.geometry.synchronization import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.ros.base.parameters import import_optional
 from tactile_localizer.ros.subscriptions.draining import Topic

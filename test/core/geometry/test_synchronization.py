@@ -1,17 +1,54 @@
-"""Strain vectors are paired with the palm position at their stamps, whichever topic is late."""
+"""Palm positions are interpolated at the stamps of strain vectors, whichever topic is late."""
+
+import math
+import tracemalloc
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.geometry.pose_buffer import interpolate_poses
-from tactile_localizer.core.geometry.synchronization import Pairing
+from tactile_localizer.core.geometry.synchronization import Pairing, interpolate_poses, near_bounds
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 
 AXES = (Axis("x", 0.0, 1.0),)
 MS = 1_000_000
+
+
+def interpolated(axes, poses, *stamps_ms):
+    pose_ns = np.array([round(stamp_s * 1e9) for stamp_s, _ in poses], dtype=np.int64)
+    positions = np.array([position for _, position in poses], dtype=float).reshape(-1, len(axes))
+    return interpolate_poses(axes, pose_ns, positions, np.array(stamps_ms) * MS)[0]
+
+
+def test_positions_are_interpolated_linearly():
+    axes = (*AXES, Axis("y", 0.0, 1.0))
+    poses = [(1.00, (0.1, 0.5)), (1.04, (0.3, 0.1))]
+    np.testing.assert_allclose(interpolated(axes, poses, 1010), [[0.15, 0.4]])
+
+
+def test_yaw_follows_the_shortest_arc_near_its_bounds():
+    poses = [(1.0, (3.1,)), (1.1, (-3.1,))]
+    yaw, beyond = Axis("yaw", -math.pi, math.pi), Axis("yaw", 3.0, 3.5)
+    np.testing.assert_allclose(np.abs(interpolated((yaw,), poses, 1050)), math.pi)
+    np.testing.assert_allclose(interpolated((beyond,), poses, 1100), math.tau - 3.1)
+
+
+def test_no_position_outside_the_poses_or_in_a_gap_but_at_its_ends():
+    poses = [(1.0, (0.1,)), (1.1, (0.2,)), (1.3, (0.4,))]
+    found = interpolated(AXES, poses, 999, 1000, 1050, 1100, 1200, 1300, 1301)[:, 0]
+    np.testing.assert_allclose(found, [math.nan, 0.1, 0.15, 0.2, math.nan, 0.4, math.nan])
+    assert np.isnan(interpolated(AXES, [], 1000)).all()
+
+
+def test_near_bounds_moves_yaw_by_whole_turns():
+    axes = (*AXES, Axis("yaw", -0.5, 0.5))
+    given_positions = np.array([[0.1, 6.0], [0.2, -6.5], [0.3, 0.4]])
+    moved = near_bounds(axes, given_positions)
+    np.testing.assert_allclose(moved[:, 1], [6.0 - math.tau, -6.5 + math.tau, 0.4])
+    np.testing.assert_array_equal(given_positions[:, 1], [6.0, -6.5, 0.4])
+    assert near_bounds(AXES, given_positions) is given_positions
 
 
 def summary(pairs):
@@ -72,6 +109,19 @@ def test_late_messages_are_dropped_and_counted():
     assert pairing.late == 2
 
 
+def test_poses_are_kept_while_a_strain_vector_may_need_them_and_not_for_longer():
+    pairing = Pairing(AXES, patience_s=0.5, max_gap_s=0.1)
+    tracemalloc.start()
+    sizes = []
+    for step in range(10_000):
+        pose(pairing, 10 * step, 0.5)
+        if step % 1000 == 999:
+            sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert max(sizes[1:]) < sizes[0] + 20_000
+    assert strain(pairing, 10 * step - 1000) == [(10 * step - 1000, 0.5)]
+
+
 @pytest.mark.parametrize("first", ["pose", "strain"])
 def test_a_backward_jump_of_either_topic_resets(first):
     pairing = Pairing(AXES)
@@ -87,11 +137,12 @@ def test_a_backward_jump_of_either_topic_resets(first):
     assert pairing.resets == 1
 
 
-def test_a_refused_pose_changes_nothing():
+@pytest.mark.parametrize("position", [[math.nan], [math.inf], [0.1, 0.2], []])
+def test_a_refused_pose_changes_nothing(position):
     pairing = Pairing(AXES)
     pose(pairing, 100, 0.1)
-    with pytest.raises(MeasurementError):
-        pose(pairing, 105, np.nan)
+    with pytest.raises(MeasurementError, match="palm position: expected finite x, got"):
+        pairing.add_pose(105 * MS, np.array(position))
     strain(pairing, 105)
     assert pose(pairing, 110, 0.2) == [(105, 0.15)]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_localizer.core.geometry.pose_buffer import interpolate_poses
+from tactile_localizer.core.geometry.synchronization import interpolate_poses
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ColumnNaming,
