@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +18,7 @@ import yaml
 
 from tactile_localizer.errors import LiveError
 from tactile_localizer.resources import resource_path
+from tactile_localizer.ros.base.child_process import end_with_parent
 
 _DOMAINS = range(1, 100)
 """Domain ids whose UDP ports are below the ephemeral ports."""
@@ -29,14 +28,6 @@ _STOP_TIMEOUT_S = 5.0
 """Time for a node to stop after each signal, s."""
 _TAIL_BYTES = 4096
 """Bytes at the end of a log in which the last line is searched."""
-_PR_SET_PDEATHSIG = 1
-_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
-
-
-def end_with_parent() -> None:
-    """Let Linux kill this process when the thread that started it ends, however it ends."""
-    if _LIBC is not None:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ prints the counts in one line, and ends: with status 1 if strain vectors of the 
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import time
 from pathlib import Path
@@ -18,6 +17,7 @@ from rclpy.node import Node
 from rosbags.highlevel import AnyReader, AnyReaderError
 
 from tactile_localizer.errors import LiveError, ParameterError, ScanError, TactileLocalizerError
+from tactile_localizer.ros.base.child_process import end_with_parent
 from tactile_localizer.ros.base.executable import REJECTED
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 
@@ -88,14 +88,14 @@ class ReplayNode(Node):
         ]
         command += ["--delay", str(_DISCOVERY_S), *(["--loop"] if self._loops else [])]
         try:
-            player = subprocess.Popen([*command, "--topics", *self._topics])
+            player = subprocess.Popen(
+                [*command, "--topics", *self._topics],
+                preexec_fn=end_with_parent,  # noqa: PLW1509 - one system call, no lock
+            )
         except OSError as error:
             raise LiveError(f"ros2 bag play: expected it to be installed, {error.strerror}") from None
-        try:
-            while player.poll() is None:
-                rclpy.spin_once(self, timeout_sec=0.1)
-        finally:
-            player.send_signal(signal.SIGINT)
+        while player.poll() is None:
+            rclpy.spin_once(self, timeout_sec=0.1)
         if player.returncode:
             raise LiveError(f"ros2 bag play ended with status {player.returncode}")
         self._wait_for_the_filter()

@@ -69,7 +69,7 @@ def test_concurrent_runs_have_domains_of_their_own():
 
 PARENT = """
 import subprocess, sys, time
-from tactile_localizer.demo.nodes import end_with_parent
+from tactile_localizer.ros.base.child_process import end_with_parent
 child = subprocess.Popen(["sleep", "60"], preexec_fn=end_with_parent)
 print(child.pid, flush=True)
 time.sleep(60)

@@ -15,7 +15,8 @@ from typing import Any
 from support.forked_nodes import ForkedNode
 from support.waiting import Deadline, children, wait_until
 
-from tactile_localizer.demo.nodes import end_with_parent, node_executable
+from tactile_localizer.demo.nodes import node_executable
+from tactile_localizer.ros.base.child_process import end_with_parent
 
 
 class Process:
