@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
-from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 
 
@@ -23,22 +23,12 @@ class Faults:
         remote frame or an error frame
     silent : phalanges whose load cell sends nothing
     faulty : phalanges whose load cell reports a fault
-
-    Raises
-    ------
-    ParameterError
-        A probability is outside 0 to 1.
     """
 
     drop: float = 0.0
     garbage: float = 0.0
     silent: Collection[str] = ()
     faulty: Collection[str] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("drop", "garbage"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ParameterError(f"{name}: expected a probability of 0 to 1, got {getattr(self, name)}")
 
 
 NO_FAULTS = Faults()

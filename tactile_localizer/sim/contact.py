@@ -57,13 +57,7 @@ class Contact(NamedTuple):
 
 
 def contact(feature: str, mode: str, x: np.ndarray, y: np.ndarray) -> Contact:
-    """Contact of a pad with its middle at ``x``, ``y`` (n,), m, relative to the feature's centre.
-
-    Raises
-    ------
-    ParameterError
-        No such feature or mode.
-    """
+    """Contact of a pad with its middle at ``x``, ``y`` (n,), m, relative to the feature's centre."""
     coordinates = np.stack([x, y]) / (_TABLE_STRIDE * _GRID_STEP_M) + _TABLE_HALF_SIZE
     table = _table(feature, mode)
     return Contact(

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from tactile_localizer.errors import ParameterError
-
 PAD_STIFFNESS = 3.5e7
 """Foundation modulus of a fingertip pad, N/m³; the stiffness of materials is given relative to it."""
 
@@ -116,16 +114,7 @@ def surface(feature: str, mode: str, x: np.ndarray, y: np.ndarray) -> Surface:
     feature : one of :data:`FEATURES`
     mode : one of :data:`MODES`; featureless material is always ``taut``
     x, y : positions relative to the feature's centre, m, with shapes that broadcast
-
-    Raises
-    ------
-    ParameterError
-        No such feature or mode.
     """
-    if feature not in _FEATURES:
-        raise ParameterError(f"feature {feature!r}: expected one of {', '.join(FEATURES)}")
-    if mode not in MODES:
-        raise ParameterError(f"deformation mode {mode!r}: expected one of {', '.join(MODES)}")
     shape = _FEATURES[feature]
     if mode == "taut" or feature == "none":
         return shape(x, y)

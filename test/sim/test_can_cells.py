@@ -6,7 +6,7 @@ import can
 import numpy as np
 import pytest
 
-from tactile_localizer.errors import CanError, ParameterError
+from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, OK
 from tactile_localizer.resources import resource_path
@@ -92,8 +92,3 @@ def test_a_failing_bus_is_reported(protocol, buses):
     buses[0].shutdown()
     with pytest.raises(CanError, match="could not send a frame"):
         sender.send(STRAIN)
-
-
-def test_probabilities_above_one_are_refused():
-    with pytest.raises(ParameterError, match=r"drop: expected a probability of 0 to 1, got 1\.5"):
-        Faults(drop=1.5)
