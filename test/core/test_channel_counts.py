@@ -1,7 +1,5 @@
 """Phalanges with any number of channels, and not all the same number."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from support.scans import SIDE, axes
@@ -9,10 +7,9 @@ from support.scans import SIDE, axes
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.errors import MeasurementError, SceneError
+from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
@@ -59,37 +56,11 @@ def test_every_model_localizes_with_any_channels(counts, model):
     assert np.linalg.norm(estimate.mean - truth) < 0.002
 
 
-def test_absent_phalanges_of_any_width_drop_out():
-    of = scene()
-    made = scan(of)
-    only = dataclasses.replace(of, phalanges=of.phalanges[1:2])
-    states, felt = made.states[:50], made.strain[7]
-    found = SumOfGaussians(made, of, 0.003, 0.06).log_likelihood(states, felt, np.array([False, True, False]))
-    alone = SumOfGaussians(made, only, 0.003, 0.06).log_likelihood(states, felt[of.layout.slices[1]])
-    np.testing.assert_allclose(found, alone, atol=1e-4)
-
-
-def test_the_order_of_phalanges_does_not_matter():
-    of = scene()
-    turned = dataclasses.replace(of, phalanges=of.phalanges[::-1])
-    made = scan(of)
-    felt = made.strain[3]
-    columns = turned.channels(made.phalanges, made.channels)
-    one = SumOfGaussians(made, of, 0.003, 0.06).log_likelihood(made.states[:9], felt)
-    other = SumOfGaussians(made, turned, 0.003, 0.06).log_likelihood(made.states[:9], felt[columns])
-    np.testing.assert_allclose(one, other, atol=1e-6)
-
-
 def test_a_strain_of_another_length_is_refused():
     of = scene()
     localizer = build_localizer(scan(of), of, Configuration(), np.random.default_rng(1), None, CALIBRATION)
     with pytest.raises(MeasurementError, match=r"expected shape \(26,\), got \(24,\)"):
         localizer.update(0, np.zeros(2), np.zeros(24))
-
-
-def test_a_scan_of_other_channels_is_refused():
-    with pytest.raises(SceneError, match="'index' of scene 'test': expected 8 channels, got 19"):
-        SumOfGaussians(scan(scene()), scene((8, 6, 1)), 0.003, 0.06)
 
 
 def test_maps_have_the_channels_of_each_phalanx():

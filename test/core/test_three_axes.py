@@ -45,16 +45,3 @@ def test_a_turned_hand_converges_on_the_feature_and_not_before(localizer: Locali
         assert max(errors) < 0.01
         assert np.mean(errors) < 0.004
         assert np.mean(turned) < 0.035
-
-
-@pytest.mark.parametrize("yaw", [-0.12, 0.05])
-def test_featureless_material_shows_the_angle_of_the_hand(localizer: Localizer, yaw: float) -> None:
-    test = simulate_scan("bump", 1, "test", yaw=yaw, sweeps=4)
-    errors = []
-    for rows, contact in zip(test.slices(), test.contact, strict=True):
-        localizer.reset()
-        for sample in range(rows.start, contact):
-            palm = np.array([*test.odometry[sample], yaw])
-            estimate = localizer.update(test.stamp_ns[sample], palm, test.strain[sample])
-        errors.append(abs(estimate.mean[2] - yaw))
-    assert np.mean(errors) < 0.035

@@ -68,19 +68,6 @@ def test_it_agrees_with_the_kalman_filter_on_a_linear_scene(make: Make) -> None:
 
 
 @both
-def test_a_measurement_update_is_bayes_rule(make: Make) -> None:
-    made = make()
-    made.seed(np.array([0.02, 0.03]), np.array([0.01, 0.01]))
-    prediction = made.predict(np.zeros(2), 0.0)
-    log_likelihood = MODEL.log_likelihood(prediction.states, MODEL.gain @ [0.02, 0.03])
-    expected = np.exp(prediction.log_weights + log_likelihood)
-    states, expected = prediction.states.copy(), expected / expected.sum()
-    belief = made.update(log_likelihood)
-    np.testing.assert_allclose(made.weights(), expected, rtol=1e-9)
-    np.testing.assert_allclose(belief.mean, expected @ states)
-
-
-@both
 def test_when_no_state_explains_the_strain_nothing_is_learned(make: Make) -> None:
     made = make()
     made.seed(np.array([0.02, 0.02]), np.array([0.003, 0.003]))

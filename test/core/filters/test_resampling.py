@@ -74,16 +74,6 @@ def test_resampling_is_unbiased(resample, count):
     assert stats.chi2.sf((error / spread) ** 2, df=1).min() > 1e-3 / drawn.sum()
 
 
-@every_scheme
-def test_resampling_is_unbiased_in_any_order(resample):
-    """Pooled chi-square goodness of fit: one draw a seed, random weights, sorted up and down."""
-    rng = np.random.default_rng(1)
-    for order in (1, -1):
-        weights = np.sort(rng.dirichlet(np.ones(12)))[::order]
-        ancestors = [resample(weights, 1, np.random.default_rng(seed))[0] for seed in range(5000)]
-        assert stats.chisquare(np.bincount(ancestors, minlength=12), 5000 * weights).pvalue > 1e-3
-
-
 def test_systematic_resampling_keeps_heavy_particles():
     weights = np.array([0.35, 0.25, 0.2, 0.2])
     for seed in range(200):

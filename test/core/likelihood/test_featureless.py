@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.special import logsumexp
 from support import densities
 
 from tactile_localizer.core.likelihood.featureless import Featureless
@@ -20,7 +19,6 @@ SCENE = Scene(
     (Phalanx("index", (0.006, 0.0)), Phalanx("middle", (-0.006, 0.0))),
     REGION,
 )
-INDEX, MIDDLE = np.array([True, False]), np.array([False, True])
 POSITION_STD, STRAIN_STD = np.array([0.002, 0.004]), 0.05
 
 
@@ -72,68 +70,6 @@ def test_the_density_is_a_product_over_phalanges():
         )
         expected += np.where((places[:, 0] >= 0.02) & (places[:, 0] <= 0.04), on, off)
     np.testing.assert_allclose(model(scan).log_likelihood(states, measured), expected, atol=0.1)
-
-
-@pytest.mark.parametrize("x", [0.03, 0.0205, 0.01, 0.049])
-def test_both_branches_integrate_to_one(x):
-    """A missing normalization would shift probability across the border of the region."""
-    scan = made()
-    whole, state = model(scan), np.array([x - 0.006, 0.025])
-    place, strain = scan.states + np.array([0.006, 0.0]), scan.strain[:, :8]
-    if 0.02 <= x <= 0.04:
-        log_shares = -0.5 * np.sum(((place - state - np.array([0.006, 0.0])) / POSITION_STD) ** 2, axis=1)
-        log_shares -= logsumexp(log_shares)
-
-        def near(rng):
-            return strain[rng.choice(len(strain), p=np.exp(log_shares))] + STRAIN_STD * rng.standard_normal(8)
-
-        def log_near(measured):
-            squared = np.sum(((measured - strain) / STRAIN_STD) ** 2, axis=1)
-            return logsumexp(log_shares - 0.5 * squared) - 4 * math.log(2 * math.pi * STRAIN_STD**2)
-
-    else:
-        cluster = stats.multivariate_normal(*off_feature(scan, 0))
-
-        def near(rng):
-            return cluster.rvs(random_state=rng)
-
-        log_near = cluster.logpdf
-
-    total = densities.integral(
-        lambda measured: float(
-            whole.log_likelihood(state[None], np.concatenate([measured, np.full(8, np.nan)]), INDEX)[0]
-        ),
-        near,
-        log_near,
-        densities.background(strain, STRAIN_STD),
-    )
-    assert total == pytest.approx(1.0, abs=0.05)
-
-
-def test_featureless_strains_are_equally_likely_in_the_margin_of_the_region():
-    """The region includes a featureless margin, in which both branches have to agree."""
-    scene = Scene("margin", SCENE.axes, SCENE.phalanges, Region((0.02, -math.inf), (0.06, math.inf)))
-    scan, rng = made(pairs=4000), np.random.default_rng(2)
-    whole = model(scan, scene=scene)
-    inside, outside = np.array([[0.048 - 0.006, 0.025]]), np.array([[0.012 - 0.006, 0.025]])
-    ratios = [
-        float((whole.log_likelihood(inside, z, INDEX) - whole.log_likelihood(outside, z, INDEX))[0])
-        for z in 0.03 * rng.standard_normal((300, 16))
-    ]
-    assert np.mean(ratios) == pytest.approx(0.0, abs=0.3)
-
-
-def test_the_position_of_the_phalanx_decides():
-    """Both the branch and the place of the training pairs depend on where the fingertip is."""
-    whole, measured = model(), np.tile(felt(np.array([[0.030, 0.0]])), 2)[0]
-    x = np.linspace(0.0, 0.05, 501)
-    states = np.stack([x, np.full(501, 0.025)], axis=1)
-    for present, offset in ((INDEX, 0.006), (MIDDLE, -0.006)):
-        found = whole.log_likelihood(states, measured, present)
-        assert x[np.argmax(found)] + offset == pytest.approx(0.030, abs=0.001)
-        on = (x + offset >= 0.02) & (x + offset <= 0.04)
-        assert np.ptp(found[~on]) == 0.0
-        assert np.ptp(found[on]) > 1.0
 
 
 def test_the_region_of_a_turned_phalanx_wraps():

@@ -10,7 +10,6 @@ from scipy import stats
 from support.scans import scan, scene, strain_at
 
 from tactile_localizer.core.likelihood.gaussian import Gaussian
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.sim import simulate_scan
 
@@ -60,20 +59,6 @@ def test_independent_phalanges_multiply(k):
     np.testing.assert_allclose(together[near], sum(apart)[near], atol=0.05)
 
 
-def test_correlated_phalanges_do_not_multiply():
-    """With noise common to both fingers the joint density exceeds the product of both."""
-    of = scene()
-    rng = np.random.default_rng(0)
-    made = scan(rng, of, 2000, noise=0.01)
-    tremor = 0.2 * rng.standard_normal((2000, 1))
-    made = Scan(made.states, made.strain + tremor, made.sweep, made.axes, made.phalanges)
-    measured = strain_at(STATE[None])[0] + 0.2
-    joint, independent = (
-        Gaussian(made, of, 30, independent=i).log_likelihood(STATE[None], measured)[0] for i in (False, True)
-    )
-    assert joint > independent + 1.0
-
-
 @pytest.mark.parametrize("intensity", [0.02, 1.0])
 def test_the_chosen_shrinkage_explains_new_sweeps_best(intensity, monkeypatch):
     of = scene()
@@ -87,19 +72,6 @@ def test_the_chosen_shrinkage_explains_new_sweeps_best(intensity, monkeypatch):
     chosen = np.median(explained())
     monkeypatch.setattr("tactile_localizer.core.likelihood.gaussian._INTENSITIES", (intensity,))
     assert chosen > np.median(explained()) + 0.5
-
-
-def test_distances_of_new_sweeps_are_calibrated():
-    of = scene()
-    train, test = (simulate_scan("bump", 1, kind).to_scan() for kind in ("train", "test"))
-    model = Gaussian(train, of, 8)
-    rows = np.linspace(0, len(test) - 1, 300).astype(int)
-    squared = []
-    for row in rows:
-        neighbours = train.strain[nearest(of, train, test.states[row], 8)]
-        peak = model.log_likelihood(test.states[row][None], neighbours.mean(axis=0))[0]
-        squared.append(2 * (peak - model.log_likelihood(test.states[row][None], test.strain[row])[0]))
-    assert 0.4 < np.median(squared) / 15.3 < 3.0  # 15.3: median of chi-square with 16 degrees of freedom
 
 
 @pytest.mark.parametrize("k", [1, 8, 10_000])

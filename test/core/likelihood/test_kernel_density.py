@@ -4,18 +4,13 @@ Down to 5 nats below the peak log-likelihoods differ by at most 0.05 nats, and t
 states by at most 0.5 % in total variation.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from support import densities
 from support.scans import density, scan, scene, strain_at, total_variation
 
-from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood import kernel_density
 from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -72,38 +67,6 @@ def test_it_agrees_with_the_sum_over_pairs_on_any_axes(dimension, full_turn, kin
     widths = np.array([0.003, 0.003, 0.15])[:dimension], 0.06
     std = np.array([0.0015, 0.0015, 0.05])[:dimension]
     compare(made, of, widths, truths, strain_at(truths), kind, std, conditional=conditional)
-
-
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-@given(seed=st.integers(0, 2**32 - 1))
-def test_a_lone_pair_has_a_gaussian_kernel_wherever_it_is_between_nodes(dimension, seed):
-    rng = np.random.default_rng(seed)
-    pair = rng.random((1, dimension)) * 3
-    positions = np.concatenate([np.zeros((1, dimension)), pair])
-    strain = np.array([[9.0], [0.0]])  # of which only the second is felt
-    wraps = np.zeros(dimension, bool)
-    model = KernelDensity(
-        positions, strain, np.ones(dimension), np.full(1, 0.1), wraps, ChannelLayout((1,)), conditional=False
-    )
-    direction = rng.standard_normal((50, dimension))
-    direction *= rng.random((50, 1)) * math.sqrt(10) / np.linalg.norm(direction, axis=1, keepdims=True)
-    model._floor = 1e-30
-    found = model.log_density(pair + direction, np.zeros(1), np.ones(1, bool))
-    peak = model.log_density(pair, np.zeros(1), np.ones(1, bool))
-    np.testing.assert_allclose(found - peak, -0.5 * np.sum(direction**2, axis=1), atol=0.05)
-
-
-def test_states_far_apart_are_divided(monkeypatch):
-    of = scene()
-    made = scan(np.random.default_rng(1), of, 500)
-    states, strain = (
-        of.lower + np.random.default_rng(2).random((40, 2)) * of.extent,
-        strain_at(made.states[:1])[0],
-    )
-    model = lattice(made, of, 0.002, 0.1)
-    whole = model.log_density(states, strain, np.ones(2, bool))
-    monkeypatch.setattr(kernel_density, "_MAX_NODES_ALONG", 20)
-    np.testing.assert_allclose(model.log_density(states, strain, np.ones(2, bool)), whole, atol=1e-4)
 
 
 def test_a_long_strip_is_evaluated_in_blocks():

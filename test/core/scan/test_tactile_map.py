@@ -48,40 +48,9 @@ def test_nodes_far_from_all_sweeps_have_no_value():
     assert not covered[(y > 0.01) & (y < 0.03)].any()
 
 
-def test_yaw_counts_by_its_lever():
-    scene = Scene("turn", (Axis("x", 0.0, 0.1), Axis("yaw", -np.pi, np.pi)), (Phalanx("index", (0.0, 0.0)),))
-    x = np.linspace(0.0, 0.1, 200)
-    states = np.concatenate(
-        [np.column_stack([x, np.full_like(x, yaw)]) for yaw in np.linspace(-3.1, 3.1, 25)]
-    )
-    strain = (50 * states[:, :1] + np.sin(states[:, 1:])) * np.arange(1, 9)
-    tactile_map = make_map(
-        Scan(states, strain, np.repeat(np.arange(25), 200), ("x", "yaw"), ("index",)), scene
-    )
-    assert tactile_map.values.shape == (95, 120, 8)
-    places = np.stack(np.meshgrid(*tactile_map.nodes, indexing="ij"), axis=-1)
-    inner = np.s_[8:-8, 8:-8]
-    expected = 50 * places[..., 0] + np.sin(places[..., 1])
-    np.testing.assert_allclose(tactile_map.values[inner][..., 0], expected[inner], atol=0.2)
-
-
 def test_returns_on_the_same_line_leave_no_holes():
     scan = raster(np.repeat(np.arange(0, 0.0401, 0.0025), 2))
     assert make_map(scan, SQUARE).covered.all()
-
-
-def test_a_sparse_sweep_leaves_no_gaps():
-    x = np.linspace(0.0, 0.5, 101)[:, None]
-    scan = Scan(x, np.sin(20 * x) * np.ones(8), np.zeros(101, dtype=int), ("x",), ("index",))
-    assert make_map(scan, LINE).covered.all()
-
-
-def test_values_stay_within_the_range_of_the_scan():
-    rng = np.random.default_rng(0)
-    scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda states: rng.normal(size=len(states)))
-    values = make_map(scan, SQUARE).values
-    assert values.max() <= scan.strain.max()
-    assert values.min() >= scan.strain.min()
 
 
 def test_the_background_of_a_phalanx_is_subtracted():
@@ -90,17 +59,6 @@ def test_the_background_of_a_phalanx_is_subtracted():
     shown = tactile_map.phalanx("index")[..., 0]
     assert np.median(shown) == 0.0
     np.testing.assert_allclose(shown[-1], 1.0)
-
-
-def test_a_profile_resolves_a_weave():
-    x = np.linspace(0, 0.5, 5000)
-    states = np.concatenate([x, x + 2e-5])[:, None]
-    strain = np.sin(2 * np.pi * states / 0.005) * np.ones(8)
-    scan = Scan(states, strain, np.repeat([1, 2], len(x)), ("x",), ("index",))
-    tactile_map = make_map(scan, LINE)
-    assert tactile_map.values.shape == (1200, 8)
-    expected = np.sin(2 * np.pi * tactile_map.nodes[0] / 0.005)
-    assert np.corrcoef(tactile_map.values[:, 0], expected)[0, 1] > 0.98
 
 
 def test_of_three_axes_the_first_two_are_shown():
