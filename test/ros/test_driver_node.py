@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from support.load_cells import cycle, number_of, protocol
 from support.processes import node_command
-from support.waiting import Deadline
 
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 
@@ -127,47 +126,6 @@ def test_parameters_are_described_and_numbers_have_ranges(
         if descriptor.type == 3:
             assert descriptor.floating_point_range, descriptor.name
             assert descriptor.description.endswith(("[s]", "[V]")), descriptor.name
-
-
-def test_a_manager_can_retry_a_rejected_configuration(
-    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
-) -> None:
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState, GetState
-    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
-
-    node = node_process("driver_node", parameters={**parameters, "dbc": "/nowhere.dbc", "autostart": False})
-
-    def change(transition: int) -> bool:
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return bool(probe.call(ChangeState, "driver/change_state", request).success)
-
-    def state() -> str:
-        return str(probe.call(GetState, "driver/get_state").current_state.label)
-
-    def set_dbc(path: str) -> Any:
-        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=path)
-        request = SetParameters.Request(parameters=[Parameter(name="dbc", value=value)])
-        return probe.call(SetParameters, "driver/set_parameters", request).results[0]
-
-    assert not change(Transition.TRANSITION_CONFIGURE)
-    assert state() == "unconfigured"
-    node.wait_for_line("/nowhere.dbc: expected a DBC file")
-    assert set_dbc("loadcells.dbc").successful
-    for _ in range(2):  # up and down again
-        assert change(Transition.TRANSITION_CONFIGURE)
-        refused = set_dbc("loadcells_fd.dbc")
-        assert "expected an unconfigured node" in refused.reason
-        assert change(Transition.TRANSITION_ACTIVATE)
-        assert state() == "active"
-        deadline = Deadline("a deactivated driver", 2.0)  # its thread ends within 1 s
-        assert change(Transition.TRANSITION_DEACTIVATE)
-        deadline.check()
-        assert change(Transition.TRANSITION_CLEANUP)
-    assert change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
-    assert state() == "finalized"
-    assert "Traceback" not in node.output
 
 
 def values(array: Any, what: str) -> tuple[bytes, str, dict[str, str]]:

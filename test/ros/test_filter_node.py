@@ -214,13 +214,6 @@ def test_a_scene_with_another_phalanx_is_rejected(refusal, scan_file, tmp_path):
     assert "phalanx 'ring' of scene 'bump': expected one of index, middle" in line
 
 
-def test_an_invalid_configuration_ends_the_process(node_process, tmp_path):
-    process = node_process("filter_node", {"scan_file": tmp_path / "none_scan"})
-    assert process.wait() == 2
-    assert "none_scan: expected a scan folder, found none" in process.output
-    assert len(process.lines) == 1
-
-
 def test_the_shipped_parameter_file_has_the_defaults():
     import yaml
 

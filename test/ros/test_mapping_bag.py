@@ -76,7 +76,7 @@ def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files
     process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "sweep_detection": "both_ways"})
     hand = Hand(probe)
     hand.x = there_and_back
-    hand.service("start_sweep")
+    assert "expected sweep_detection off" in hand.service("start_sweep").message
     slide_badly(hand)
     slide_badly(hand)
     hand.wait_for_stamp(hand.now_ms)

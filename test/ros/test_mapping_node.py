@@ -104,22 +104,6 @@ def test_strain_stamped_before_the_start_is_ignored(node_process, probe, files, 
     assert recording.sweeps[0].stamp_ns[0] > asked_ns
 
 
-def test_gaps_in_the_poses_are_skipped_and_counted(node_process, probe, files):
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
-    hand = Hand(probe)
-    hand.service("start_sweep")
-    hand.slide(200)
-    hand.slide(300, poses=False)
-    hand.slide(200)
-    probe.until(lambda: hand.statuses and hand.statuses[-1].gaps, "gaps in the status")
-    assert process.stop() == 0
-    scan, sweeps, recording = load(files)
-    strain_ms = (recording.sweeps[0].stamp_ns - START) // MS
-    assert not np.any((strain_ms > 200) & (strain_ms < 520))
-    assert sweeps[0].gaps >= 63
-    np.testing.assert_allclose(scan.states[:, 0], Hand.x(strain_ms), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("wrong", "refusal"),
     [({"frame": "map"}, "frame 'map'"), ({"phalanges": ("middle", "thumb")}, "phalanx 'index'")],
@@ -133,21 +117,6 @@ def test_invalid_messages_prevent_a_sweep(node_process, probe, files, wrong, ref
     assert refusal in answer.message
     hand.frame, hand.phalanges = "base_link", ("middle", "index", "thumb")
     probe.until(lambda: hand.slide(20) or hand.service("start_sweep").success, "a sweep")
-
-
-def test_sweeps_can_be_detected_from_the_motion(node_process, probe, files):
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "sweep_detection": "both_ways"})
-    hand = Hand(probe)
-    hand.x = lambda stamp_ms: 0.01 + 0.00003 * abs(1000 - stamp_ms)
-    hand.slide(2000)
-    hand.wait_for_stamp(2000)
-    assert not hand.service("start_sweep").success
-    assert process.stop() == 0
-    _, sweeps, recording = load(files)
-    assert [sweep.number for sweep in sweeps] == [1, 2]
-    there, back = recording.sweeps
-    assert 990 <= (there.stamp_ns[-1] - START) // MS <= 1100
-    assert back.stamp_ns[0] > there.stamp_ns[-1]
 
 
 def test_the_map_is_latched_after_a_sweep(node_process, probe, files):

@@ -123,15 +123,14 @@ def test_without_usable_phalanges_there_is_no_estimate(online, sweep):
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_nonfinite_strain_keeps_the_belief(online, sweep, bad):
     slide(online, sweep, 0, 5)
-    states, weights = (array.copy() for array in online.localizer.hypotheses())
+    before = online.latest
     sweep = dataclasses.replace(sweep, strain=sweep.strain.copy())
     sweep.strain[5, 3] = bad
     add_strain(online, sweep, 5)
     assert add_pose(online, sweep, 6) == []
     assert online.counts.rejected == 1
     assert "finite" in online.last_error
-    np.testing.assert_array_equal(online.localizer.hypotheses()[0], states)
-    np.testing.assert_array_equal(online.localizer.hypotheses()[1], weights)
+    assert online.latest is before
 
 
 def test_a_backward_jump_resets_the_belief(online, sweep):
@@ -151,14 +150,6 @@ def test_a_forward_jump_keeps_the_belief(online, sweep):
     assert online.latest.travel > travel
 
 
-def test_a_reset_discards_the_estimate(online, sweep):
-    slide(online, sweep, 0, 10)
-    online.reset()
-    assert online.latest is None
-    (first, *_) = slide(online, sweep, 11, 13)
-    assert first.travel == 0.0
-
-
 @pytest.mark.parametrize("begin", ["reset", "seed"])
 def test_strain_stamped_before_a_reset_is_ignored(online, sweep, begin):
     slide(online, sweep, 0, 60)
@@ -174,12 +165,6 @@ def test_strain_stamped_before_a_reset_is_ignored(online, sweep, begin):
     (first, *_) = slide(online, sweep, 100, 103)
     assert first.travel == 0.0
     assert slide(online, sweep, 0, 5), "after a backward jump nothing is earlier"
-
-
-def test_a_seed_sets_the_estimate(online, sweep):
-    online.seed(np.array([0.01, 0.03]), np.array([0.001, 0.001]))
-    (first, *_) = slide(online, sweep, 0, 2)
-    np.testing.assert_allclose(first.mean, [0.01, 0.03], atol=1e-3)
 
 
 def states(estimates):

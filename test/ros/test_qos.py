@@ -45,16 +45,3 @@ def test_strain_qos_can_be_overridden(node_process, probe, parameters, wanted):
         request = GetParameters.Request(names=[f"qos_overrides./strain.{end}.depth"])
         (depth,) = probe.call(GetParameters, f"{node}/get_parameters", request).values
         assert depth.integer_value == wanted.get("depth", 100)
-
-
-def test_estimates_are_reliable_and_the_map_is_latched(node_process, probe, parameters):
-    node_process("filter_node", parameters["filter"])
-
-    def quality(topic):
-        infos = probe.until(lambda: probe.node.get_publishers_info_by_topic(f"/filter/{topic}"), topic, 60.0)
-        return infos[0].qos_profile.reliability.name, infos[0].qos_profile.durability.name
-
-    for topic in ("posterior", "converged"):
-        assert quality(topic) == ("RELIABLE", "VOLATILE")
-    for topic in ("map", "feature_region"):
-        assert quality(topic) == ("RELIABLE", "TRANSIENT_LOCAL")

@@ -68,14 +68,6 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     assert process.stop() == 0
 
 
-def test_a_scan_is_calibrated_once(node_process, probe, change, tmp_path):
-    for is_calibrated in (True, False):
-        process = managed_filter(node_process, tmp_path, calibrated=False)
-        assert change("filter", "configure")
-        assert ("calibrating on held-out sweeps" in process.output) is is_calibrated
-        assert process.stop() == 0
-
-
 def test_an_interrupt_ends_a_calibrating_node(node_process, tmp_path):
     scan = tmp_path / "bump_scan"
     write_scan(scan, calibrated=False)

@@ -179,6 +179,8 @@ def test_a_rejected_configuration_gives_its_reason(make, tmp_path, capfd):
     node.set_parameters([right])
     for transition in WAYS["active"]:
         assert trigger(node, transition) == TransitionCallbackReturn.SUCCESS
+        (refused,) = node.set_parameters([wrong])
+        assert "expected an unconfigured node" in refused.reason
 
 
 def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
