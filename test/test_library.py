@@ -14,7 +14,6 @@ from tactile_localizer import Configuration
 from tactile_localizer.cli.simulate import write_csv
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
@@ -56,28 +55,6 @@ def test_the_readmes_ten_lines_localize(recorded):
 def test_the_package_docstring_shows_the_same_example():
     of_readme = example((ROOT / "README.md").read_text()).replace("recording/test.csv", "test.csv")
     assert example(tactile_localizer.__doc__ + "\n").strip() == of_readme.strip()
-
-
-def test_the_same_seed_gives_the_same_estimates(recorded):
-    scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
-    configuration = tactile_localizer.Configuration(filter="particle", particles=200)
-    means = []
-    for _ in range(2):
-        localizer = tactile_localizer.make_localizer(
-            scan, scene, configuration, seed=3, scan_file=recorded / "bump_scan"
-        )
-        for k in range(30):
-            estimate = localizer.update(k * 10**7, scan.states[k], scan.strain[k])
-        means.append(estimate.mean)
-    np.testing.assert_array_equal(*means)
-
-
-def test_a_stored_calibration_is_reused(recorded, monkeypatch):
-    scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
-    first = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan")
-    monkeypatch.setattr(learned, "learn", None)  # must not be called
-    second = tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan")
-    assert first.model.information_length == second.model.information_length
 
 
 def localizer(recorded, **options):

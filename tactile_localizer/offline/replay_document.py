@@ -17,9 +17,6 @@ from tactile_localizer.offline.metrics import position_error, summarize, timing,
 from tactile_localizer.offline.replay import Track
 from tactile_localizer.scene import Scene
 
-_BLOCK = 4096
-"""Rows that are made at once."""
-
 
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
@@ -78,39 +75,29 @@ def replay_document(
 
 
 def updates(scene: Scene, tracks: Sequence[Track]) -> Iterator[dict[str, Any]]:
-    """Rows of all estimates of a replay, made in blocks: those of an hour take more than a gigabyte."""
+    """Rows of all estimates of a replay."""
     for track in tracks:
-        errors, yaw_errors = position_error(scene, track), yaw_error(scene, track)
-        for begin in range(0, len(track), _BLOCK):
-            part = slice(begin, begin + _BLOCK)
-            columns: dict[str, Any] = {
-                "stamp_s": [stamp_ns / 1e9 for stamp_ns in track.stamp_ns[part].tolist()],
-                "stamp_ns": track.stamp_ns[part],
-                "sweep": [track.number] * len(track.stamp_ns[part]),
-                "mean": track.mean[part],
-                "covariance": track.covariance[part],
-                "trace": track.trace[part],
-                "converged": track.converged[part],
-                "state": [state.value for state in track.state[part]],
-                "reason": list(track.reason[part]),
-                "probability": track.probability[part],
-                "on_map": track.on_map[part],
-                "log_marginal": track.log_marginal[part],
-                "updated": track.updated[part],
-                "travel_m": track.travel[part],
-                "truth": _known(track, part),
-                "error_m": errors[part],
+        errors, yaw_errors, traces = position_error(scene, track), yaw_error(scene, track), track.trace
+        for i, stamp_ns in enumerate(track.stamp_ns.tolist()):
+            truth = None if track.truth is None else track.truth[i]
+            row: dict[str, Any] = {
+                "stamp_s": stamp_ns / 1e9,
+                "stamp_ns": stamp_ns,
+                "sweep": track.number,
+                "mean": track.mean[i],
+                "covariance": track.covariance[i],
+                "trace": traces[i],
+                "converged": track.converged[i],
+                "state": track.state[i].value,
+                "reason": track.reason[i],
+                "probability": track.probability[i],
+                "on_map": track.on_map[i],
+                "log_marginal": track.log_marginal[i],
+                "updated": track.updated[i],
+                "travel_m": track.travel[i],
+                "truth": truth if truth is not None and np.isfinite(truth).all() else None,
+                "error_m": errors[i],
             }
             if "yaw" in scene.axis_names:
-                columns["error_rad"] = yaw_errors[part]
-            for row in zip(*columns.values(), strict=True):
-                yield dict(zip(columns, row, strict=True))
-
-
-def _known(track: Track, part: slice) -> list[list[float] | None]:
-    """True positions; ``None`` where one is unknown."""
-    if track.truth is None:
-        return [None] * len(track.stamp_ns[part])
-    truth = track.truth[part]
-    known = np.isfinite(truth).all(axis=1).tolist()
-    return [place if is_known else None for place, is_known in zip(truth.tolist(), known, strict=True)]
+                row["error_rad"] = yaw_errors[i]
+            yield row

@@ -8,9 +8,6 @@ import pytest
 from rich.console import Console
 from support.sweeps import scene_of
 
-from tactile_localizer.sim import simulate_scan
-from tactile_localizer.sim.sweep import RATE_HZ, SPEED_MPS
-
 pytestmark = pytest.mark.ros
 
 N = 101
@@ -55,16 +52,6 @@ def test_the_limit_applies_to_the_mean_of_the_sweeps(errors_mm, within):
     summary = summarize([sweep(error) for error in errors_mm])
     assert summary["within_limit"] is within
     assert summary["converged_sweeps"] == len(errors_mm)
-
-
-def test_contact_is_that_of_the_simulator():
-    from tactile_localizer.demo.show import contact_of
-
-    scan = simulate_scan("bump", seed=1, kind="test", sweeps=3)
-    for number in range(3):
-        expected = scan.truth[scan.contact[number], 0], scan.truth[scan.feature_end[number], 0]
-        assert contact_of("bump", 1, number, SPEED_MPS, RATE_HZ) == expected
-    assert contact_of("none", 1, 0, SPEED_MPS, RATE_HZ) is None
 
 
 def test_truth_is_interpolated_at_the_stamps_of_the_sweep():

@@ -18,8 +18,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
-from tactile_localizer.offline import replay_document
-from tactile_localizer.offline.json_file import plain, write_json
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
@@ -83,23 +82,6 @@ def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
         assert track.travel[0] == 0.0
 
 
-def test_the_truth_does_not_affect_the_estimate(recording: Recording) -> None:
-    with_truth = replay(localizer(), recording)
-    without_truth = replay(
-        localizer(), replace(recording, sweeps=tuple(replace(s, truth=None) for s in recording.sweeps))
-    )
-    for a, b in zip(with_truth, without_truth, strict=True):
-        np.testing.assert_array_equal(a.mean, b.mean)
-        assert b.truth is None
-
-
-def test_the_origin_of_the_odometry_does_not_matter(recording: Recording) -> None:
-    away = np.array([5.0, -2.0])
-    moved = replace(recording, sweeps=tuple(replace(s, position=s.position + away) for s in recording.sweeps))
-    for a, b in zip(replay(localizer(), recording), replay(localizer(), moved), strict=True):
-        np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
-
-
 def test_missing_phalanges_are_left_out(recording: Recording) -> None:
     sweep = recording.sweeps[0]
     status, strain = sweep.status.copy(), sweep.strain.copy()
@@ -141,13 +123,3 @@ def test_unwritable_results_leave_no_file(tmp_path: Path) -> None:
         with pytest.raises(ScanError, match=f"{path}: expected to write results, {reason}"):
             write_json(path, {"n": 1})
     assert [path.name for path in tmp_path.iterdir()] == ["out.json"]
-
-
-def test_updates_do_not_depend_on_the_block_size(
-    recording: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tracks = replay(localizer(), recording)
-    whole = plain(list(replay_document.updates(SCENE, tracks)))
-    assert len(whole) == len(recording)
-    monkeypatch.setattr(replay_document, "_BLOCK", 7)
-    assert plain(list(replay_document.updates(SCENE, tracks))) == whole
