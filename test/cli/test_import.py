@@ -94,14 +94,6 @@ def test_a_bag_is_imported_once(folder, capsys):
     assert "found sweep 2 equal to sweep 1; is a recording given twice?" in capsys.readouterr().err
 
 
-def test_sweeps_of_a_bag_are_detected_in_the_motion(folder):
-    write_bag(folder / "bag", slide(0, 1000))
-    arguments = "bag --scene scene.yaml --detect-sweeps one_way -o bump_scan"
-    assert main(["import", "bag", *arguments.split()]) == 0
-    store = ScanFolder("bump_scan")
-    assert 150 < len(store.load()) < 190
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -27,8 +27,6 @@ from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bags.recording import BagTopics, read_bag
-from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -263,27 +261,6 @@ def test_a_missing_phalanx_is_named(tmp_path):
     thumb = Scene("sheet", (Axis("x", 0.0, 1.0),), (Phalanx("thumb", (0.0,)),))
     with pytest.raises(SceneError, match="phalanx 'thumb' of scene 'sheet': expected one of middle, index"):
         read_bag(whole(tmp_path / "bag"), thumb)
-
-
-def test_channel_counts_reach_the_scan(tmp_path):
-    scene = dataclasses.replace(
-        SCENE, phalanges=(Phalanx("index", (0.0, 0.01), 19), Phalanx("middle", (0.0, -0.01), 6))
-    )
-    happened = []
-    for topic, stamp_ms, message in slide(0, 200):
-        if topic == "strain":
-            values = np.arange(25.0) * 1000 + stamp_ms
-            message = strain(stamp_ms, strain=values, channels=np.array([6, 19], np.uint16))
-        happened.append((topic, stamp_ms, message))
-    recording = read_bag(write_bag(tmp_path / "bag", happened), scene)
-    (sweep,) = recording.sweeps
-    assert sweep.strain.shape[1] == 25
-    np.testing.assert_array_equal(sweep.strain[:, 0], sweep.strain[:, 24] + 1000.0)
-    import_recording(recording, scene, tmp_path / "bump_scan", what="import", detail={})
-    store = ScanFolder(tmp_path / "bump_scan")
-    assert store.scene.layout.counts == (19, 6)
-    assert store.load().layout == scene.layout
-    np.testing.assert_array_equal(store.recording().sweeps[0].strain, sweep.strain)
 
 
 def test_an_adapter_reads_other_messages(tmp_path):

@@ -118,6 +118,43 @@ def test_invalid_datagrams_are_counted(
     assert (one.driver.status.state, one.driver.status.reconnects) == (OPEN, 0)
 
 
+def test_random_frames_are_counted_exactly_and_disturb_only_for_a_while(bench: Callable[..., Bench]) -> None:
+    one, rng = bench(), np.random.default_rng(1)
+    known = [message.key[0] for message in HAND.messages]
+    expected = dict.fromkeys(FrameKind, 0)
+    for _ in range(200):
+        frames = []
+        for remote, error, is_known in rng.random((50, 3)) < (0.1, 0.1, 0.5):
+            length = 0 if remote else int(rng.choice([0, 3, 7, 8] if error else [0, 3, 7, 8, 8, 8, 12, 64]))
+            kind = FrameKind.DATA if length == 8 else FrameKind.WRONG_LENGTH
+            kind = FrameKind.REMOTE if remote else kind if is_known else FrameKind.UNKNOWN_ID
+            kind = FrameKind.ERROR if error else kind
+            expected[kind] += 1
+            frames.append(
+                can.Message(
+                    arbitration_id=0x04 if error else int(rng.choice(known)) if is_known else 0x7FF,
+                    is_extended_id=False,
+                    is_remote_frame=bool(remote and not error),
+                    is_error_frame=bool(error),
+                    is_fd=length > 8,
+                    data=rng.bytes(length),
+                )
+            )
+        one.send(frames)
+    wait_until(lambda: sum(one.frames) == one.sent, "all frames", 10.0)
+    found = dict(zip(FrameKind, one.frames, strict=True))
+    looks_good = FrameKind.DATA, FrameKind.DUPLICATE, FrameKind.OUT_OF_ORDER
+    assert {kind: found[kind] for kind in FrameKind if kind not in looks_good} == {
+        kind: expected[kind] for kind in FrameKind if kind not in looks_good
+    }
+    assert sum(found[kind] for kind in looks_good) == expected[FrameKind.DATA] > 1000
+    for n in range(100):
+        one.send(cycle(HAND, n), pause_s=0.005)
+    one.settle()
+    assert [made.sequence.tolist()[0] % 16 for made in one.cycles[-20:]] == [n % 16 for n in range(80, 100)]
+    assert (one.driver.status.state, one.driver.status.reconnects) == (OPEN, 0)
+
+
 def test_tare_subtracts_the_average(bench: Callable[..., Bench]) -> None:
     one = bench()
     strain = np.linspace(-1, 1, 8).round(3)

@@ -180,16 +180,6 @@ def test_without_backoff_only_reconnect_reopens(
     assert len(one.opened) == 2
 
 
-def test_reconnect_reopens_a_working_bus(line: Callable[..., Line]) -> None:
-    one = line()
-    one.reader.reconnect()
-    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be back", 5.0)
-    one.send(1)
-    one.wait_for(1)
-    with pytest.raises(can.CanError):
-        one.opened[0].send(can.Message())
-
-
 def test_bus_off_lasts_until_the_next_data_frame(
     line: Callable[..., Line],
 ) -> None:

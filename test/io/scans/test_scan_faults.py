@@ -50,7 +50,7 @@ def test_kill_9_at_ten_moments_loses_no_pair_that_was_written(path):
     context = multiprocessing.get_context("fork")
     stored = SWEEPS * PAIRS
     for moment in range(10):
-        written = context.Value("q", 0)
+        written = context.Value("q", 0, lock=False)  # the killed process could hold a lock
         process = context.Process(target=write_until_killed, args=(path, written))
         process.start()
         while written.value < 40 * moment + 5:
