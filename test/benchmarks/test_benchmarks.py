@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import fabrics
 import numpy as np
 import pytest
 import recorded
+from support.sweeps import CALIBRATION
 
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
@@ -24,13 +24,17 @@ from tactile_localizer.sim.scan import SimulatedScan
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.fixture
+def learned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was learned from the bump before: learning takes most of a benchmark's time."""
+    for module in ("tactile_localizer.core.factory", "recorded"):
+        monkeypatch.setattr(f"{module}.learn", lambda *_: CALIBRATION)
+
+
 def run(script: str, *arguments: str | Path) -> None:
-    subprocess.run(
-        [sys.executable, ROOT / "benchmarks" / script, *arguments],
-        check=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        timeout=600,
-    )
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(sys, "argv", [script, *map(str, arguments)])
+        runpy.run_path(str(ROOT / "benchmarks" / script), run_name="__main__")
 
 
 def rows_of(folder: Path, script: str, *arguments: str | Path) -> list[dict[str, Any]]:
@@ -61,25 +65,32 @@ def write_fabric(folder: Path, name: str, material: int, repeats: int) -> None:
         np.savetxt(path, rows, "%d", ",", header=header, comments="")
 
 
-@pytest.mark.slow
-def test_recorded_and_speed_have_rows_for_a_folder(tmp_path: Path) -> None:
-    save_scene(load_scene(resource_path("config/scenes/bump.yaml")), tmp_path / "scene.yaml")
-    write_sweeps(tmp_path / "train.csv.gz", simulate_scan("bump", 1), 4)
-    write_sweeps(tmp_path / "test.csv", simulate_scan("bump", 1, "test", sweeps=1))
-    write_sweeps(tmp_path / "foreign_seam.csv", simulate_scan("seam", 1, "test", sweeps=1))
-    (row,) = rows_of(tmp_path, "recorded.py", tmp_path, "--lines", "2", "--jobs", "1")
+@pytest.fixture(scope="module")
+def bump(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of recordings of the bump."""
+    folder = tmp_path_factory.mktemp("bump")
+    save_scene(load_scene(resource_path("config/scenes/bump.yaml")), folder / "scene.yaml")
+    write_sweeps(folder / "train.csv.gz", simulate_scan("bump", 1), 4)
+    write_sweeps(folder / "test.csv", simulate_scan("bump", 1, "test", sweeps=1))
+    write_sweeps(folder / "foreign_seam.csv", simulate_scan("seam", 1, "test", sweeps=1))
+    return folder
+
+
+def test_recorded_has_a_row_for_a_folder(bump: Path, tmp_path: Path) -> None:
+    (row,) = rows_of(tmp_path, "recorded.py", bump, "--lines", "2", "--jobs", "1")
     assert row["error_settled_mm"] < 5.0
     assert (row["false_before"], row["lines"]) == (0, 2)
     assert row["foreign_sweeps"] in (0.0, 1.0)
     assert "false_blank" not in row
-    found = rows_of(tmp_path, "speed.py", tmp_path, "--sweeps", "1", "--cycles", "10")
-    names = {one["name"] for one in found}
+
+
+def test_speed_has_rows_for_a_folder(bump: Path, tmp_path: Path, learned: None) -> None:
+    names = {row["name"] for row in rows_of(tmp_path, "speed.py", bump, "--sweeps", "1", "--cycles", "10")}
     assert {"bump: learning", "bump: update, open", "replay", "decoding"} < names
-    assert f"{tmp_path.name}: update, open" in names
+    assert f"{bump.name}: update, open" in names
 
 
-@pytest.mark.slow
-def test_features_has_a_row_for_each_threshold(tmp_path: Path) -> None:
+def test_features_has_a_row_for_each_threshold(tmp_path: Path, learned: None) -> None:
     chosen = ["--seeds", "80", "--features", "bump", "--sweeps", "1", "--jobs", "1"]
     plot = tmp_path / "convergence.png"
     rows = rows_of(tmp_path, "features.py", *chosen, "--probabilities", "0.9", "0.99", "--plot", plot)
@@ -88,14 +99,12 @@ def test_features_has_a_row_for_each_threshold(tmp_path: Path) -> None:
     assert plot.stat().st_size > 10_000
 
 
-@pytest.mark.slow
-def test_paper_draws_its_figures(tmp_path: Path) -> None:
+def test_paper_draws_its_figures(tmp_path: Path, learned: None) -> None:
     chosen = ["--features", "bump", "--seeds", "1", "--sweeps", "1", "--jobs", "1"]
     run("paper.py", *chosen, "--out", tmp_path)
     assert (tmp_path / "bump.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow
 def test_fabrics_has_a_row_for_every_pair(tmp_path: Path) -> None:
     write_fabric(tmp_path, "Linen_F250", material=1, repeats=3)
     write_fabric(tmp_path, "Silk_F250", material=2, repeats=1)

@@ -7,13 +7,14 @@ from support.scans import SIDE, axes
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
-CALIBRATION = Calibration(0.001, np.array([0.0004, 0.0004]))
+CALIBRATION = Calibration(0.001, np.array([0.0004, 0.0004]), VarianceModel())
 """Given, so that no test waits for it to be learned."""
 GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
 

@@ -162,32 +162,31 @@ def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(model, volts
 
 
 def long_sheet(length: float, bound: float) -> tuple[Scan, Scene, Callable[[np.ndarray], np.ndarray]]:
-    """A sheet with five lines of a length, felt everywhere, and its strain at places (n, 2); bounds in m."""
+    """A sheet with three lines of a length, felt everywhere, and its strain at places (n, 2); bounds in m."""
     rng = np.random.default_rng(0)
     waves, phases = rng.normal(0.0, 300.0, (2, 8, 6)), rng.uniform(0.0, 6.0, (8, 6))
 
     def strain(places: np.ndarray) -> np.ndarray:
         return 0.02 * np.sin(np.tensordot(places, waves, 1) + phases).sum(axis=2)
 
-    along, lines = np.arange(0.0, length, 0.0005), np.arange(5) * 0.0025
+    along, lines = np.arange(0.0, length, 0.0005), np.arange(3) * 0.0025
     places = np.array([(x, y) for y in lines for x in along])
     felt = strain(places) + rng.normal(0.0, 0.002, (len(places), 8))
     axes = Axis("x", -bound, bound, 0.0035), Axis("y", -bound, bound, 0.002)
     sheet = Scene("sheet", axes, (Phalanx("index", (0.0, 0.0)),))
     return (
-        Scan(places, felt, np.repeat(np.arange(5), len(along)), ("x", "y"), ("index",)),
+        Scan(places, felt, np.repeat(np.arange(3), len(along)), ("x", "y"), ("index",)),
         sheet,
         strain,
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("length", "bound"), [(2.0, 2.1), (0.06, 30.0)])
 def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
     made, sheet, strain = long_sheet(length, bound)
     localizer = build_localizer(made, sheet, Configuration(), np.random.default_rng(0))
-    assert len(localizer.hypotheses()[0]) < 1e6 * (length + 0.1) * (0.01 + 0.1)
-    start = np.array([0.2 * length, 0.0062])
+    assert len(localizer.hypotheses()[0]) < 1e6 * (length + 0.1) * (0.005 + 0.1)
+    start = np.array([0.2 * length, 0.0038])
     for index in range(40):
         place = start + np.array([0.001 * index, 0.0])
         estimate = localizer.update(10_000_000 * index, place, strain(place[None])[0])

@@ -11,11 +11,14 @@ from support.turned import SCENE, turned_scan
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.sim import simulate_scan
 
 SCANNED = (-0.17, -0.085, 0.0, 0.085, 0.17)
-CALIBRATION = Calibration(0.0017, np.array([0.0013, 0.0006, 0.046]))
+CALIBRATION = Calibration(
+    0.0017, np.array([0.0013, 0.0006, 0.046]), VarianceModel(0.241, 0.0175, 0.158, 0.0047)
+)
 """As learned from held-out sweeps, which takes half a minute."""
 
 

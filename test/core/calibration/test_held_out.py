@@ -13,8 +13,6 @@ from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
-pytestmark = pytest.mark.slow
-
 LENGTH = 0.1
 SCENE = Scene("cloth", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,)),))
 
