@@ -8,11 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import fabric_recordings
-import fabrics
 import numpy as np
 import pytest
-import recorded
 from support.sweeps import CALIBRATION
 
 from tactile_localizer.io.scene_file import load_scene, save_scene
@@ -113,48 +110,3 @@ def test_fabrics_has_a_row_for_every_pair(tmp_path: Path) -> None:
     assert (wrong["recording"], wrong["kind"]) == ("Silk_F250_V50", "wrong")
     assert own["found"] == 1.0
     assert wrong["found"] is None
-
-
-def test_recordings_are_paired_by_what_differs(tmp_path: Path) -> None:
-    for name in ("Linen_F250_V10", "Linen_F250_V20", "Linen_F250_V-10", "Linen_F210_V10", "Silk_F250_V20"):
-        for repeat in range(3):
-            (tmp_path / f"{name}mmps_{repeat}.csv").touch()
-    pairs = fabric_recordings.find_pairs(fabric_recordings.find_conditions(tmp_path))
-    assert {(one.recording.name, one.kind) for one in pairs if one.map.name == "Linen_F250_V10"} == {
-        ("Linen_F250_V10", "own"),
-        ("Linen_F250_V20", "speed"),
-        ("Linen_F210_V10", "force"),
-        ("Silk_F250_V20", "wrong"),
-    }
-
-
-def test_a_recording_is_perturbed() -> None:
-    sweep = fabric_recordings.Sweep(
-        np.arange(5) * 100_000_000, np.linspace(0.0, 0.04, 5), np.outer(np.arange(5.0), np.ones(16))
-    )
-    width = np.arange(1.0, 17.0)
-    every = fabric_recordings.Perturbation(every=2).of(sweep, width)
-    np.testing.assert_allclose(every.position, [0.0, 0.02, 0.04])
-    offset = fabric_recordings.Perturbation(offset=10.0, scale=1e3).of(sweep, width).strain
-    np.testing.assert_allclose(np.abs(offset - 1e3 * sweep.strain), np.tile(1e4 * width, (5, 1)))
-    drift = fabric_recordings.Perturbation(drift=3.0).drift_per_m(width)
-    np.testing.assert_allclose(np.abs(drift), 30.0 * width)
-    noisy = fabric_recordings.Perturbation(noisy_channel=5.0).of(sweep, width).strain
-    assert np.flatnonzero((noisy != sweep.strain).any(axis=0)).tolist() == [3]
-
-
-def test_measures_of_starts_on_fabric() -> None:
-    travel, update_s = np.array([0.0, 0.05, 0.1, 0.165]), np.array([1e-4])
-    inside, on = np.array([True, True, False, True]), np.array([False, True, True, True])
-    right = fabrics.Track(travel, np.array([0.2, 0.001, 0.003, 0.001]), inside, on, update_s)
-    only_third = np.array([False, False, True, False])
-    false = fabrics.Track(travel, np.array([0.2, 0.02, 0.02, 0.001]), inside, only_third, update_s)
-    found = fabrics.measures([right, false], wrong=False)
-    assert (found["found"], found["converged_right_end"], found["converged_false_end"]) == (1.0, 0.5, 0.0)
-    assert (found["converged_false_starts"], found["converged_false_strains"]) == (0.5, 1 / 8)
-    assert found["travel_to_convergence_mm"] == pytest.approx(75.0)
-
-
-def test_sweeps_over_one_line_share_its_number() -> None:
-    means = np.array([[0.1, 0.0], [0.1001, 0.01], [0.1, 0.0201], [0.1, 0.0002], [0.1, 0.02]])
-    assert recorded.line_numbers(means).tolist() == [0, 1, 2, 0, 2]

@@ -1,25 +1,16 @@
 """The demo command: from CAN frames and palm poses to a converged position, with four nodes."""
 
 import json
-import os
 import signal
 
 import numpy as np
 import pytest
-from support.waiting import children
+from support.waiting import children, has_ended
 
 from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
 
 pytestmark = pytest.mark.ros
-
-
-def is_alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "the terminal closed"])
@@ -31,7 +22,7 @@ def test_an_interrupt_stops_all_processes(process, tmp_path, how):
     nodes = children(demo.pid)
     assert len(nodes) == 3
     assert demo.stop(how, timeout_s=30.0) == 130
-    assert not any(map(is_alive, nodes))
+    assert all(map(has_ended, nodes))
     assert "Traceback" not in demo.output
 
 

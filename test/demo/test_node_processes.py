@@ -1,10 +1,7 @@
 """Nodes as processes: failures are reported, and all processes are stopped."""
 
-import os
 import signal
-import subprocess
 import sys
-import time
 
 import pytest
 from support.waiting import wait_until
@@ -65,26 +62,3 @@ def test_concurrent_runs_have_domains_of_their_own():
     with own_domain() as first, own_domain() as second:
         assert first != second
         assert first.bus["bus_options"] != second.bus["bus_options"]
-
-
-PARENT = """
-import subprocess, sys, time
-from tactile_localizer.ros.base.child_process import end_with_parent
-child = subprocess.Popen(["sleep", "60"], preexec_fn=end_with_parent)
-print(child.pid, flush=True)
-time.sleep(60)
-"""
-
-
-def test_a_killed_process_leaves_no_nodes_behind():
-    with subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True) as parent:
-        child = int(parent.stdout.readline())
-        parent.kill()
-    deadline = time.monotonic() + 10.0
-    while time.monotonic() < deadline:
-        try:
-            os.kill(child, 0)
-        except ProcessLookupError:
-            return
-        time.sleep(0.01)
-    pytest.fail("the child still runs")
