@@ -13,8 +13,6 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
-from support.bump_folder import bump_files as bump_files
-from support.bump_folder import bump_folder as bump_folder
 from support.processes import Process, node_command
 from support.reruns import (
     pytest_terminal_summary as pytest_terminal_summary,  # prints why a test was repeated

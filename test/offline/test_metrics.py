@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from support.tracks import made_track
 
+from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.offline.metrics import (
     calibration,
     error_at,
@@ -24,21 +24,30 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 SCENE = Scene("sheet", (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1)), (Phalanx("index", (0.0, 0.0)),))
 
 
-def track(errors, *, converged=None, truth=True, std=0.001, number=0, d=2, contact=(-1, -1)) -> Track:
-    """Entries 1 mm of travel apart whose estimates are off by ``errors`` (n, d), m."""
+def track(errors, *, converged=None, truth=True, std=0.001, contact=(-1, -1)) -> Track:
+    """Entries 1 mm of travel apart whose estimates are off by ``errors`` (n, 2), m."""
     errors = np.asarray(errors, dtype=float)
     n = len(errors)
-    places = np.zeros((n, d))
+    places = np.zeros((n, 2))
     places[:, 0] = 0.001 * np.arange(n)
-    return made_track(
-        places + errors,
-        std,
-        places if truth else None,
-        converged=converged,
-        contact=contact,
-        number=number,
+    flags = np.zeros(n, dtype=bool) if converged is None else converged
+    return Track(
+        number=0,
+        row=np.arange(n),
+        stamp_ns=np.arange(n, dtype=np.int64),
+        mean=places + errors,
+        covariance=np.broadcast_to(std**2 * np.eye(2), (n, 2, 2)),
+        state=tuple(State.CONVERGED if flag else State.SEARCHING for flag in flags),
+        probability=np.zeros(n),
+        on_map=np.zeros(n),
+        log_marginal=np.zeros(n),
         updated=np.arange(n) % 2 == 0,
+        reason=("",) * n,
+        truth=places if truth else None,
+        travel=places[:, 0],
         seconds=np.where(np.arange(n) % 2 == 0, 1e-3, 1e-5),
+        refused=0,
+        contact=contact,
     )
 
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulated import recording_of
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import write_json
@@ -33,19 +34,7 @@ QUICK = Configuration(filter="particle", particles=100)
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    test = simulate_scan("bump", 1, "test", sweeps=2, rate=40.0)
-    sweeps = tuple(
-        RecordedSweep(
-            number=number,
-            stamp_ns=test.stamp_ns[part],
-            position=test.odometry[part],
-            strain=test.strain[part].copy(),
-            status=np.zeros((part.stop - part.start, 2), np.uint8),
-            truth=test.truth[part],
-        )
-        for number, part in enumerate(test.slices())
-    )
-    return Recording("simulated", sweeps)
+    return recording_of(simulate_scan("bump", 1, "test", sweeps=2, rate=40.0))
 
 
 @cache

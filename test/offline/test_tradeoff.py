@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulated import recording_of
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.recording import RecordedSweep, Recording, missing_status
+from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.tradeoff import (
     Candidate,
@@ -61,20 +62,8 @@ def test_candidates_are_distinct_and_name_their_changes() -> None:
 
 @pytest.fixture(scope="module")
 def bump() -> tuple[Scan, Recording]:
-    test = simulate_scan("bump", 1, "test", sweeps=2)
-    sweeps = tuple(
-        RecordedSweep(
-            number=number,
-            stamp_ns=test.stamp_ns[part],
-            position=test.odometry[part],
-            strain=test.strain[part],
-            status=missing_status(test.strain[part], test.layout),
-            truth=test.truth[part],
-        )
-        for number, part in enumerate(test.slices())
-    )
     scan = simulate_scan("bump", 1, sweeps=11).to_scan()
-    return scan, Recording("test", sweeps)
+    return scan, recording_of(simulate_scan("bump", 1, "test", sweeps=2))
 
 
 @pytest.mark.slow
@@ -96,7 +85,7 @@ def test_what_cannot_be_measured_is_refused(bump: tuple[Scan, Recording]) -> Non
     scan, recording = bump
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
     unknown = replace(recording, sweeps=(replace(recording.sweeps[0], truth=None),))
-    with pytest.raises(ParameterError, match="test: expected true positions, found none"):
+    with pytest.raises(ParameterError, match="simulated bump: expected true positions, found none"):
         trade(scan, scene, [unknown], COARSE)
     with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one per core, got 0"):
         trade(scan, scene, [recording], COARSE, jobs=0)
