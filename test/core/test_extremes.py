@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from support.models import step
 from support.scans import SIDE, scan, scene, strain_at
 
@@ -16,7 +17,7 @@ from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError, SceneError
+from tactile_localizer.errors import MeasurementError, ParameterError, SceneError
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 FEATURE = Region((0.015, -math.inf), (0.035, math.inf))
@@ -41,6 +42,12 @@ kernel_models = pytest.mark.parametrize("model", ["sum_of_gaussians", "featurele
 
 
 @every_model
+def test_a_strain_that_is_no_number_is_refused(model):
+    with pytest.raises(MeasurementError, match="strain: expected finite volts"):
+        build(model).log_likelihood(STATES, np.full(16, np.nan))
+
+
+@every_model
 @pytest.mark.parametrize("size", [1e-9, 0.06e6, 1e9, 1e99])
 def test_the_background_explains_strains_of_any_size_at_every_state(model, size):
     built = build(model)
@@ -58,7 +65,7 @@ def test_position_kernels_of_any_width_give_finite_densities_or_are_refused(mode
     assert np.isfinite(values).all()
     if model == "sum_of_gaussians":
         assert np.ptp(values) < 1e-3  # every state sees the whole scan
-    with pytest.raises(ParameterError, match="at most 16,777,216 nodes for the 800 pairs"):
+    with pytest.raises(ParameterError, match=r"at most 16,777,216 nodes for the 800 pairs .* got \d"):
         build(model, position_std=SMALLEST)
     one = SCAN.select(np.array([3]))
     if model == "sum_of_gaussians":
@@ -133,6 +140,21 @@ def test_one_particle_and_a_million_particles(particles):
             expected, expected_marginal = step(grid, model, strain, moved, 0.0005)
         assert log_marginal == pytest.approx(expected_marginal, abs=0.05)
         np.testing.assert_allclose(belief.mean, expected.mean, atol=5e-5)
+
+
+@every_model
+def test_the_density_integrates_to_one_over_the_strain(model):
+    """Of a phalanx with one channel, on the feature and off it, among the pairs and a metre away."""
+    rng = np.random.default_rng(0)
+    x = SIDE * rng.random((150, 1))
+    made = Scan(
+        x, np.sin(200 * x) + 0.05 * rng.standard_normal(x.shape), np.arange(150) // 15, ("x",), ("a",), (1,)
+    )
+    line = Scene("line", (Axis("x", 0.0, SIDE),), (Phalanx("a", (0.0,), 1),), Region((0.02,), (1.0,)))
+    built, places = build(model, made, line), np.array([[0.01], [0.03], [-1.0], [1.0]])
+    volts = np.linspace(-50.0, 50.0, 2_001)
+    densities = [np.exp(built.log_likelihood(places, np.array([one]))) for one in volts]
+    np.testing.assert_allclose(trapezoid(densities, volts, axis=0), 1.0, atol=5e-3)
 
 
 @every_model

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.base import checked, flatten_axes
+from tactile_localizer.core.likelihood.base import checked
 from tactile_localizer.errors import MeasurementError
 
 TWO = ChannelLayout((8, 8))
@@ -31,20 +31,3 @@ def test_checked_strains_are_finite(strain, present):
 def test_a_strain_of_another_shape_is_refused(wrong):
     with pytest.raises(MeasurementError, match=r"strain: expected shape \(16,\), got"):
         checked(wrong, TWO, None)
-
-
-def test_a_strain_may_be_a_list():
-    found, _ = checked([1] * 8, ChannelLayout((8,)), None)
-    assert found.dtype == np.float64
-
-
-def test_the_given_strain_is_not_modified():
-    strain = np.full(16, np.nan)
-    strain[:8] = 1.0
-    checked(strain, TWO, np.array([True, False]))
-    assert np.isnan(strain[8:]).all()
-
-
-def test_axes_are_flattened_in_c_order():
-    states = flatten_axes([np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0])])
-    assert states.tolist() == [[1, 3], [1, 4], [1, 5], [2, 3], [2, 4], [2, 5]]

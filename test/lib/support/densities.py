@@ -1,12 +1,8 @@
-"""Reference implementation of the measurement models, pair by pair as in the paper: slow and plain.
-
-And a check that a log-likelihood is a normalised density over the strain, by importance sampling.
-"""
+"""Reference implementation of the measurement models, pair by pair as in the paper: slow and plain."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from scipy import stats
@@ -49,24 +45,3 @@ def sum_of_gaussians(
     )
     total = np.logaddexp(logsumexp(near + kernels, axis=1), math.log(FLOOR * typical) + broad)
     return total - np.log((np.exp(near).sum(axis=1) if conditional else typical) + FLOOR * typical)
-
-
-def integral(
-    log_density: Callable[[np.ndarray], float],
-    near: Callable[[np.random.Generator], np.ndarray],
-    log_near: Callable[[np.ndarray], float],
-    broad: list[stats.multivariate_t],
-    count: int = 2000,
-) -> float:
-    """Integral of a density over the strain, from samples of an even mixture of ``near`` and ``broad``.
-
-    ``near`` draws a strain and ``log_near`` is the logarithm of its density, written by the test.
-    """
-    rng = np.random.default_rng(0)
-    ratios = []
-    for draw in range(count):
-        measured = near(rng) if draw % 2 else np.concatenate([one.rvs(random_state=rng) for one in broad])
-        log_broad = sum(one.logpdf(measured[8 * i : 8 * i + 8]) for i, one in enumerate(broad))
-        mixture = np.logaddexp(log_near(measured), log_broad) - math.log(2)
-        ratios.append(math.exp(log_density(measured) - mixture))
-    return float(np.mean(ratios))

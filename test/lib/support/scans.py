@@ -59,14 +59,3 @@ def line_scan(rng: np.random.Generator, of: Scene, spacing: float = 0.0025, nois
     strain += noise * rng.standard_normal(strain.shape)
     sweep = np.repeat(np.arange(len(across)), len(along))
     return Scan(states, strain, sweep, of.axis_names, of.phalanx_names)
-
-
-def density(log_likelihood: np.ndarray) -> np.ndarray:
-    """Normalised weights from log-likelihoods of any shape."""
-    weights = np.exp(log_likelihood - log_likelihood.max())
-    return weights / weights.sum()
-
-
-def total_variation(a: np.ndarray, b: np.ndarray) -> float:
-    """Half the sum of the differences of two sets of weights."""
-    return 0.5 * float(np.abs(a - b).sum())
