@@ -15,7 +15,7 @@ from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.bus import AbsentBusError
-from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_PASSIVE, NO_ACKNOWLEDGEMENT, OTHER
+from tactile_localizer.io.can.error_frames import ERROR_PASSIVE, NO_ACKNOWLEDGEMENT, OTHER
 from tactile_localizer.io.can.reader import CLOSED, FAILED, OPEN, WAITING, CanReader
 
 
@@ -178,18 +178,6 @@ def test_without_backoff_only_reconnect_reopens(
     one.reader.reconnect()
     wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
     assert len(one.opened) == 2
-
-
-def test_bus_off_lasts_until_the_next_data_frame(
-    line: Callable[..., Line],
-) -> None:
-    one = line(backoff_s=0.01)
-    one.send(0x40, is_error_frame=True)
-    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
-    assert one.reader.status.state == BUS_OFF
-    one.send(3)
-    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be open", 5.0)
-    assert one.received == [0x40, 3]
 
 
 def test_error_frames_are_counted_by_kind(line: Callable[..., Line]) -> None:
