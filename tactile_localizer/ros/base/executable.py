@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from types import FrameType
 
 import rclpy
@@ -78,7 +79,8 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         if node is not None:
             node.close()
             node.destroy_node()
-        _shut_down()
+        with suppress(RuntimeError):  # from rclpy, if a signal shuts down at the same moment
+            rclpy.try_shutdown()
     return 0
 
 
@@ -96,11 +98,3 @@ def _autostart(node: ManagedNode, executor: Executor) -> bool:
     started = executor.create_task(node.start())
     executor.spin_until_future_complete(started)
     return bool(started.result()) if started.done() else True
-
-
-def _shut_down() -> None:
-    try:
-        rclpy.try_shutdown()
-    except RuntimeError:  # from rclpy, if a signal shuts down at the same moment
-        if rclpy.ok():
-            raise

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -25,6 +25,8 @@ from tactile_localizer.ros.base import exception_guards
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
+
+T = TypeVar("T")
 
 _BETWEEN_TRANSITIONS_S = 0.2
 """Time that a request waits for the end of the previous transition before it is rejected, s."""
@@ -80,22 +82,19 @@ class ManagedNode(LifecycleNodeMixin, Node):
         """
         options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_publisher(*arguments, **options)
-        self.defer(partial(self.destroy_publisher, publisher))
-        return publisher
+        return self._owned(publisher, self.destroy_publisher)
 
     def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> Publisher:
         """A publisher that publishes only while the node is active; else as :meth:`create_publisher`."""
         options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_lifecycle_publisher(*arguments, **options)
-        self.defer(partial(self.destroy_lifecycle_publisher, publisher))
-        return publisher
+        return self._owned(publisher, self.destroy_lifecycle_publisher)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Service:
         """A service that rejects the request if its callback raises an exception."""
         guarded = exception_guards.guard_service(self, srv_name, srv_type, callback)
         service = super().create_service(srv_type, srv_name, guarded, **options)
-        self.defer(partial(self.destroy_service, service))
-        return service
+        return self._owned(service, self.destroy_service)
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *qos: Any, **options: Any
@@ -103,15 +102,13 @@ class ManagedNode(LifecycleNodeMixin, Node):
         """A subscription that drops the message if its callback raises an exception."""
         guarded = exception_guards.guard_callback(self, topic, callback)
         subscription = super().create_subscription(msg_type, topic, guarded, *qos, **options)
-        self.defer(partial(self.destroy_subscription, subscription))
-        return subscription
+        return self._owned(subscription, self.destroy_subscription)
 
     def create_timer(self, timer_period_sec: float, callback: Any, *clock: Any, **options: Any) -> Timer:
         """A timer that continues if its callback raises an exception."""
         guarded = exception_guards.guard_callback(self, "timer", callback)
         timer = super().create_timer(timer_period_sec, guarded, *clock, **options)
-        self.defer(partial(self.destroy_timer, timer))
-        return timer
+        return self._owned(timer, self.destroy_timer)
 
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer that keeps running while simulated time stands still."""
@@ -129,6 +126,11 @@ class ManagedNode(LifecycleNodeMixin, Node):
         """
         if self._scope is not None and self._scope_thread == threading.get_ident():
             self._scope.callback(release)
+
+    def _owned(self, entity: T, destroy: Callable[[T], Any]) -> T:
+        """The entity, which is destroyed when the transition in progress is undone."""
+        self.defer(partial(destroy, entity))
+        return entity
 
     def configure(self) -> None:
         """Read the parameters and create the resources of an inactive node."""
