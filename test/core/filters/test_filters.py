@@ -183,10 +183,9 @@ def test_hypotheses_handed_out_do_not_change_afterwards(make: Make) -> None:
 
 
 def test_belief_is_taken_in_wherever_a_reference_is() -> None:
-    scene = Scene("line", (Axis("x", 0.0, 0.1, 0.0),), (Phalanx("a", (0.0,)),))
-    grid, references = GridFilter(scene, np.array([0.0005])), References(scene)
-    for box in range(0, len(references), 7):
-        grid.seed(np.array([0.02]), np.array([0.003]))
-        prediction = grid.predict(np.zeros(1), 0.0, TakenIn(0.4, references, np.eye(len(references))[box]))
-        near = np.abs(prediction.states[:, 0] - references.states[box, 0]) < 0.0006
+    made = grid(LINE, 200.0)
+    for place in References(LINE).states[::7]:
+        made.seed(np.array([0.02]), np.array([0.003]))
+        prediction = made.predict(np.zeros(1), 0.0, single_box(LINE, place, 0.4))
+        near = np.abs(prediction.states[:, 0] - place) < 0.0006
         assert np.exp(prediction.log_weights)[near].sum() > 0.39

@@ -76,13 +76,6 @@ def test_a_strain_vector_waits_for_the_pose_that_follows_it():
     assert pairing.newest_input_ns == pairing.newest_pose_ns == 120 * MS
 
 
-def test_a_strain_vector_after_its_poses_is_paired_at_once():
-    pairing = Pairing(AXES)
-    pose(pairing, 100, 0.1)
-    pose(pairing, 110, 0.2)
-    assert strain(pairing, 104) == [(104, 0.14)]
-
-
 def test_a_gap_in_the_poses_gives_no_position():
     pairing = Pairing(AXES, max_gap_s=0.05)
     pose(pairing, 100, 0.1)

@@ -15,7 +15,6 @@ from tactile_localizer.core.likelihood.strain_map import (
     cell_size,
     fit_variance,
 )
-from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, expectation, tracks_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -76,7 +75,6 @@ def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> No
 
 
 def test_cell_size_on_one_and_two_axes() -> None:
-    assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
     np.testing.assert_allclose(cell_size(PLANE, SPACING, 0.3), 0.0009)
     np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH)
 

@@ -31,9 +31,9 @@ def scene(
     return Scene("test", axes(dimension, full_turn), fingers, feature)
 
 
-def strain_at(states: np.ndarray, phalanges: int = 2) -> np.ndarray:
-    """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, (N, 8F)."""
-    channel = np.arange(DEFAULT_CHANNELS * phalanges)
+def strain_at(states: np.ndarray, channels: int = 2 * DEFAULT_CHANNELS) -> np.ndarray:
+    """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, (N, C)."""
+    channel = np.arange(channels)
     scale = np.array([2.0 * math.pi / SIDE, 2.0 * math.pi / SIDE, 1.0])[: states.shape[1]]
     phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[
         : states.shape[1]
@@ -46,16 +46,17 @@ def scan(
 ) -> Scan:
     """Pairs at uniform positions within the bounds of the scene ``of``, in equal sweeps."""
     states = of.lower + rng.random((pairs, of.dimension)) * (of.upper - of.lower)
-    phalanges = len(of.phalanges)
-    strain = strain_at(states, phalanges) + noise * rng.standard_normal((pairs, DEFAULT_CHANNELS * phalanges))
-    return Scan(states, strain, np.arange(pairs) * sweeps // pairs, of.axis_names, of.phalanx_names)
+    strain = strain_at(states, of.layout.size)
+    strain += noise * rng.standard_normal(strain.shape)
+    sweep = np.arange(pairs) * sweeps // pairs
+    return Scan(states, strain, sweep, of.axis_names, of.phalanx_names, of.layout.counts)
 
 
 def line_scan(rng: np.random.Generator, of: Scene, spacing: float = 0.0025, noise: float = 0.02) -> Scan:
     """Parallel sweeps along x, ``spacing`` m apart along y, over a scene ``of`` these two axes."""
     along, across = np.arange(0.0, SIDE, 0.0005), np.arange(spacing / 2.0, SIDE, spacing)
     states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
-    strain = strain_at(states, len(of.phalanges))
+    strain = strain_at(states, of.layout.size)
     strain += noise * rng.standard_normal(strain.shape)
     sweep = np.repeat(np.arange(len(across)), len(along))
     return Scan(states, strain, sweep, of.axis_names, of.phalanx_names)
