@@ -31,15 +31,6 @@ def test_a_wrench_has_six_channels():
     np.testing.assert_array_equal(vector.strain, [2, 4, 6, 8, 10, 12])
 
 
-def test_one_array_may_serve_two_phalanges():
-    entry = {"topic": "skin", "type": ARRAY}
-    made = adapter(index={**entry, "fields": ["data[0:3]"]}, thumb={**entry, "fields": ["data[3:5]"]})
-    assert made.layout.counts == (3, 2)
-    vector = made.feed("skin", Message(data=np.arange(5.0)), 42)
-    assert (vector.stamp_ns, vector.status.tolist()) == (42, [OK, OK])
-    np.testing.assert_array_equal(vector.strain, np.arange(5.0))
-
-
 def test_status_marks_missing_and_saturated_values():
     made = adapter(index={"topic": "skin", "type": ARRAY, "channels": 2, "limits": [-1, 1], "valid": "ok"})
     states = [([0.0, 0.5], True), ([0.0, 1.0], True), ([0.0, np.nan], True), ([0.0, 0.0], False)]

@@ -75,12 +75,6 @@ def test_a_folder_that_cannot_be_written_gives_a_warning(path, calibrated, caplo
     assert "none/calibration.json: could not be written, No such file or directory" in caplog.text
 
 
-def test_calibrated_scans_of_tests_are_not_calibrated_again(tmp_path, calibrated):
-    write_scan(tmp_path / "calibrated")
-    learned_calibration(tmp_path / "calibrated", *load_scan(tmp_path / "calibrated"))
-    assert calibrated == []
-
-
 def test_the_digest_changes_with_scan_and_scene(path):
     scan, scene = load_scan(path)
     strain, states = scan.strain.copy(), scan.states.copy()

@@ -107,12 +107,6 @@ def test_readers_see_a_sweep_in_progress(tmp_path):
     assert scan.sweeps()[1].ending == "ended"
 
 
-def test_a_scan_without_pairs_is_not_loaded(tmp_path):
-    ScanWriter(tmp_path / "scan", SCENE).close()
-    with pytest.raises(ScanError, match="expected at least one state-measurement pair"):
-        ScanFolder(tmp_path / "scan").load()
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -157,15 +151,6 @@ def test_a_damaged_history_is_no_obstacle(tmp_path):
     assert all(what.startswith("unreadable line") for what in damaged)
 
 
-def nothing(path):
-    return ScanError, "expected a scan folder, found none"
-
-
-def a_file(path):
-    path.write_text("no scan")
-    return ScanError, "expected a scan folder, found a file"
-
-
 def foreign_folder(path):
     path.mkdir()
     (path / "holiday.jpg").touch()
@@ -190,9 +175,7 @@ def twice_the_same_number(path):
     return ScanError, "expected one file of sweep 1, found another"
 
 
-@pytest.mark.parametrize(
-    "make", [nothing, a_file, foreign_folder, damaged_scene, misnamed_sweep, twice_the_same_number]
-)
+@pytest.mark.parametrize("make", [foreign_folder, damaged_scene, misnamed_sweep, twice_the_same_number])
 def test_what_is_no_scan_is_refused_in_one_line(tmp_path, make):
     kind, message = make(tmp_path / "scan")
     with pytest.raises(kind, match="scan") as error:

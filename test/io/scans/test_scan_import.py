@@ -6,7 +6,7 @@ from support.disk import full_disk
 from support.notes import counts
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import RecordedSweep, Recording, join
+from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scans.writer import new_scan
@@ -85,12 +85,6 @@ def test_import_on_a_full_disk_names_the_scan_and_leaves_nothing(tmp_path):
         import_recording(recording, SCENE, tmp_path / "bump_scan", what="test", detail={})
     assert str(e.value).count("bump_scan") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_recording_given_twice_is_refused_by_name(tmp_path):
-    twice = join([recording_of(sweep_of(1, [0.5, 0.6]), sweep_of(2, [0.1, 0.2]))] * 2)
-    with pytest.raises(ScanError, match="found sweep 3 equal to sweep 1; is a recording given"):
-        import_recording(twice, SCENE, tmp_path / "bump_scan", what="test", detail={})
 
 
 def test_simultaneous_imports_do_not_interfere(tmp_path):

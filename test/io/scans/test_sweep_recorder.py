@@ -6,7 +6,6 @@ from support.disk import full_disk
 
 from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans.recorder import SweepRecorder
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -29,8 +28,8 @@ def store(tmp_path):
         yield store
 
 
-def recorder_of(store: ScanWriter, detector: SweepDetector | None = None) -> SweepRecorder:
-    return SweepRecorder(store, detector, Coverage(SCENE))
+def recorder_of(store: ScanWriter) -> SweepRecorder:
+    return SweepRecorder(store, None, Coverage(SCENE))
 
 
 def recorded(store: ScanWriter) -> dict[int, list[int]]:
@@ -86,17 +85,6 @@ def test_start_and_end_must_alternate(store):
         recorder.start(0)
 
 
-def test_sweeps_are_detected_in_the_motion(store):
-    recorder = recorder_of(store, SweepDetector(SCENE.axes))
-    there = [pair(10 * index, 0.0005 * index) for index in range(100)]
-    back = [pair(1000 + 10 * index, 0.05 - 0.0005 * index) for index in range(100)]
-    for sample in there + back:
-        recorder.take([sample])
-    recorder.close()
-    assert [sweep.number for sweep in store.sweeps()] == [1, 2]
-    assert len(store.load()) == 200 - 4
-
-
 def test_a_backward_jump_starts_another_sweep(store):
     recorder = recorder_of(store)
     recorder.start(1000 * MS)
@@ -105,16 +93,6 @@ def test_a_backward_jump_starts_another_sweep(store):
     assert recorder.number == 2
     recorder.close()
     assert recorded(store) == {1: [1001, 1002], 2: [1, 2]}
-
-
-def test_sweeps_are_added_to_an_existing_scan(tmp_path):
-    for expected in (1, 2):
-        with ScanWriter(tmp_path / "scan", SCENE) as store:
-            recorder = recorder_of(store)
-            assert recorder.start(0) == expected
-            recorder.take([pair(expected)])
-            recorder.close()
-            assert (recorder.sweeps, recorder.pairs) == (expected, expected)
 
 
 def test_a_full_disk_abandons_only_the_sweep(store):
