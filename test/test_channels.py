@@ -34,10 +34,6 @@ def test_one_value_per_phalanx_is_expanded_to_its_channels():
     assert [MIXED.place(column) for column in (0, 2, 3, 10, 11)] == [(0, 1), (0, 3), (1, 1), (1, 8), (2, 1)]
 
 
-def test_the_default_is_eight_channels():
-    assert ChannelLayout.of((), 2) == ChannelLayout((8, 8))
-
-
 def test_a_scene_gives_channels_per_phalanx():
     scene = scene_from_dict(SCENE)
     assert scene.layout == MIXED
@@ -56,9 +52,3 @@ def test_a_scene_finds_its_channels_in_a_longer_strain_vector():
     names = ("index", "middle", "thumb")
     np.testing.assert_array_equal(scene.channels(names, MIXED.counts), [11, 0, 1, 2])
     np.testing.assert_array_equal(scene.rows(names), [2, 0])
-
-
-def test_a_strain_vector_of_other_channels_is_rejected():
-    scene = scene_from_dict(SCENE)
-    with pytest.raises(SceneError, match="'index' of scene 'mixed': expected 3 channels, got 8"):
-        scene.channels(("index", "middle", "thumb"))

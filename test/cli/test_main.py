@@ -10,7 +10,6 @@ import types
 import pytest
 
 from tactile_localizer import __version__, cli
-from tactile_localizer.errors import ScanError
 
 
 @pytest.fixture
@@ -19,24 +18,12 @@ def run_command(monkeypatch: pytest.MonkeyPatch):
 
     def install(body) -> None:
         module = types.ModuleType("tactile_localizer.cli.try_")
-        module.add_arguments = lambda parser: parser.add_argument("--status", type=int, default=0)
+        module.add_arguments = lambda parser: None
         module.run = body
         monkeypatch.setitem(sys.modules, module.__name__, module)
-        monkeypatch.setattr(cli, "COMMANDS", {"absent": "missing", "try": "try something"})
+        monkeypatch.setattr(cli, "COMMANDS", {"try": "try something"})
 
     return install
-
-
-def test_a_subcommand_returns_the_exit_status(run_command) -> None:
-    run_command(lambda args: args.status)
-    assert cli.main(["try", "--status", "3"]) == 3
-
-
-def test_only_the_called_subcommand_is_imported(run_command) -> None:
-    run_command(lambda args: 0)
-    assert cli.main(["try"]) == 0
-    with pytest.raises(ModuleNotFoundError, match="absent"):
-        cli.main(["absent"])
 
 
 def test_the_help_imports_no_subcommand() -> None:
@@ -48,15 +35,6 @@ def test_the_help_imports_no_subcommand() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ended.stderr == "[]\n"
-
-
-def test_an_error_of_the_package_is_one_line_and_status_2(run_command, capsys: pytest.CaptureFixture) -> None:
-    def fail(args: argparse.Namespace) -> int:
-        raise ScanError("bump_scan: expected a scan folder, found a picture")
-
-    run_command(fail)
-    assert cli.main(["try"]) == 2
-    assert capsys.readouterr().err == "error: bump_scan: expected a scan folder, found a picture\n"
 
 
 def test_an_interrupt_is_status_130(run_command) -> None:

@@ -9,10 +9,6 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 
 
-def test_without_a_file_the_defaults_apply() -> None:
-    assert load_configuration() == Configuration()
-
-
 @pytest.mark.parametrize("preset", PRESETS)
 def test_all_presets_load(preset: str) -> None:
     assert load_configuration(preset) != Configuration()

@@ -131,12 +131,3 @@ def test_training_pairs_have_reported_positions():
     assert (pairs.axes, pairs.phalanges) == (("x", "y"), ("index", "middle"))
     np.testing.assert_array_equal(pairs.states, scan.odometry)
     assert 0.05e-3 < np.std(pairs.states - scan.truth) < 0.5e-3
-
-
-def test_slices_cover_the_sweeps():
-    scan = scan_of("snap", "test")
-    for number, part in enumerate(scan.slices()):
-        assert set(scan.sweep[part]) == {number}
-        if scan.contact[number] >= 0:
-            assert part.start <= scan.contact[number] <= scan.feature_end[number] < part.stop
-    assert scan.slices()[-1].stop == len(scan)
