@@ -28,7 +28,7 @@ def test_every_model_localizes_with_any_channels(counts, model):
     of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "featureless" else None)
     configuration, rng = Configuration(model=model, filter="grid"), np.random.default_rng(1)
     localizer = build_localizer(
-        scan(np.random.default_rng(0), of, 1200), of, configuration, rng, None, CALIBRATION
+        scan(np.random.default_rng(0), of, 800), of, configuration, rng, None, CALIBRATION
     )
     present = np.ones(len(counts), bool)
     for n in range(40):
@@ -41,5 +41,5 @@ def test_every_model_localizes_with_any_channels(counts, model):
 
 def test_maps_have_the_channels_of_each_phalanx():
     of = scene()
-    tactile_map = make_map(scan(np.random.default_rng(0), of, 1200), of)
+    tactile_map = make_map(scan(np.random.default_rng(0), of, 800), of)
     assert [tactile_map.phalanx(name).shape[-1] for name in of.phalanx_names] == [19, 6, 1]

@@ -93,12 +93,12 @@ def test_strain_kernels_of_any_width_give_finite_densities(model, strain_std):
 
 
 @pytest.mark.parametrize("model", ["gaussian", "gaussian_independent"])
-@pytest.mark.parametrize("neighbours", [1, 800, 10**9])
+@pytest.mark.parametrize("neighbours", [1, 200, 10**9])
 def test_one_neighbour_and_all_neighbours(model, neighbours):
-    built = build(model, neighbours=neighbours)
+    built = build(model, SCAN.select(np.arange(0, 800, 4)), neighbours=neighbours)
     values = built.log_likelihood(STATES, SCAN.strain[3])
     assert np.isfinite(values).all()
-    assert (np.ptp(values) < 1e-6) == (neighbours >= 800)
+    assert (np.ptp(values) < 1e-6) == (neighbours >= 200)
 
 
 @every_model

@@ -20,10 +20,6 @@ def likelihoods(references: float, unknown: float = -10.0, featureless: float = 
     return Likelihoods(np.zeros(1), np.where(np.arange(PLACES) == 7, references, -20.0), unknown, featureless)
 
 
-def total(explanations: Explanations) -> float:
-    return sum(explanations[:4])
-
-
 log_likelihood = st.floats(-1e4, 1e4) | st.just(IMPOSSIBLE)
 
 
@@ -39,7 +35,7 @@ def test_probabilities_always_sum_to_one(only_map: bool, steps: list[tuple[float
         explanations = explanations.predict(travel, left)
         felt = likelihoods(references, unknown, featureless)
         explanations = explanations.update(tracked, felt, EVERYWHERE, exponent)
-        assert total(explanations) == pytest.approx(1.0)
+        assert sum(explanations[:4]) == pytest.approx(1.0)
         assert np.exp(explanations.elsewhere).sum() == pytest.approx(1.0)
         assert 0.0 <= explanations.taken_in <= 1.0
 

@@ -1,6 +1,5 @@
 """The noise of a visit, and the reproducible part of the strain."""
 
-import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -113,7 +112,7 @@ def test_offsets_of_sweeps_are_removed() -> None:
 
 
 def test_strains_outside_the_region_are_zero() -> None:
-    scene = dataclasses.replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
+    scene = replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
     for track in estimate_noise(sheet(), scene).tracks:
         assert (track.strain[track.positions[:, 0] < 0.025] == 0.0).all()
 

@@ -21,14 +21,6 @@ def test_a_scan_has_a_length_and_sweep_numbers():
     assert scan.sweep_numbers.tolist() == [2, 5]
 
 
-def test_pairs_are_selected_by_mask_or_index():
-    scan = Scan(**(GOOD | {"states": np.arange(6.0).reshape(3, 2)}))
-    for keep in (np.array([True, False, True]), np.array([0, 2])):
-        part = scan.select(keep)
-        assert part.states.tolist() == [[0, 1], [4, 5]]
-        assert part.sweep.tolist() == [5, 2]
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

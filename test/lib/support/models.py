@@ -7,7 +7,6 @@ import math
 import numpy as np
 from scipy.special import logsumexp
 
-from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.references import TakenIn
@@ -24,13 +23,10 @@ class LinearModel:
 
     def __init__(self, gain: np.ndarray, std: float) -> None:
         self.gain, self.std = gain, std
-        self.evaluated: list[np.ndarray] = []
 
-    def log_likelihood(self, states, strain, present=None):
-        self.evaluated.append(np.array(states))
-        here = np.ones(len(strain), bool) if present is None else np.repeat(present, DEFAULT_CHANNELS)
-        residual = (np.asarray(states) @ self.gain.T - strain)[:, here] / self.std
-        constant = -0.5 * here.sum() * math.log(2 * math.pi * self.std**2)
+    def log_likelihood(self, states, strain):
+        residual = (states @ self.gain.T - strain) / self.std
+        constant = -0.5 * len(strain) * math.log(2 * math.pi * self.std**2)
         return constant - 0.5 * np.sum(residual**2, axis=1)
 
 
@@ -40,7 +36,7 @@ class FlatModel:
     def __init__(self, value: float = 0.0) -> None:
         self.value = value
 
-    def log_likelihood(self, states, strain, present=None):
+    def log_likelihood(self, states, strain):
         return np.full(len(states), self.value)
 
 
