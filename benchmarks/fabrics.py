@@ -103,7 +103,7 @@ _SETTLED = 0.04
 
 
 @dataclass(frozen=True)
-class Track:
+class Attempt:
     """One start: what was estimated after each of n strains.
 
     Parameters
@@ -131,14 +131,14 @@ class Track:
         return self.converged & (self.error > RIGHT)
 
     def at(self, travel: float) -> int | None:
-        """Index of the first strain after so much travel; ``None`` where the track is shorter."""
+        """Index of the first strain after so much travel; ``None`` where the attempt is shorter."""
         index = int(np.searchsorted(self.travel, travel))
         return index if index < len(self.travel) else None
 
 
 def localize(
     localizer: Localizer, sweep: Sweep, travel: np.ndarray, wrong: bool, drift: np.ndarray | float = 0.0
-) -> Track:
+) -> Attempt:
     """Localize a recording, from a uniform prior.
 
     ``travel`` (n,) m is what the arm reports, ``drift`` (C,) what is added to the strain per m of it.
@@ -157,7 +157,7 @@ def localize(
         if estimate.updated:
             seconds.append(taken)
     error = np.abs(np.array(means) - sweep.position)
-    return Track(
+    return Attempt(
         travel=travel,
         error=np.full_like(error, np.inf) if wrong else error,
         covered=error <= _QUANTILE * np.array(stds),
@@ -180,30 +180,32 @@ def from_all_starts(
     count: int,
     wrong: bool,
     drift: np.ndarray | float = 0.0,
-) -> list[Track]:
-    """Tracks from starts that are spaced evenly."""
+) -> list[Attempt]:
+    """Attempts from starts that are spaced evenly."""
     starts, travel = starts_of(sweep, length, count)
     parts = [cut(sweep, start, start + travel) for start in starts]
     return [localize(localizer, part, part.position - part.position[0], wrong, drift) for part in parts]
 
 
-def measures(tracks: Sequence[Track], wrong: bool) -> Row:
+def measures(attempts: Sequence[Attempt], wrong: bool) -> Row:
     """The measures of a row, as the module's docstring defines them."""
-    converged = np.concatenate([track.converged for track in tracks])
-    false = np.concatenate([track.false for track in tracks])
-    covered = np.concatenate([track.covered for track in tracks])
-    settled = np.concatenate([track.travel >= _SETTLED for track in tracks])
+    converged = np.concatenate([attempt.converged for attempt in attempts])
+    false = np.concatenate([attempt.false for attempt in attempts])
+    covered = np.concatenate([attempt.covered for attempt in attempts])
+    settled = np.concatenate([attempt.travel >= _SETTLED for attempt in attempts])
     return {
-        "found": None if wrong else _mean([track.error[-1] <= RIGHT for track in tracks]),
-        "error_80_mm": None if wrong else _error_mm(tracks, 0.08),
-        "error_160_mm": None if wrong else _error_mm(tracks, 0.16),
-        "converged_right_end": None if wrong else _mean([track.right[-1] for track in tracks]),
-        "converged_false_end": _mean([track.false[-1] for track in tracks]),
-        "converged_false_starts": _mean([track.false.any() for track in tracks]),
+        "found": None if wrong else _mean([attempt.error[-1] <= RIGHT for attempt in attempts]),
+        "error_80_mm": None if wrong else _error_mm(attempts, 0.08),
+        "error_160_mm": None if wrong else _error_mm(attempts, 0.16),
+        "converged_right_end": None if wrong else _mean([attempt.right[-1] for attempt in attempts]),
+        "converged_false_end": _mean([attempt.false[-1] for attempt in attempts]),
+        "converged_false_starts": _mean([attempt.false.any() for attempt in attempts]),
         "converged_false_strains": _mean(false),
         "coverage": None if wrong else _mean(covered[converged]),
         "coverage_40_mm": None if wrong else _mean(covered[settled]),
-        "travel_to_convergence_mm": _median_mm([_first(track.travel, track.converged) for track in tracks]),
+        "travel_to_convergence_mm": _median_mm(
+            [_first(attempt.travel, attempt.converged) for attempt in attempts]
+        ),
     }
 
 
@@ -221,14 +223,14 @@ def kidnapped(
         place = np.random.default_rng(number).choice(elsewhere)
         first = cut(sweep, start, left)
         second = cut(sweep, place, place + travel - KIDNAPPED)
-        track = localize(localizer, *_joined(first, second), wrong=False, drift=drift)
+        attempt = localize(localizer, *_joined(first, second), wrong=False, drift=drift)
         n = len(first.position)
-        since = track.travel[n:] - track.travel[n]
-        before.append(track.right[n - 1])
-        taken.append(_first(since, track.right[n:]))
+        since = attempt.travel[n:] - attempt.travel[n]
+        before.append(attempt.right[n - 1])
+        taken.append(_first(since, attempt.right[n:]))
         again.append(taken[-1] <= AGAIN)
         at = min(int(np.searchsorted(since, AGAIN)), len(since) - 1)
-        false.append(track.false[n + at])
+        false.append(attempt.false[n + at])
     return {
         "right_before": _mean(before),
         "again_40_mm": _mean(again),
@@ -291,11 +293,11 @@ def _measure_pair(
     length = float(sweep.position[-1]) if wrong else fabric.length
     if kidnap:
         return kidnapped(localizer, sweep, length, starts, drift)
-    tracks = from_all_starts(localizer, sweep, length, starts, wrong, drift)
-    seconds = np.concatenate([track.update_s for track in tracks])
+    attempts = from_all_starts(localizer, sweep, length, starts, wrong, drift)
+    seconds = np.concatenate([attempt.update_s for attempt in attempts])
     update_us = 1e6 * float(np.median(seconds))
     reads = update_us / read_us(fabric.scan)
-    return {**measures(tracks, wrong), "update_us": update_us, "update_reads": reads}
+    return {**measures(attempts, wrong), "update_us": update_us, "update_reads": reads}
 
 
 def _first(travel: np.ndarray, holds: np.ndarray) -> float:
@@ -303,8 +305,8 @@ def _first(travel: np.ndarray, holds: np.ndarray) -> float:
     return float(travel[np.argmax(holds)]) if holds.any() else np.inf
 
 
-def _error_mm(tracks: Sequence[Track], travel: float) -> float | None:
-    errors = [track.error[at] for track in tracks if (at := track.at(travel)) is not None]
+def _error_mm(attempts: Sequence[Attempt], travel: float) -> float | None:
+    errors = [attempt.error[at] for attempt in attempts if (at := attempt.at(travel)) is not None]
     return _median_mm(errors)
 
 

@@ -77,7 +77,7 @@ def measure_feature(
     for configuration in configurations:
         rng = np.random.default_rng(seed)
         localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
-        tracks = replay(localizer, own, clock=time.thread_time)
+        replayed = replay(localizer, own, clock=time.thread_time)
         seam_strains, seam_sweeps = on_unscanned(replay(localizer, seam))
         rows.append(
             {
@@ -85,14 +85,14 @@ def measure_feature(
                 "feature": feature,
                 "probability": configuration.convergence_probability,
                 "sweeps": sweeps,
-                **on_feature(scene, tracks),
-                **falsely_converged(scene, tracks, configuration.convergence_radius),
+                **on_feature(scene, replayed),
+                **falsely_converged(scene, replayed, configuration.convergence_radius),
                 "false_blank": ever_converged(replay(localizer, blank)),
                 "false_none": ever_converged(replay(localizer, none)),
                 "seam_strains": seam_strains,
                 "seam_sweeps": seam_sweeps,
                 "learning_s": learning_s,
-                **update_times(tracks, read_us(scan)),
+                **update_times(replayed, read_us(scan)),
             }
         )
     return rows

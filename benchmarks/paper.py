@@ -31,7 +31,7 @@ from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
-from tactile_localizer.offline.replay import Track, replay
+from tactile_localizer.offline.replay import ReplayedSweep, replay
 from tactile_localizer.offline.tradeoff import BINS, bin_centres
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim import simulate_scan
@@ -131,19 +131,19 @@ def localize(feature: str, seed: int, sweeps: int) -> list[Row]:
         localizer = build_localizer(scan, own, configuration, rng, calibration=calibration)
         for reach in (True, False):
             test = simulate_scan(feature, seed, "test", sweeps=sweeps, reach_feature=reach)
-            for track in replay(localizer, recording_of(test)):
-                rows.append({"feature": feature, "method": method, "blank": not reach, **outcome(own, track)})
+            for sweep in replay(localizer, recording_of(test)):
+                rows.append({"feature": feature, "method": method, "blank": not reach, **outcome(own, sweep)})
     return rows
 
 
-def outcome(scene: Scene, track: Track) -> Row:
+def outcome(scene: Scene, sweep: ReplayedSweep) -> Row:
     """Values of one sweep, m and m²; NaN where a part of the sweep has no estimate."""
-    before = track.row < track.contact[0] if track.contact[0] >= 0 else np.ones(len(track), dtype=bool)
-    error, trace, travel = position_error(scene, track), track.trace, travel_from_contact(track)
-    on_feature = track.on_contact
-    assert track.truth is not None
-    place = np.digitize(track.truth[:, 0], np.linspace(scene.lower[0], scene.upper[0], BINS + 1)) - 1
-    stretch = np.where(track.row <= track.contact[1], np.digitize(travel, STRETCHES_M) - 1, -1)
+    before = sweep.row < sweep.contact[0] if sweep.contact[0] >= 0 else np.ones(len(sweep), dtype=bool)
+    error, trace, travel = position_error(scene, sweep), sweep.trace, travel_from_contact(sweep)
+    on_feature = sweep.on_contact
+    assert sweep.truth is not None
+    place = np.digitize(sweep.truth[:, 0], np.linspace(scene.lower[0], scene.upper[0], BINS + 1)) - 1
+    stretch = np.where(sweep.row <= sweep.contact[1], np.digitize(travel, STRETCHES_M) - 1, -1)
     return {
         "error_before": _mean(error[before]),
         "error": _mean(error[on_feature]),
@@ -151,10 +151,10 @@ def outcome(scene: Scene, track: Track) -> Row:
         "after_contact": [_mean(error[stretch == index]) for index in range(len(STRETCHES_M) - 1)],
         "error_along": [_mean(error[place == index]) for index in range(BINS)],
         "trace_along": [_mean(trace[place == index]) for index in range(BINS)],
-        "lowest_trace": trace[before & track.updated].min(initial=np.inf),
-        "likelihood_before": track.log_marginal[before & track.updated].max(initial=-np.inf),
-        "likelihood": track.log_marginal[on_feature & track.updated].max(initial=-np.inf),
-        "converged_before": bool(track.converged[before].any()),
+        "lowest_trace": trace[before & sweep.updated].min(initial=np.inf),
+        "likelihood_before": sweep.log_marginal[before & sweep.updated].max(initial=-np.inf),
+        "likelihood": sweep.log_marginal[on_feature & sweep.updated].max(initial=-np.inf),
+        "converged_before": bool(sweep.converged[before].any()),
     }
 
 

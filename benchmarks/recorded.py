@@ -68,7 +68,7 @@ from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, scan_of
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.odometry import SIMULATED, with_odometry
-from tactile_localizer.offline.replay import Track, replay
+from tactile_localizer.offline.replay import ReplayedSweep, replay
 from tactile_localizer.scene import Scene
 
 PASSES = ("both", "1", "2")
@@ -149,10 +149,10 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         scan, scene, configuration, np.random.default_rng(seed), calibration=calibration
     )
 
-    def tracks_of(path: Path) -> list[Track]:
+    def replayed(path: Path) -> list[ReplayedSweep]:
         return localize(localizer, load_recording(path, scene), variant.odometry_noise, seed)
 
-    tracks = tracks_of(test)
+    sweeps = replayed(test)
     memory = localizer.model.drift.memory
     row: Row = {
         "folder": folder.name,
@@ -160,10 +160,10 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "lines": variant.lines,
         "noise": variant.odometry_noise * variant.process_noise,
         "seed": seed,
-        "sweeps": len(tracks),
-        **on_feature(scene, tracks),
-        **falsely_converged(scene, tracks, configuration.convergence_radius),
-        **update_times(tracks, read_us(scan)),
+        "sweeps": len(sweeps),
+        **on_feature(scene, sweeps),
+        **falsely_converged(scene, sweeps, configuration.convergence_radius),
+        **update_times(sweeps, read_us(scan)),
         "learning_s": learning_s,
         "learned": {
             **learned_values(calibration._asdict()),
@@ -171,13 +171,15 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         },
     }
     if files["blank"] is not None:
-        row["false_blank"] = ever_converged(tracks_of(files["blank"]))
-    if foreign := [track for path in sorted(folder.glob("foreign_*.csv*")) for track in tracks_of(path)]:
+        row["false_blank"] = ever_converged(replayed(files["blank"]))
+    if foreign := [sweep for path in sorted(folder.glob("foreign_*.csv*")) for sweep in replayed(path)]:
         row["foreign_strains"], row["foreign_sweeps"] = on_unscanned(foreign)
     return [row]
 
 
-def localize(localizer: Localizer, recording: Recording, odometry_noise: float, seed: int) -> list[Track]:
+def localize(
+    localizer: Localizer, recording: Recording, odometry_noise: float, seed: int
+) -> list[ReplayedSweep]:
     """Localize the sweeps of true positions by noisy displacements."""
     scene = localizer.scene
     axes = tuple(replace(axis, motion_std=odometry_noise * axis.motion_std) for axis in scene.axes)

@@ -31,7 +31,7 @@ from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import with_contact, wrong_sweeps
 from tactile_localizer.offline.odometry import RECORDED
-from tactile_localizer.offline.replay import Track, replay
+from tactile_localizer.offline.replay import ReplayedSweep, replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
 from tactile_localizer.scene import Scene
 
@@ -69,12 +69,12 @@ def run(args: argparse.Namespace) -> int:
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
         view = _view(args.rerun, scan, localizer) if args.rerun else None
         observe = view.observe if view else None
-        tracks = replay(
+        sweeps = replay(
             localizer, with_contact(recording, scene, localizer.model.map), progress, observe=observe
         )
     learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(
-        scene, configuration, recording, tracks, learned, odometry=odometry, seed=args.seed
+        scene, configuration, recording, sweeps, learned, odometry=odometry, seed=args.seed
     )
     if args.json is not None:
         write_json(args.json, document, rows="updates")
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         from tactile_localizer.offline.figures.replay import replay_figure  # matplotlib takes a second
 
         args.plot.parent.mkdir(parents=True, exist_ok=True)
-        replay_figure(scene, tracks).savefig(args.plot, dpi=120)
+        replay_figure(scene, sweeps).savefig(args.plot, dpi=120)
         print(args.plot)
     if view is not None:
         view.close()
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     for line in (*recording.notes, *_misfit(scan, scene, recording, odometry)):
         print(f"note: {printable(line)}")
     _print(document, args.scan)
-    return _verdict(scene, tracks, configuration.convergence_radius)
+    return _verdict(scene, sweeps, configuration.convergence_radius)
 
 
 def _view(path: Path, scan: Scan, localizer: Localizer) -> ReplayView:
@@ -165,21 +165,21 @@ def _print_errors(summary: dict[str, Any]) -> None:
     print_table("", ("error", "number", "median mm", "mean mm", "largest mm"), cells)
 
 
-def _verdict(scene: Scene, tracks: Sequence[Track], radius: float) -> int:
+def _verdict(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: float) -> int:
     """Print which sweeps did not converge, or to a wrong position; returns the exit status."""
-    for track in tracks:
-        if not len(track):
-            print(f"sweep {track.number} did not converge: no usable sample")
-        elif not track.converged.any():
-            reason = track.reason[-1].partition(": ")[2] or track.reason[-1]
-            print(f"sweep {track.number} did not converge: {track.state[-1].value} at its end; {reason}")
-    wrong = wrong_sweeps(scene, tracks, radius)
+    for sweep in sweeps:
+        if not len(sweep):
+            print(f"sweep {sweep.number} did not converge: no usable sample")
+        elif not sweep.converged.any():
+            reason = sweep.reason[-1].partition(": ")[2] or sweep.reason[-1]
+            print(f"sweep {sweep.number} did not converge: {sweep.state[-1].value} at its end; {reason}")
+    wrong = wrong_sweeps(scene, sweeps, radius)
     for number, error in wrong.items():
         print(f"sweep {number} converged to a wrong position: error {error * MM:.1f} mm")
-    converged = sum(bool(track.converged.any()) for track in tracks)
-    passed = converged == len(tracks) > 0 and not wrong
+    converged = sum(bool(sweep.converged.any()) for sweep in sweeps)
+    passed = converged == len(sweeps) > 0 and not wrong
     print(
-        f"{'localized' if passed else 'NOT localized'}: {converged} of {len(tracks)} sweeps converged, "
+        f"{'localized' if passed else 'NOT localized'}: {converged} of {len(sweeps)} sweeps converged, "
         f"{len(wrong)} of them to a wrong position"
     )
     return 0 if passed else NOT_LOCALIZED

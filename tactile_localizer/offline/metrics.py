@@ -11,7 +11,7 @@ import numpy as np
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.io.recording import Recording
-from tactile_localizer.offline.replay import Track
+from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
 INCH = 0.0254
@@ -37,34 +37,34 @@ def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return difference
 
 
-def position_error(scene: Scene, track: Track) -> np.ndarray:
+def position_error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
     """Distance between estimate and truth without the yaw, (n,) m; NaN where unknown."""
     lengths = np.array([axis.name != "yaw" for axis in scene.axes])
-    if track.truth is None or not lengths.any():
-        return np.full(len(track), np.nan)
-    return np.linalg.norm(deviation(scene, track.mean, track.truth)[:, lengths], axis=1)
+    if sweep.truth is None or not lengths.any():
+        return np.full(len(sweep), np.nan)
+    return np.linalg.norm(deviation(scene, sweep.mean, sweep.truth)[:, lengths], axis=1)
 
 
-def yaw_error(scene: Scene, track: Track) -> np.ndarray:
+def yaw_error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
     """Absolute error of the yaw, (n,) rad; NaN where there is no yaw or no truth."""
-    if track.truth is None or "yaw" not in scene.axis_names:
-        return np.full(len(track), np.nan)
-    return np.abs(deviation(scene, track.mean, track.truth)[:, scene.axis_names.index("yaw")])
+    if sweep.truth is None or "yaw" not in scene.axis_names:
+        return np.full(len(sweep), np.nan)
+    return np.abs(deviation(scene, sweep.mean, sweep.truth)[:, scene.axis_names.index("yaw")])
 
 
-def squared_mahalanobis(scene: Scene, track: Track) -> np.ndarray:
+def squared_mahalanobis(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
     """Squared Mahalanobis distance between estimate and truth, (n,); d on average if consistent."""
-    if track.truth is None:
-        return np.full(len(track), np.nan)
-    difference = deviation(scene, track.mean, track.truth)
-    values, vectors = np.linalg.eigh(track.covariance)
+    if sweep.truth is None:
+        return np.full(len(sweep), np.nan)
+    difference = deviation(scene, sweep.mean, sweep.truth)
+    values, vectors = np.linalg.eigh(sweep.covariance)
     along = np.einsum("ndk,nd->nk", vectors, difference)
     return np.sum(along**2 / np.maximum(values, _MIN_VARIANCE), axis=1)
 
 
-def calibration(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
+def calibration(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
     """Normalized estimation error squared (NEES) per degree of freedom, and coverage of the 95 % region."""
-    squared = _pooled([squared_mahalanobis(scene, track) for track in tracks])
+    squared = _pooled([squared_mahalanobis(scene, sweep) for sweep in sweeps])
     if not len(squared):
         return {"nees": None, "coverage_95": None}
     return {
@@ -87,27 +87,27 @@ def statistics(values: np.ndarray) -> dict[str, Any]:
     }
 
 
-def error_at(errors: Sequence[np.ndarray], tracks: Sequence[Track], mark: float) -> np.ndarray:
-    """Errors of the tracks that are long enough after ``mark`` m of :func:`travel_from_contact`."""
+def error_at(errors: Sequence[np.ndarray], sweeps: Sequence[ReplayedSweep], mark: float) -> np.ndarray:
+    """Errors of the sweeps that are long enough after ``mark`` m of :func:`travel_from_contact`."""
     found = []
-    for error, track in zip(errors, tracks, strict=True):
-        travel = travel_from_contact(track)
-        if len(track) and travel[-1] >= mark - _ROUNDING:
+    for error, sweep in zip(errors, sweeps, strict=True):
+        travel = travel_from_contact(sweep)
+        if len(sweep) and travel[-1] >= mark - _ROUNDING:
             found.append(error[np.searchsorted(travel, mark - _ROUNDING)])
     return np.array(found)
 
 
-def travel_from_contact(track: Track) -> np.ndarray:
+def travel_from_contact(sweep: ReplayedSweep) -> np.ndarray:
     """Travel from contact, (n,) m, negative before it; from the start of a sweep without contact."""
-    return track.travel - track.travel[track.start] if len(track) else track.travel
+    return sweep.travel - sweep.travel[sweep.start] if len(sweep) else sweep.travel
 
 
-def travel_to_convergence(tracks: Sequence[Track]) -> np.ndarray:
-    """:func:`travel_from_contact` of each track's first converged entry; NaN where it never converged."""
+def travel_to_convergence(sweeps: Sequence[ReplayedSweep]) -> np.ndarray:
+    """:func:`travel_from_contact` of each sweep's first converged entry; NaN where it never converged."""
     return np.array(
         [
-            travel_from_contact(track)[np.argmax(track.converged)] if track.converged.any() else np.nan
-            for track in tracks
+            travel_from_contact(sweep)[np.argmax(sweep.converged)] if sweep.converged.any() else np.nan
+            for sweep in sweeps
         ]
     )
 
@@ -137,45 +137,45 @@ def with_contact(recording: Recording, scene: Scene, strain_map: StrainMap) -> R
     return replace(recording, sweeps=tuple(sweeps))
 
 
-def summarize(scene: Scene, tracks: Sequence[Track]) -> dict[str, Any]:
-    """Summary of the tracks by name, in SI units; ``None`` where unknown.
+def summarize(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
+    """Summary of the sweeps by name, in SI units; ``None`` where unknown.
 
     ``error_contact_m`` is from contact to the end of the feature (:func:`with_contact`). If the contact of
     any sweep is known, travel is counted from contact, and sweeps without contact do not count.
     """
-    errors = [position_error(scene, track) for track in tracks]
-    converged = [track.converged for track in tracks]
-    has_contact = [track.contact[0] >= 0 for track in tracks]
+    errors = [position_error(scene, sweep) for sweep in sweeps]
+    converged = [sweep.converged for sweep in sweeps]
+    has_contact = [sweep.contact[0] >= 0 for sweep in sweeps]
     counts = [index for index, one in enumerate(has_contact) if one or not any(has_contact)]
-    after = [errors[index] for index in counts], [tracks[index] for index in counts]
+    after = [errors[index] for index in counts], [sweeps[index] for index in counts]
     marks = [mark for mark in ((0.0,) if any(has_contact) else ()) + MARKS if len(error_at(*after, mark))]
-    arrived = travel_to_convergence(tracks)
+    arrived = travel_to_convergence(sweeps)
     summary = {
-        "sweeps": len(tracks),
-        "strains": sum(map(len, tracks)),
-        "measurement_updates": int(sum(track.updated.sum() for track in tracks)),
-        "refused": sum(track.refused for track in tracks),
+        "sweeps": len(sweeps),
+        "strains": sum(map(len, sweeps)),
+        "measurement_updates": int(sum(sweep.updated.sum() for sweep in sweeps)),
+        "refused": sum(sweep.refused for sweep in sweeps),
         "error_m": statistics(_pooled(errors)),
         "contacts": sum(has_contact),
-        "error_contact_m": statistics(_pooled(errors, [track.on_contact for track in tracks])),
+        "error_contact_m": statistics(_pooled(errors, [sweep.on_contact for sweep in sweeps])),
         "error_converged_m": statistics(_pooled(errors, converged)),
         "error_after_travel_m": {f"{mark:g}": statistics(error_at(*after, mark)) for mark in marks},
         "final_error_m": statistics(np.array([error[-1] for error in errors if len(error)])),
-        **calibration(scene, tracks),
+        **calibration(scene, sweeps),
         "converged_sweeps": int(np.isfinite(arrived).sum()),
-        "converged_fraction": float(np.mean(np.concatenate(converged))) if any(map(len, tracks)) else None,
+        "converged_fraction": float(np.mean(np.concatenate(converged))) if any(map(len, sweeps)) else None,
         "travel_to_convergence_m": statistics(arrived),
     }
     if "yaw" in scene.axis_names:
-        summary["error_rad"] = statistics(_pooled([yaw_error(scene, track) for track in tracks]))
+        summary["error_rad"] = statistics(_pooled([yaw_error(scene, sweep) for sweep in sweeps]))
     return summary
 
 
-def timing(tracks: Sequence[Track]) -> dict[str, Any]:
+def timing(sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
     """Computing time per measurement update, per sample and per millimetre of travel, µs."""
-    updates = _pooled([track.seconds for track in tracks], [track.updated for track in tracks]) * 1e6
-    every = _pooled([track.seconds for track in tracks]) * 1e6
-    travel_mm = 1e3 * sum(float(track.travel[-1]) for track in tracks if len(track))
+    updates = _pooled([sweep.seconds for sweep in sweeps], [sweep.updated for sweep in sweeps]) * 1e6
+    every = _pooled([sweep.seconds for sweep in sweeps]) * 1e6
+    travel_mm = 1e3 * sum(float(sweep.travel[-1]) for sweep in sweeps if len(sweep))
     if not len(updates):
         return dict.fromkeys(("update_median_us", "update_p99_us", "strain_mean_us", "us_per_mm"))
     return {
@@ -186,19 +186,19 @@ def timing(tracks: Sequence[Track]) -> dict[str, Any]:
     }
 
 
-def wrong_sweeps(scene: Scene, tracks: Sequence[Track], radius: float) -> dict[int, float]:
+def wrong_sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: float) -> dict[int, float]:
     """Sweeps whose median error while converged exceeds ``radius``, m, by number with that error, m."""
     wrong = {}
-    for track in tracks:
-        errors = position_error(scene, track)[track.converged]
+    for sweep in sweeps:
+        errors = position_error(scene, sweep)[sweep.converged]
         error = float(np.median(errors[np.isfinite(errors)])) if np.isfinite(errors).any() else 0.0
         if error > radius:
-            wrong[track.number] = error
+            wrong[sweep.number] = error
     return wrong
 
 
 def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:
-    """Finite values of all tracks, of the entries selected by ``keep``."""
+    """Finite values of all sweeps, of the entries selected by ``keep``."""
     if not values:
         return np.empty(0)
     pooled = np.concatenate(values)

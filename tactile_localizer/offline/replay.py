@@ -26,7 +26,7 @@ _REPORT_EVERY = 500
 
 
 @dataclass(frozen=True)
-class Track:
+class ReplayedSweep:
     """Estimates along one sweep, one for each of the n samples that the localizer accepted.
 
     Parameters
@@ -97,7 +97,7 @@ def replay(
     progress: Progress | None = None,
     clock: Callable[[], float] = time.perf_counter,
     observe: Callable[[RecordedSweep, int, Estimate], None] | None = None,
-) -> list[Track]:
+) -> list[ReplayedSweep]:
     """Localize each sweep of a recording from a uniform prior.
 
     Parameters
@@ -108,7 +108,7 @@ def replay(
     clock : clock for the computing time of the localizer, s
     observe : called with the sweep, the row and the estimate of each sample
     """
-    tracks = []
+    replayed = []
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
@@ -132,25 +132,25 @@ def replay(
             if observe is not None:
                 observe(sweep, row, estimate)
         done += len(sweep)
-        tracks.append(_track(localizer.scene, sweep, rows, estimates, seconds))
+        replayed.append(_replayed_sweep(localizer.scene, sweep, rows, estimates, seconds))
     if progress is not None:
         progress("replaying", 1.0)
-    return tracks
+    return replayed
 
 
-def _track(
+def _replayed_sweep(
     scene: Scene,
     sweep: RecordedSweep,
     rows: Sequence[int],
     estimates: Sequence[Estimate],
     seconds: Sequence[float],
-) -> Track:
-    """Track of the estimates at some rows of a sweep."""
+) -> ReplayedSweep:
+    """The replayed sweep with the estimates at some of its rows."""
     d, row = scene.dimension, np.array(rows, dtype=np.intp)
     reference = sweep.position
     if sweep.truth is not None and np.isfinite(sweep.truth).all():
         reference = sweep.truth
-    return Track(
+    return ReplayedSweep(
         number=sweep.number,
         row=row,
         stamp_ns=sweep.stamp_ns[row],

@@ -14,7 +14,7 @@ from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, display_units
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
-from tactile_localizer.offline.replay import Track
+from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
 
@@ -44,7 +44,7 @@ def replay_document(
     scene: Scene,
     configuration: Configuration,
     recording: Recording,
-    tracks: Sequence[Track],
+    sweeps: Sequence[ReplayedSweep],
     learned: Mapping[str, str],
     *,
     odometry: str,
@@ -57,44 +57,44 @@ def replay_document(
     scene : scene of the localizer
     configuration : configuration of the localizer
     recording : replayed recording
-    tracks : its replay
+    sweeps : its replay
     learned : values learned from the scan, by name
     odometry : kind of the recording's positions
     seed : random seed
     """
     return {
-        "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, tracks)},
-        "timing": timing(tracks),
+        "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, sweeps)},
+        "timing": timing(sweeps),
         "recording": {"source": recording.source, "notes": recording.notes},
         "configuration": configuration,
         "learned": dict(learned),
         "scene": scene_to_dict(scene),
         "axes": scene.axis_names,
-        "updates": updates(scene, tracks),
+        "updates": updates(scene, sweeps),
     }
 
 
-def updates(scene: Scene, tracks: Sequence[Track]) -> Iterator[dict[str, Any]]:
+def updates(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Iterator[dict[str, Any]]:
     """Rows of all estimates of a replay."""
-    for track in tracks:
-        errors, yaw_errors, traces = position_error(scene, track), yaw_error(scene, track), track.trace
-        for i, stamp_ns in enumerate(track.stamp_ns.tolist()):
-            truth = None if track.truth is None else track.truth[i]
+    for sweep in sweeps:
+        errors, yaw_errors, traces = position_error(scene, sweep), yaw_error(scene, sweep), sweep.trace
+        for i, stamp_ns in enumerate(sweep.stamp_ns.tolist()):
+            truth = None if sweep.truth is None else sweep.truth[i]
             row: dict[str, Any] = {
                 "stamp_s": stamp_ns / 1e9,
                 "stamp_ns": stamp_ns,
-                "sweep": track.number,
-                "mean": track.mean[i],
-                "covariance": track.covariance[i],
+                "sweep": sweep.number,
+                "mean": sweep.mean[i],
+                "covariance": sweep.covariance[i],
                 "trace": traces[i],
-                "converged": track.converged[i],
-                "state": track.state[i].value,
-                "reason": track.reason[i],
-                "probability": track.probability[i],
-                "on_map": track.on_map[i],
-                "log_marginal": track.log_marginal[i],
-                "updated": track.updated[i],
-                "travel_m": track.travel[i],
+                "converged": sweep.converged[i],
+                "state": sweep.state[i].value,
+                "reason": sweep.reason[i],
+                "probability": sweep.probability[i],
+                "on_map": sweep.on_map[i],
+                "log_marginal": sweep.log_marginal[i],
+                "updated": sweep.updated[i],
+                "travel_m": sweep.travel[i],
                 "truth": truth if truth is not None and np.isfinite(truth).all() else None,
                 "error_m": errors[i],
             }

@@ -30,7 +30,7 @@ from tactile_localizer.offline.metrics import (
     timing,
     with_contact,
 )
-from tactile_localizer.offline.replay import Progress, Track, replay
+from tactile_localizer.offline.replay import Progress, ReplayedSweep, replay
 from tactile_localizer.scene import Scene
 
 DEFAULT = "default"
@@ -230,18 +230,18 @@ def measure(
     """Outcome of one configuration on one recording."""
     rng = np.random.default_rng(seed)
     localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
-    tracks = [track for track in replay(localizer, recording, clock=time.thread_time) if len(track)]
-    has_contact = any(track.contact[0] >= 0 for track in tracks)
-    kept = [track.on_contact if has_contact else np.ones(len(track), dtype=bool) for track in tracks]
-    errors = [position_error(scene, track) for track in tracks]
-    inside = [squared_mahalanobis(scene, track) <= SQUARED_95[scene.dimension] for track in tracks]
+    sweeps = [sweep for sweep in replay(localizer, recording, clock=time.thread_time) if len(sweep)]
+    has_contact = any(sweep.contact[0] >= 0 for sweep in sweeps)
+    kept = [sweep.on_contact if has_contact else np.ones(len(sweep), dtype=bool) for sweep in sweeps]
+    errors = [position_error(scene, sweep) for sweep in sweeps]
+    inside = [squared_mahalanobis(scene, sweep) <= SQUARED_95[scene.dimension] for sweep in sweeps]
     return Outcome(
         error=_means(errors, kept),
         coverage=_means(inside, kept),
-        converged=np.array([track.converged.any() for track in tracks]),
-        error_along=_along(scene, tracks, np.concatenate(errors)),
-        trace_along=_along(scene, tracks, np.concatenate([track.trace for track in tracks])),
-        timing=timing(tracks),
+        converged=np.array([sweep.converged.any() for sweep in sweeps]),
+        error_along=_along(scene, sweeps, np.concatenate(errors)),
+        trace_along=_along(scene, sweeps, np.concatenate([sweep.trace for sweep in sweeps])),
+        timing=timing(sweeps),
     )
 
 
@@ -284,9 +284,9 @@ def _means(values: Sequence[np.ndarray], kept: Sequence[np.ndarray]) -> np.ndarr
     )
 
 
-def _along(scene: Scene, tracks: Sequence[Track], values: np.ndarray) -> np.ndarray:
+def _along(scene: Scene, sweeps: Sequence[ReplayedSweep], values: np.ndarray) -> np.ndarray:
     """Means of values in the bins of the sweep axis, (BINS,)."""
-    truth = np.concatenate([track.truth for track in tracks if track.truth is not None])
+    truth = np.concatenate([sweep.truth for sweep in sweeps if sweep.truth is not None])
     axis = sweep_axis(scene, truth)
     index = np.floor((truth[:, axis] - scene.lower[axis]) / scene.extent[axis] * BINS).astype(int)
     within = (index >= 0) & (index < BINS)

@@ -57,7 +57,7 @@ _DIAGNOSTICS_PERIOD_S = 1.0
 
 
 @dataclass(frozen=True)
-class LoadedMap:
+class LoadedScan:
     """A scan with the localizer built from it.
 
     Parameters
@@ -73,7 +73,7 @@ class LoadedMap:
     localizer: Localizer
 
 
-def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMap:
+def load_localizer(path: Path, parameters: Parameters, progress: Progress) -> LoadedScan:
     """Read a scan and build the localizer; a calibration, which takes seconds, is stored with the scan.
 
     Raises
@@ -90,7 +90,7 @@ def load_map(path: Path, parameters: Parameters, progress: Progress) -> LoadedMa
     choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
     calibration = learned_calibration(path, scan, scene, progress)
     localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
-    return LoadedMap(path, scan, scene, localizer)
+    return LoadedScan(path, scan, scene, localizer)
 
 
 class FilterNode(ManagedNode):
@@ -138,16 +138,16 @@ class FilterNode(ManagedNode):
     def _localizer(self) -> Localizer:
         return self._loaded.localizer
 
-    def _load(self, path: Path) -> LoadedMap:
+    def _load(self, path: Path) -> LoadedScan:
         """Build the localizer on a scan; takes seconds unless it is calibrated."""
-        loaded = load_map(path, self.parameters, self._report_progress)
+        loaded = load_localizer(path, self.parameters, self._report_progress)
         sweeps = len(loaded.scan.sweep_numbers)
         self.get_logger().info(
             f"{path}: {len(loaded.scan)} pairs of {sweeps} sweeps, scene {loaded.scene.name}"
         )
         return loaded
 
-    def _start(self, loaded: LoadedMap) -> None:
+    def _start(self, loaded: LoadedScan) -> None:
         """Localize on a map, from a uniform belief; on an error the present one stays in use."""
         online = OnlineLocalizer(
             loaded.localizer, self.parameters["max_gap_s"], ScanRange.of(loaded.scan, loaded.scene)

@@ -25,7 +25,7 @@ _MIN_UPDATES = 20
 
 
 @dataclass
-class Counts:
+class SampleCounts:
     """Numbers of strain vectors since the start, by how they were used.
 
     Parameters
@@ -111,7 +111,7 @@ class OnlineLocalizer:
         self.range_check = RangeCheck(scan_range)
         self.palm: np.ndarray | None = None
         self.last_error = ""
-        self.counts = Counts(dict.fromkeys(localizer.scene.phalanx_names, 0))
+        self.counts = SampleCounts(dict.fromkeys(localizer.scene.phalanx_names, 0))
         self.update_times_ns: deque[int] = deque(maxlen=_TIMES_KEPT)
         self._max_gap_s = max_gap_s
         self._epoch = 0

@@ -47,28 +47,28 @@ def localizer(seed: int = 1) -> Localizer:
 
 
 def test_a_track_equals_the_localizers_estimates(recording: Recording) -> None:
-    tracks = replay(localizer(), recording)
+    replayed = replay(localizer(), recording)
     by_hand = localizer()
-    for sweep, track in zip(recording.sweeps, tracks, strict=True):
+    for sweep, one in zip(recording.sweeps, replayed, strict=True):
         by_hand.reset()
         estimates = [
             by_hand.update(int(s), p, z)
             for s, p, z in zip(sweep.stamp_ns, sweep.position, sweep.strain, strict=True)
         ]
-        np.testing.assert_array_equal(track.mean, [e.mean for e in estimates])
-        np.testing.assert_array_equal(track.covariance, [e.covariance for e in estimates])
-        np.testing.assert_array_equal(track.trace, [e.trace for e in estimates])
-        np.testing.assert_array_equal(track.stamp_ns, sweep.stamp_ns)
-        assert track.reason == tuple(e.reason for e in estimates)
-        assert (track.seconds > 0).all()
+        np.testing.assert_array_equal(one.mean, [e.mean for e in estimates])
+        np.testing.assert_array_equal(one.covariance, [e.covariance for e in estimates])
+        np.testing.assert_array_equal(one.trace, [e.trace for e in estimates])
+        np.testing.assert_array_equal(one.stamp_ns, sweep.stamp_ns)
+        assert one.reason == tuple(e.reason for e in estimates)
+        assert (one.seconds > 0).all()
 
 
 def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
     uniform = (SCENE.upper - SCENE.lower) ** 2 / 12
-    for track in replay(localizer(), recording):
-        assert track.trace[0] > 0.5 * uniform.sum()
-        assert track.trace.min() < 0.1 * uniform.sum()
-        assert track.travel[0] == 0.0
+    for one in replay(localizer(), recording):
+        assert one.trace[0] > 0.5 * uniform.sum()
+        assert one.trace.min() < 0.1 * uniform.sum()
+        assert one.travel[0] == 0.0
 
 
 def test_missing_phalanges_are_left_out(recording: Recording) -> None:
@@ -78,10 +78,10 @@ def test_missing_phalanges_are_left_out(recording: Recording) -> None:
     strain[50:90, :8] = np.nan
     status[100:107] = MISSING
     strain[110, 3] = np.nan  # although its status is OK
-    (track,) = replay(localizer(), replace(recording, sweeps=(replace(sweep, status=status, strain=strain),)))
-    assert track.refused == 8
-    np.testing.assert_array_equal(np.setdiff1d(np.arange(len(sweep)), track.row), [*range(100, 107), 110])
-    assert np.isfinite(track.mean).all()
+    (one,) = replay(localizer(), replace(recording, sweeps=(replace(sweep, status=status, strain=strain),)))
+    assert one.refused == 8
+    np.testing.assert_array_equal(np.setdiff1d(np.arange(len(sweep)), one.row), [*range(100, 107), 110])
+    assert np.isfinite(one.mean).all()
 
 
 def test_progress_ends_at_one(recording: Recording) -> None:

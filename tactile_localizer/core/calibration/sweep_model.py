@@ -9,7 +9,7 @@ import numpy as np
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.correlation import Correlation
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
-from tactile_localizer.core.likelihood.noise_model import TREND_MEMORY, NoiseEstimate, estimate_noise
+from tactile_localizer.core.likelihood.noise_model import TREND_MEMORY, WhitenedScan, estimate_noise
 from tactile_localizer.core.likelihood.strain_map import (
     NODES_PER_CELL,
     StrainMap,
@@ -45,7 +45,7 @@ class SweepModel(NamedTuple):
     scale : tracks of a local factor of the variance, where the material is felt everywhere
     """
 
-    noise: NoiseEstimate
+    noise: WhitenedScan
     variance: VarianceModel
     scale: list[Track] | None
 

@@ -53,7 +53,7 @@ def checked(
     if strain.shape != (layout.size,):
         raise MeasurementError(f"strain: expected shape ({layout.size},), got {strain.shape}")
     if present is None:
-        _require_usable(strain)
+        _require_finite(strain)
         return strain, np.ones(phalanges, dtype=bool)
     present = np.asarray(present, dtype=bool)
     count = np.count_nonzero(present)
@@ -61,17 +61,17 @@ def checked(
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
     if count < phalanges:
         strain = np.where(layout.expand(present), strain, 0.0)
-    _require_usable(strain)
+    _require_finite(strain)
     return strain, present
 
 
-def usable(numbers: np.ndarray) -> bool:
+def has_finite_squares(numbers: np.ndarray) -> bool:
     """Whether all numbers (N,) are finite, and small enough that their squares are."""
     return math.hypot(*numbers.tolist()) < _LARGEST
 
 
-def _require_usable(strain: np.ndarray) -> None:
-    if not usable(strain):
+def _require_finite(strain: np.ndarray) -> None:
+    if not has_finite_squares(strain):
         raise MeasurementError(f"strain: expected finite volts, found NaN, infinity or over {_LARGEST:g}")
 
 

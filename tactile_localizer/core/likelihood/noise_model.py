@@ -94,8 +94,8 @@ class NoiseModel:
         return (strain - self.centre) @ self.whitening.T
 
 
-class NoiseEstimate(NamedTuple):
-    """A noise model, and the tracks from which it was estimated.
+class WhitenedScan(NamedTuple):
+    """The tracks of a scan in the coordinates in which the noise of a visit is white, and the noise model.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class NoiseEstimate(NamedTuple):
     featureless: bool
 
 
-def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
+def estimate_noise(scan: Scan, scene: Scene) -> WhitenedScan:
     """Estimate the noise of one visit from how the scan's sweeps differ.
 
     Raises
@@ -155,7 +155,7 @@ def estimate_noise(scan: Scan, scene: Scene) -> NoiseEstimate:
     if featureless or scene.feature is not None:
         shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
     moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
-    return NoiseEstimate(model, shown, visits, recorded, moved_by, spacing, featureless)
+    return WhitenedScan(model, shown, visits, recorded, moved_by, spacing, featureless)
 
 
 def held_out(

@@ -15,8 +15,8 @@ from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.noise_model import (
     BEFORE,
     TREND_MEMORY,
-    NoiseEstimate,
     Residuals,
+    WhitenedScan,
     held_out,
     moving_average,
 )
@@ -130,7 +130,7 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
     return np.minimum(sizes, extent)
 
 
-def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
+def fit_variance(estimate: WhitenedScan, scene: Scene) -> VarianceModel:
     """Maximum-likelihood variance model of each sweep of the scan given the others."""
     # An import of half a second, not needed for a calibrated scan.
     from scipy.optimize import minimize
@@ -169,7 +169,7 @@ def fit_variance(estimate: NoiseEstimate, scene: Scene) -> VarianceModel:
     return replace(fitted, summed_correlation=summed_correlation(scaled, fitted.summed_correlation))
 
 
-def _residuals(estimate: NoiseEstimate, scene: Scene) -> list[Residuals]:
+def _residuals(estimate: WhitenedScan, scene: Scene) -> list[Residuals]:
     """Residuals of held-out sweeps; innovations of them, where the material is felt everywhere."""
     if estimate.featureless:
         return held_out(estimate.tracks, estimate.visits, scene, estimate.spacing)
@@ -183,7 +183,7 @@ def _residuals(estimate: NoiseEstimate, scene: Scene) -> list[Residuals]:
     return found
 
 
-def local_scale(estimate: NoiseEstimate, scene: Scene, variance: VarianceModel) -> list[Track]:
+def local_scale(estimate: WhitenedScan, scene: Scene, variance: VarianceModel) -> list[Track]:
     """Factor of the variance along each track, (n, 1): repeats differ more where a slide starts."""
     width = round(_SCALE_LENGTH / PITCH)
     found = []

@@ -74,7 +74,7 @@ class PhalanxCounts:
 
 
 @dataclass
-class Counts:
+class BusCounts:
     """Totals since the assembler was created.
 
     Attributes
@@ -139,7 +139,7 @@ class CycleAssembler:
             (self._cells[p], 1 << phalanx_of[:slot].count(p), protocol.bytes_of(slot))
             for slot, p in enumerate(phalanx_of)
         ]
-        self.counts = Counts([cell.counts for cell in self._cells])
+        self.counts = BusCounts([cell.counts for cell in self._cells])
         self._protocol = protocol
         self._is_estimated = not period_s
         self.period_ns = round(period_s * 1e9)  # 0: not estimated yet

@@ -9,29 +9,29 @@ from matplotlib.figure import Figure
 
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
-from tactile_localizer.offline.replay import Track
+from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
 
-def replay_figure(scene: Scene, tracks: Sequence[Track]) -> Figure:
+def replay_figure(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Figure:
     """Error (if the truth is known) and standard deviation of the position; green while converged.
 
     Parameters
     ----------
     scene : scene of the localizer
-    tracks : estimates, one track per sweep
+    sweeps : estimates, one sweep per sweep
     """
     lengths = [index for index, axis in enumerate(scene.axes) if axis.name != "yaw"]
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     plots = figure.subplots(2, 1, sharex=True)
-    for track in tracks:
-        travel = MM * travel_from_contact(track)
-        variances = np.diagonal(track.covariance, axis1=1, axis2=2)[:, lengths]
-        rows = MM * position_error(scene, track), MM * np.sqrt(variances.sum(axis=1))
+    for sweep in sweeps:
+        travel = MM * travel_from_contact(sweep)
+        variances = np.diagonal(sweep.covariance, axis1=1, axis2=2)[:, lengths]
+        rows = MM * position_error(scene, sweep), MM * np.sqrt(variances.sum(axis=1))
         for plot, values in zip(plots, rows, strict=True):
             plot.plot(travel, values, color="0.7", linewidth=0.8)
-            plot.plot(travel, np.where(track.converged, values, np.nan), color="tab:green", linewidth=1.2)
-    has_contact = any(track.contact[0] >= 0 for track in tracks)
+            plot.plot(travel, np.where(sweep.converged, values, np.nan), color="tab:green", linewidth=1.2)
+    has_contact = any(sweep.contact[0] >= 0 for sweep in sweeps)
     titles = ("error, mm (green: converged)", "standard deviation, mm")
     for plot, title in zip(plots, titles, strict=True):
         plot.set_ylabel(title)
