@@ -107,6 +107,7 @@ class Drift:
         an independent measurement that the strain is.
         """
         known = trend.measurements + self._prior
+        travel = min(travel, self.memory)  # beyond it the level is unknown, however far the arm jumped
         predicted = trend.level + travel * trend.rate
         map_trend = trend.map_level + np.float32(travel) * trend.map_rate
         strain_left, map_left = strain - predicted, expected - map_trend
