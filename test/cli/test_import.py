@@ -22,9 +22,9 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def write_csv(path, rows):
+def write_csv(path, rows, names=HEADER):
     with path.open("w", newline="") as file:
-        csv.writer(file).writerows([HEADER, *rows])
+        csv.writer(file).writerows([names, *rows])
 
 
 def test_a_csv_with_standard_columns_is_imported(folder, capsys):
@@ -121,8 +121,7 @@ LINE = Scene("line", (Axis("x", -0.001, 0.06),), (Phalanx("index", (0.0,)),))
 def import_table(folder, names, rows, scene=LINE, *more):
     """Import a table; returns the exit status."""
     save_scene(scene, folder / "line.yaml")
-    with (folder / "own.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([names, *rows])
+    write_csv(folder / "own.csv", rows, names)
     return main(["import", "csv", "own.csv", "--scene", "line.yaml", "-o", "own_scan", *more])
 
 
@@ -138,21 +137,11 @@ NAMED = ["--column", "stamp_s=time", "--column", "finger=taxel1..19"]
 def touch_and_poses(folder, place=1.0):
     """Strain of 19 channels at 20 Hz, and poses at 30 Hz with stamps of their own."""
     rows = [[row[0], *row[2:]] for row in slid(channels=19)]
-    with (folder / "touch.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([["time", *(f"taxel{n}" for n in range(1, 20))], *rows])
+    write_csv(folder / "touch.csv", rows, ["time", *(f"taxel{n}" for n in range(1, 20))])
     poses = [[1e3 * k / 30, place * 0.01 * k / 30] for k in range(150)]
-    with (folder / "poses.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([["t_ms", "px"], *poses])
-    return [
-        "touch.csv",
-        "--poses",
-        "poses.csv",
-        *NAMED,
-        "--column",
-        "pose_stamp_s=t_ms*0.001",
-        "--column",
-        "x=px",
-    ]
+    write_csv(folder / "poses.csv", poses, ["t_ms", "px"])
+    named = "--column pose_stamp_s=t_ms*0.001 --column x=px"
+    return ["touch.csv", "--poses", "poses.csv", *NAMED, *named.split()]
 
 
 def test_a_scene_is_proposed_written_and_used(folder, capsys):

@@ -52,6 +52,29 @@ def document(path: str = "out.json") -> dict:
     return json.loads(Path(path).read_text())
 
 
+def rows_of_test() -> np.ndarray:
+    """The rows of ``test.csv`` by the names of its columns."""
+    return np.genfromtxt("test.csv", delimiter=",", names=True)
+
+
+def write_short(lines: int) -> None:
+    """Write the first lines of ``test.csv`` to ``short.csv``."""
+    Path("short.csv").write_text("\n".join(Path("test.csv").read_text().splitlines()[:lines]))
+
+
+def write_bag_of(path: Path, rows: np.ndarray, origin: float = 0.0) -> None:
+    """Write a bag of strain, truth and poses, whose x begins at ``origin``, with a sample every 10 ms."""
+    names = [f"{phalanx}_{gauge}" for phalanx in ("index", "middle") for gauge in range(1, 9)]
+    happened = []
+    for i, row in enumerate(rows):
+        now = 10 * (i + 1)
+        values = np.array([row[name] for name in names])
+        happened.append(("strain", now, strain(now, ("index", "middle"), strain=values)))
+        happened.append(("palm_pose", now, pose(now, x=row["x"] + origin)))
+        happened.append(("simulator/ground_truth", now, pose(now, x=row["x"])))
+    write_bag(path, happened)
+
+
 def updates_text(path: str) -> str:
     return Path(path).read_text().partition('"updates"')[2]
 
@@ -77,7 +100,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
         r"localized: (\d+) of \1 sweeps converged, 0 of them to a wrong position$", printed.strip()
     )
     found = document()
-    rows = np.genfromtxt("test.csv", delimiter=",", names=True)
+    rows = rows_of_test()
     assert len(found["updates"]) == len(rows)
     assert found["summary"]["error_after_travel_m"]["0.02"]["max"] < 0.005
     assert found["summary"]["error_contact_m"]["count"] > 100
@@ -98,8 +121,7 @@ def test_positions_in_millimetres_are_reported_and_not_localized(bump_folder: Pa
 
 def test_updates_are_reproducible_by_seed(bump_folder: Path) -> None:
     short = COMMAND.replace("grid", "particle").replace("test.csv", "short.csv").split()
-    lines = Path("test.csv").read_text().splitlines()
-    Path("short.csv").write_text("\n".join(lines[:120]))
+    write_short(120)
     for name, seed in (("a", "7"), ("b", "7"), ("c", "8")):
         assert main([*short, "--seed", seed, "--json", f"{name}.json"]) < 2
     assert updates_text("a.json") == updates_text("b.json")
@@ -115,7 +137,7 @@ def test_exact_odometry_is_the_truths_displacements(bump_folder: Path) -> None:
 
 
 def test_strain_in_another_unit_and_the_reason_are_printed(bump_folder: Path, capsys) -> None:
-    Path("short.csv").write_text("\n".join(Path("test.csv").read_text().splitlines()[:400]))
+    write_short(400)
     columns = [f"--column={name}={name}_1..8*1000" for name in ("index", "middle")]
     assert main(["replay", "short.csv", "--scan", "bump_scan", "--config", "fast", *columns]) == 1
     printed = capsys.readouterr().out
@@ -137,37 +159,20 @@ def test_a_replay_reads_the_columns_of_the_import(bump_folder: Path, tmp_path: P
 
 
 def test_a_sweep_before_contact_has_no_marks(bump_folder: Path, capsys) -> None:
-    rows = Path("test.csv").read_text().splitlines()
-    happened = []
-    for now, row in enumerate(rows[1:40], 1):
-        cells = list(map(float, row.split(",")))
-        happened.append(
-            ("strain", 10 * now, strain(10 * now, ("index", "middle"), strain=np.array(cells[4:20])))
-        )
-        for topic in ("palm_pose", "simulator/ground_truth"):
-            happened.append((topic, 10 * now, pose(10 * now, x=cells[2])))
-    write_bag(bump_folder / "before", happened)
+    write_bag_of(bump_folder / "before", rows_of_test()[:39])
     assert run("replay before --scan bump_scan --config fast --json before.json") == 1
     assert document("before.json")["updates"]
     assert "1 sweeps, 39 samples" in capsys.readouterr().out
 
 
 def test_a_bag_has_odometry_and_ground_truth(bump_folder: Path) -> None:
-    test = np.genfromtxt("test.csv", delimiter=",", names=True)
-    names = [f"{phalanx}_{gauge}" for phalanx in ("index", "middle") for gauge in range(1, 9)]
-    happened = []
-    for i, row in enumerate(test[test["sweep"] == 0][:600]):
-        now = 10 * (i + 1)
-        values = np.array([row[name] for name in names])
-        happened.append(("strain", now, strain(now, ("index", "middle"), strain=values)))
-        happened.append(("palm_pose", now, pose(now, x=row["x"] + 4.0)))
-        happened.append(("simulator/ground_truth", now, pose(now, x=row["x"])))
-    write_bag(bump_folder / "bag", happened)
+    rows = rows_of_test()[:600]
+    write_bag_of(bump_folder / "bag", rows, origin=4.0)
     assert run("replay bag --scan bump_scan --config fast --json bag.json") < 2
     found = document("bag.json")
     assert found["summary"]["odometry"] == "recorded"
     assert len(found["updates"]) == 600
-    assert found["updates"][-1]["truth"][0] == pytest.approx(test["x"][599])
+    assert found["updates"][-1]["truth"][0] == pytest.approx(rows["x"][-1])
 
 
 def test_a_recording_without_truth_is_localized(bump_folder: Path, capsys) -> None:
@@ -209,7 +214,7 @@ def test_unusable_input_is_refused_in_one_line(
 
 def test_a_rerun_recording_has_belief_truth_strains_and_reason(bump_folder: Path, capsys) -> None:
     rerun = pytest.importorskip("rerun")
-    Path("short.csv").write_text("\n".join(Path("test.csv").read_text().splitlines()[:120]))
+    write_short(120)
     assert run("replay short.csv --scan bump_scan --config fast --rerun a/b.rrd") < 2
     assert "open it with `rerun a/b.rrd`" in capsys.readouterr().out
     command = [sys.executable, "-m", rerun.__name__, "rrd", "print", "a/b.rrd"]
@@ -228,7 +233,7 @@ def test_a_missing_viewer_is_named_in_one_line(bump_folder: Path, monkeypatch, c
 
 def test_a_scan_of_another_scene_is_noted(bump_folder: Path, capsys) -> None:
     save_scene(replace(load_scene("scene.yaml"), name="other"), "other.yaml")
-    Path("short.csv").write_text("\n".join(Path("test.csv").read_text().splitlines()[:120]))
+    write_short(120)
     assert run("replay short.csv --scan bump_scan --scene other.yaml --config fast") < 2
     assert "note: bump_scan was scanned with scene bump" in capsys.readouterr().err
 

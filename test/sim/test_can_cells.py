@@ -5,6 +5,7 @@ from collections import Counter
 import can
 import numpy as np
 import pytest
+from support.load_cells import data_of
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
@@ -29,8 +30,9 @@ def buses():
         end.shutdown()
 
 
-def cells(protocol, bus):
-    return CanLoadCells(protocol, bus, np.random.default_rng(1))
+@pytest.fixture
+def sender(protocol, buses):
+    return CanLoadCells(protocol, buses[0], np.random.default_rng(1))
 
 
 def received(bus):
@@ -40,24 +42,17 @@ def received(bus):
     return messages
 
 
-def classified(protocol, bus):
-    return [protocol.classify(frame) for frame in received(bus)]
-
-
-def test_sent_frames_are_the_voltages_with_a_counter(protocol, buses):
-    sender = cells(protocol, buses[0])
+def test_sent_frames_are_the_voltages_with_a_counter(protocol, buses, sender):
     for number in range(5):
         sender.send(STRAIN)
-        messages = received(buses[1])
-        data = bytearray(protocol.size)
-        for kind, slot, counter in map(protocol.classify, messages):
-            assert (kind, counter) == (FrameKind.DATA, number)
-            data[protocol.bytes_of(slot)] = messages[slot].data  # in the order of the messages
-        np.testing.assert_allclose(protocol.decode(data)[0], STRAIN, atol=0.2e-3)
+        frames = received(buses[1])
+        assert [protocol.classify(frame)[1:] for frame in frames] == [
+            (slot, number) for slot in range(len(protocol.messages))
+        ]
+        np.testing.assert_allclose(protocol.decode(data_of(protocol, frames))[0], STRAIN, atol=0.2e-3)
 
 
-def test_frames_are_dropped_with_the_given_probability(protocol, buses):
-    sender = cells(protocol, buses[0])
+def test_frames_are_dropped_with_the_given_probability(protocol, buses, sender):
     for _ in range(300):
         sender.send(STRAIN, Faults(drop=0.25))
     frames = len(received(buses[1]))
@@ -65,30 +60,23 @@ def test_frames_are_dropped_with_the_given_probability(protocol, buses):
     assert 0.68 < frames / all_frames < 0.82
 
 
-def test_garbage_frames_are_of_every_kind(protocol, buses):
-    sender = cells(protocol, buses[0])
+def test_garbage_frames_are_of_every_kind(protocol, buses, sender):
     for _ in range(100):
         sender.send(STRAIN, Faults(garbage=0.5))
-    kinds = Counter(kind for kind, _, _ in classified(protocol, buses[1]))
+    kinds = Counter(protocol.classify(frame)[0] for frame in received(buses[1]))
     assert kinds[FrameKind.DATA] == 100 * len(protocol.messages)
     for kind in (FrameKind.UNKNOWN_ID, FrameKind.WRONG_LENGTH, FrameKind.REMOTE, FrameKind.ERROR):
         assert kinds[kind] > 0
 
 
-def test_silent_and_faulty_cells(protocol, buses):
-    sender = cells(protocol, buses[0])
+def test_silent_and_faulty_cells(protocol, buses, sender):
     sender.send(STRAIN, Faults(silent=["index"], faulty=["middle"]))
     frames = received(buses[1])
-    slots = [protocol.classify(frame)[1] for frame in frames]
-    assert {protocol.messages[slot].phalanx for slot in slots} == {1}
-    data = bytearray(protocol.size)
-    for slot, frame in zip(slots, frames, strict=True):
-        data[protocol.bytes_of(slot)] = frame.data
-    assert protocol.decode(data)[1].tolist() == [OK, FAULT]
+    assert {protocol.messages[protocol.classify(frame)[1]].phalanx for frame in frames} == {1}
+    assert protocol.decode(data_of(protocol, frames))[1].tolist() == [OK, FAULT]
 
 
-def test_a_failing_bus_is_reported(protocol, buses):
-    sender = cells(protocol, buses[0])
+def test_a_failing_bus_is_reported(buses, sender):
     buses[0].shutdown()
     with pytest.raises(CanError, match="could not send a frame"):
         sender.send(STRAIN)

@@ -45,6 +45,11 @@ def assert_whole(sweep, strain_ms=STRAIN_MS):
     assert not sweep.status.any()
 
 
+def ranges_ms(sweeps):
+    """First and last stamp of each sweep."""
+    return [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in sweeps]
+
+
 @pytest.mark.parametrize(
     ("storage", "compression"),
     [
@@ -106,8 +111,7 @@ def test_noise_in_the_middle_of_a_bag_is_refused(tmp_path, place):
 
 def test_truth_is_interpolated(tmp_path):
     truths = [("simulator/ground_truth", ms, pose(ms, x=0.02 + ms * 1e-6)) for ms in range(1000, 1501, 10)]
-    happened = sorted(slide(0, 2000) + truths, key=lambda entry: entry[1])
-    sweep = read_bag(write_bag(tmp_path / "bag", happened), SCENE).sweeps[0]
+    sweep = read_bag(write_bag(tmp_path / "bag", slide(0, 2000) + truths), SCENE).sweeps[0]
     known = (STRAIN_MS >= 1000) & (STRAIN_MS <= 1500)
     np.testing.assert_array_equal(np.isfinite(sweep.truth[:, 0]), known)
     np.testing.assert_allclose(sweep.truth[known, 0], 0.02 + STRAIN_MS[known] * 1e-6, atol=1e-12)
@@ -124,22 +128,19 @@ def test_sweeps_follow_the_mapping_status(tmp_path):
         status(900, True, 3),
     ]
     received = [90, 110, 310, 520, 700, 810, 905]
-    happened = slide(0, 2000) + [("mapping/status", ms, m) for ms, m in zip(received, statuses, strict=True)]
-    bag = write_bag(tmp_path / "bag", sorted(happened, key=lambda entry: entry[1]))
+    happened = [("mapping/status", ms, m) for ms, m in zip(received, statuses, strict=True)]
+    bag = write_bag(tmp_path / "bag", slide(0, 2000) + happened)
     sweeps = read_bag(bag, SCENE).sweeps
     assert [sweep.number for sweep in sweeps] == [1, 2, 3]
-    ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in sweeps]
-    assert ranges == [(105, 500), (805, 900), (905, 2000)]
+    assert ranges_ms(sweeps) == [(105, 500), (805, 900), (905, 2000)]
     assert len(read_bag(bag, SCENE, by_status=False).sweeps) == 1
 
 
 def test_sweeps_follow_global_localizations(tmp_path):
     travels = {100: 0.0, 200: 0.0, 300: 0.001, 400: 0.0009, 1000: 0.0, 1200: 0.004, 1600: 0.0, 1800: 0.0}
     posteriors = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
-    bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + posteriors, key=lambda entry: entry[1]))
-    recording = read_bag(bag, SCENE, by_status=False)
-    ranges = [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in recording.sweeps]
-    assert ranges == [(100, 995), (1000, 1595), (1600, 2000)]
+    bag = write_bag(tmp_path / "bag", slide(0, 2000) + posteriors)
+    assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(100, 995), (1000, 1595), (1600, 2000)]
     assert len(read_bag(bag, SCENE).sweeps) == 1
 
 
@@ -171,12 +172,8 @@ def test_sweeps_follow_an_activity_topic_after_the_filter_has_started(tmp_path):
         for ms, on in actives.items()
     ]
     happened += [("filter/posterior", ms, posterior(ms, 0.0)) for ms in (800, 900, 1200, 1600)]
-    bag = write_bag(tmp_path / "bag", sorted(slide(0, 2000) + happened, key=lambda entry: entry[1]))
-    ranges = [
-        tuple((sweep.stamp_ns[[0, -1]] - START) // MS)
-        for sweep in read_bag(bag, SCENE, by_status=False).sweeps
-    ]
-    assert ranges == [(1005, 1400), (1505, 1800)]
+    bag = write_bag(tmp_path / "bag", slide(0, 2000) + happened)
+    assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(1005, 1400), (1505, 1800)]
 
 
 def test_skipped_messages_are_counted(tmp_path):

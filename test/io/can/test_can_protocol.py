@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.load_cells import protocol
+from support.load_cells import data_of, protocol
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.layout import SignalNames
@@ -75,16 +75,6 @@ def layouts(draw: st.DrawFn) -> str:
 def write(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
-
-
-def data_of(hand: LoadCellProtocol, frames: list[can.Message]) -> bytearray:
-    """Data of a cycle with these frames."""
-    data = bytearray(hand.size)
-    for frame in frames:
-        kind, slot, _ = hand.classify(frame)
-        assert kind == FrameKind.DATA
-        data[hand.bytes_of(slot)] = frame.data
-    return data
 
 
 def strain_in(hand: LoadCellProtocol, frames: list[can.Message]) -> np.ndarray:

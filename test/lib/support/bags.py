@@ -104,7 +104,7 @@ def write_bag(
     storage: str = "mcap",
     compression: str = "none",
 ) -> Path:
-    """Write a bag directory; messages given as bytes are written as they are."""
+    """Write a bag directory, in the order of receipt; messages given as bytes are written as they are."""
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression != "none":
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
@@ -113,7 +113,7 @@ def write_bag(
             topic: writer.add_connection(f"/{topic}", TYPES[topic], typestore=STORE)
             for topic in dict.fromkeys(topic for topic, _, _ in happened)
         }
-        for topic, received_ms, message in happened:
+        for topic, received_ms, message in sorted(happened, key=lambda entry: entry[1]):
             raw = message if isinstance(message, bytes) else STORE.serialize_cdr(message, TYPES[topic])
             writer.write(connections[topic], START + received_ms * MS, raw)
     return path

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import can
 import numpy as np
 
-from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.resources import resource_path
 
 PERIOD_NS = 5_000_000
@@ -32,6 +32,16 @@ def number_of(phalanx: int, strain: np.ndarray) -> int:
     number = round((strain[0] / 0.00025 - phalanx * 4) / 8) + 500
     np.testing.assert_allclose(strain, strain_of(phalanx, number), atol=1e-9)
     return number
+
+
+def data_of(protocol: LoadCellProtocol, frames: Sequence[can.Message]) -> bytearray:
+    """Data of a cycle with these frames."""
+    data = bytearray(protocol.size)
+    for frame in frames:
+        kind, slot, _ = protocol.classify(frame)
+        assert kind == FrameKind.DATA
+        data[protocol.bytes_of(slot)] = frame.data
+    return data
 
 
 def sample(
