@@ -24,9 +24,9 @@ _LARGEST_ENERGY = 0.5
 """Energy per channel, in variances, above which an innovation is shortened: no short burst decides the
 correlation, like the start of a slide, which is alike on all fabrics. By judgement; 0.5 and 2 were equal."""
 _LOG_RELOCATED = math.log(100.0)
-"""Largest logarithm of the odds of the map to chance for a hand that was placed elsewhere. By judgement: with
-log(10), 81 instead of 90 % of relocated hands on four fabrics converged again within 40 mm; a hand that moved
-on to another fabric converged there in 1 of 36 cases with either."""
+"""Largest logarithm of the odds of the map to chance for a hand that was placed elsewhere. By judgement: of
+hands relocated on twenty maps of fabric, 94, 96, 97 and 98 % were converged again within 40 mm with log(10),
+log(100), log(1,000) and log(10,000); of 348 that moved on to another fabric, 2, 4, 10 and 32 % converged."""
 _BEFORE = 5
 """Updates after which a trend has an average to predict from."""
 _LARGEST = 0.998
