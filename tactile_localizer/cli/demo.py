@@ -13,7 +13,6 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from tactile_localizer.cli.interrupts import end_as_by_interrupt
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.io.scene_file import load_scene
@@ -52,7 +51,6 @@ def run(args: argparse.Namespace) -> int:
     )
 
     begun_s = time.monotonic()
-    end_as_by_interrupt()
     console = Console(markup=False, emoji=False)
     scene = load_scene(resource_path(f"config/scenes/{args.feature}.yaml"))
     settings = DemoSettings(args.feature, args.out, args.seed, args.speed, args.sweeps)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import signal
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,9 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 class Watcher:
     """A node that receives topics and calls services of other nodes; it spins while something is waited for.
 
+    Signals to end raise :class:`KeyboardInterrupt` in :meth:`until` only: elsewhere it would interrupt rclpy,
+    or the end of other processes.
+
     Parameters
     ----------
     domain : ROS domain id
@@ -87,6 +91,12 @@ class Watcher:
     def __init__(self, domain: int, sink: Callable[[str, int, bytes], None] = lambda *_: None) -> None:
         self.received: Counter[str] = Counter()
         self._sink = sink
+        self._is_interrupted = False
+        self._handlers = {
+            number: signal.signal(number, self._on_signal)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+            if signal.getsignal(number) is not signal.SIG_IGN  # nohup
+        }
         self._context = Context()
         rclpy.init(args=[], context=self._context, domain_id=domain)
         self._node = Node("watcher", context=self._context)
@@ -98,6 +108,11 @@ class Watcher:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self._is_interrupted = True
 
     def listen(self, kind: Any, topic: str, quality: QoSProfile, work: Callable[[Any], None]) -> None:
         """Subscribe to a topic; ``work`` is called with each message."""
@@ -123,9 +138,13 @@ class Watcher:
         ------
         LiveError
             It is not true in time.
+        KeyboardInterrupt
+            The process was asked to end.
         """
         deadline = time.monotonic() + timeout_s
         while not condition():
+            if self._is_interrupted:
+                raise KeyboardInterrupt
             if time.monotonic() > deadline:
                 raise LiveError(f"waited {timeout_s:g} s for {what}")
             self._executor.spin_once(timeout_sec=_POLL_S)

@@ -1,6 +1,8 @@
 """Outcome and display of live sweeps."""
 
+import contextlib
 import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +67,23 @@ def test_truth_is_interpolated_at_the_stamps_of_the_sweep():
         seen.add("filter/posterior", message)
     found = seen.sweep(200, None)
     np.testing.assert_allclose(found.truth, [[0.005, 0.01]])
+
+
+def test_an_interrupt_lets_what_runs_finish():
+    from tactile_localizer.demo.show import Watcher
+
+    finished = []
+
+    def interrupted():
+        os.kill(os.getpid(), signal.SIGINT)
+        finished.append(True)
+
+    before = signal.getsignal(signal.SIGINT)
+    with contextlib.closing(Watcher(int(os.environ["ROS_DOMAIN_ID"]))) as watcher:
+        with pytest.raises(KeyboardInterrupt):
+            watcher.until(interrupted, "an interrupt")
+        assert finished == [True]
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_terminal_shows_a_map_and_others_show_lines(capsys):

@@ -83,9 +83,10 @@ def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files
     assert process.stop() == 0
     live = contents(files["scan_file"])
     assert len(live[1]) >= 3
-    bag = write_bag(tmp_path / "bag", hand.published_with_status())
-    for number, options in enumerate(([], ["--detect-sweeps", "both_ways"])):
-        output = tmp_path / f"imported_{number}_scan"
+    by_status = write_bag(tmp_path / "by_status", hand.published_with_status())
+    by_motion = write_bag(tmp_path / "by_motion", hand.published)
+    for bag, options in ((by_status, []), (by_motion, ["--detect-sweeps", "both_ways"])):
+        output = tmp_path / f"{bag.name}_scan"
         arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", output, *options]
         assert main([str(argument) for argument in arguments]) == 0
         assert_same_scan(live, contents(output))
