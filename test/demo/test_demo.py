@@ -29,7 +29,7 @@ def test_an_interrupt_stops_all_processes(process, tmp_path, how):
 @pytest.mark.slow
 def test_the_demo_runs_to_its_end(process, tmp_path):
     folder = tmp_path / "demo"
-    demo = process(["tactile-localizer", "demo", "--out", folder, "--speed", "24", "--sweeps", "4"])
+    demo = process(["tactile-localizer", "demo", "--out", folder, "--speed", "12", "--sweeps", "4"])
     status = demo.wait(timeout_s=240.0)
     summary = json.loads((folder / "summary.json").read_text())
     assert status == 0, demo.output
