@@ -226,11 +226,12 @@ def _featureless_strain(strain: np.ndarray) -> np.ndarray:
     width = max(3, round(_FEATURELESS_STRETCH * len(strain)))
     if len(strain) <= width:
         return np.asarray(np.median(strain, axis=0))
-    sums = np.cumsum(np.vstack([np.zeros(strain.shape[1]), strain]), axis=0)
-    squares = np.cumsum(np.vstack([np.zeros(strain.shape[1]), strain**2]), axis=0)
+    middle = np.median(strain, axis=0)  # in squares of a large offset the signal would be lost
+    deviation = np.vstack([np.zeros(strain.shape[1]), strain - middle])
+    sums, squares = np.cumsum(deviation, axis=0), np.cumsum(deviation**2, axis=0)
     mean = (sums[width:] - sums[:-width]) / width
     variance = (squares[width:] - squares[:-width]) / width - mean**2
-    return np.asarray(mean[variance.sum(axis=1).argmin()])
+    return np.asarray(middle + mean[variance.sum(axis=1).argmin()])
 
 
 def _yaws(tracks: Sequence[Track], scene: Scene) -> np.ndarray:

@@ -49,6 +49,16 @@ def sheet(seed: int = 0, offsets: float = 0.0) -> Scan:
     return Scan(states, strain, sweep, ("x", "y"), SHEET.phalanx_names, SHEET.layout.counts)
 
 
+@pytest.mark.parametrize(("made", "scene"), [(sheet(offsets=1.0), SHEET), (cloth(), CLOTH)])
+def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene) -> None:
+    constant = np.full(8, 3e6)  # of noise 1
+    plain, moved = (estimate_noise(replace(made, strain=made.strain + c), scene) for c in (0.0, constant))
+    assert moved.featureless == plain.featureless
+    np.testing.assert_allclose(moved.model.centre - constant, plain.model.centre, atol=1e-3)
+    for one, other in zip(moved.tracks, plain.tracks, strict=True):
+        np.testing.assert_allclose(one.strain, other.strain, atol=1e-2)
+
+
 def test_whitened_residuals_have_unit_covariance() -> None:
     estimate = estimate_noise(cloth(4), CLOTH)
     residuals = np.concatenate(
