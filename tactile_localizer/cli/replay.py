@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from tactile_localizer.cli.recordings import (
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
@@ -29,17 +27,12 @@ from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
-from tactile_localizer.offline.metrics import with_contact, wrong_sweeps
+from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.offline.odometry import RECORDED
-from tactile_localizer.offline.replay import ReplayedSweep, replay
+from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
+from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Scene
-
-if TYPE_CHECKING:
-    from tactile_localizer.offline.rerun_recording import ReplayView
-
-NOT_LOCALIZED = 1
-"""Exit status if a sweep did not converge, or converged to a wrong position."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,16 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_recording_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error along the travel (*.png)")
-    parser.add_argument(
-        "--rerun",
-        type=Path,
-        metavar="FILE",
-        help="write belief, truth and strain for the Rerun viewer (*.rrd)",
-    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay and print errors and convergence; 0 if every sweep converged to the right position, else 1."""
+    """Replay and print errors, convergence and the verdict; 0 if it is a success, else 1."""
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
@@ -67,14 +54,11 @@ def run(args: argparse.Namespace) -> int:
         calibration = learned_calibration(args.scan, scan, scene, progress)
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-        view = _view(args.rerun, scan, localizer) if args.rerun else None
-        observe = view.observe if view else None
-        sweeps = replay(
-            localizer, with_contact(recording, scene, localizer.model.map), progress, observe=observe
-        )
+        sweeps = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
+    verdict = judge(scene, sweeps, configuration)
     learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(
-        scene, configuration, recording, sweeps, learned, odometry=odometry, seed=args.seed
+        scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
     )
     if args.json is not None:
         write_json(args.json, document, rows="updates")
@@ -85,19 +69,11 @@ def run(args: argparse.Namespace) -> int:
         args.plot.parent.mkdir(parents=True, exist_ok=True)
         replay_figure(scene, sweeps).savefig(args.plot, dpi=120)
         print(args.plot)
-    if view is not None:
-        view.close()
-        print(f"{args.rerun}: open it with `rerun {args.rerun}`")
     for line in (*recording.notes, *_misfit(scan, scene, recording, odometry)):
         print(f"note: {printable(line)}")
     _print(document, args.scan)
-    return _verdict(scene, sweeps, configuration.convergence_radius)
-
-
-def _view(path: Path, scan: Scan, localizer: Localizer) -> ReplayView:
-    from tactile_localizer.offline.rerun_recording import ReplayView  # matplotlib takes a second
-
-    return ReplayView(scan, localizer, path)
+    print(*verdict.notes, verdict, sep="\n")
+    return 0 if verdict.success else 1
 
 
 def _misfit(scan: Scan, scene: Scene, recording: Recording, odometry: str) -> list[str]:
@@ -163,23 +139,3 @@ def _print_errors(summary: dict[str, Any]) -> None:
         if error["count"]
     ]
     print_table("", ("error", "number", "median mm", "mean mm", "largest mm"), cells)
-
-
-def _verdict(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: float) -> int:
-    """Print which sweeps did not converge, or to a wrong position; returns the exit status."""
-    for sweep in sweeps:
-        if not len(sweep):
-            print(f"sweep {sweep.number} did not converge: no usable sample")
-        elif not sweep.converged.any():
-            reason = sweep.reason[-1].partition(": ")[2] or sweep.reason[-1]
-            print(f"sweep {sweep.number} did not converge: {sweep.state[-1].value} at its end; {reason}")
-    wrong = wrong_sweeps(scene, sweeps, radius)
-    for number, error in wrong.items():
-        print(f"sweep {number} converged to a wrong position: error {error * MM:.1f} mm")
-    converged = sum(bool(sweep.converged.any()) for sweep in sweeps)
-    passed = converged == len(sweeps) > 0 and not wrong
-    print(
-        f"{'localized' if passed else 'NOT localized'}: {converged} of {len(sweeps)} sweeps converged, "
-        f"{len(wrong)} of them to a wrong position"
-    )
-    return 0 if passed else NOT_LOCALIZED

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tactile_localizer.scene import Scene
+
 if TYPE_CHECKING:  # importing matplotlib takes a second, which users of the units alone save
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -23,6 +25,14 @@ _LEGEND_INCH = 0.35
 def display_units(axis: str, values: np.ndarray) -> np.ndarray:
     """Positions on an axis of the state in display units: mm, degrees for yaw."""
     return np.degrees(values) if axis == "yaw" else np.asarray(values) * MM
+
+
+def describe_sizes(scene: Scene, sizes: np.ndarray) -> str:
+    """Lengths (d,) by axis, m (yaw: rad), as text in display units."""
+    return ", ".join(
+        f"{axis} {display_units(axis, size):.2f}{'°' if axis == 'yaw' else ' mm'}"
+        for axis, size in zip(scene.axis_names, sizes, strict=True)
+    )
 
 
 def literal(text: str) -> str:

@@ -186,17 +186,6 @@ def timing(sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
     }
 
 
-def wrong_sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: float) -> dict[int, float]:
-    """Sweeps whose median error while converged exceeds ``radius``, m, by number with that error, m."""
-    wrong = {}
-    for sweep in sweeps:
-        errors = position_error(scene, sweep)[sweep.converged]
-        error = float(np.median(errors[np.isfinite(errors)])) if np.isfinite(errors).any() else 0.0
-        if error > radius:
-            wrong[sweep.number] = error
-    return wrong
-
-
 def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:
     """Finite values of all sweeps, of the entries selected by ``keep``."""
     if not values:

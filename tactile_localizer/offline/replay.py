@@ -46,6 +46,7 @@ class ReplayedSweep:
     seconds : (n,) computing time of the localizer, s
     refused : number of samples that the localizer refused
     contact : first and last sample of the recorded sweep in contact with the feature; -1: none, or unknown
+    contact_known : whether it is known
     """
 
     number: int
@@ -64,6 +65,7 @@ class ReplayedSweep:
     seconds: np.ndarray
     refused: int
     contact: tuple[int, int] = NO_CONTACT
+    contact_known: bool = False
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -96,7 +98,6 @@ def replay(
     recording: Recording,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.perf_counter,
-    observe: Callable[[RecordedSweep, int, Estimate], None] | None = None,
 ) -> list[ReplayedSweep]:
     """Localize each sweep of a recording from a uniform prior.
 
@@ -106,7 +107,6 @@ def replay(
     recording : recording whose positions are the odometry, with the axes and phalanges of the localizer
     progress : called with a description of the work and the completed fraction
     clock : clock for the computing time of the localizer, s
-    observe : called with the sweep, the row and the estimate of each sample
     """
     replayed = []
     done, total = 0, max(len(recording), 1)
@@ -129,8 +129,6 @@ def replay(
             seconds.append(clock() - began)
             rows.append(row)
             estimates.append(estimate)
-            if observe is not None:
-                observe(sweep, row, estimate)
         done += len(sweep)
         replayed.append(_replayed_sweep(localizer.scene, sweep, rows, estimates, seconds))
     if progress is not None:
@@ -167,4 +165,5 @@ def _replayed_sweep(
         seconds=np.array(seconds),
         refused=len(sweep) - len(row),
         contact=sweep.contact,
+        contact_known=sweep.felt is not None,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
-from tactile_localizer.offline.axes import MM, display_units
+from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
 from tactile_localizer.offline.replay import ReplayedSweep
+from tactile_localizer.offline.verdict import Verdict
 from tactile_localizer.scene import Scene
 
 
@@ -28,16 +30,8 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
         "information length": f"{calibration.information_length * MM:.1f} mm",
         "memory of the offset": f"{memory * MM:.0f} mm" if np.isfinite(memory) else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
-        "registration": _sizes(scene, calibration.registration_std),
+        "registration": describe_sizes(scene, calibration.registration_std),
     }
-
-
-def _sizes(scene: Scene, sizes: np.ndarray) -> str:
-    """Lengths by axis, in display units."""
-    return ", ".join(
-        f"{axis} {display_units(axis, size):.2f}{'°' if axis == 'yaw' else ' mm'}"
-        for axis, size in zip(scene.axis_names, sizes, strict=True)
-    )
 
 
 def replay_document(
@@ -46,6 +40,7 @@ def replay_document(
     recording: Recording,
     sweeps: Sequence[ReplayedSweep],
     learned: Mapping[str, str],
+    verdict: Verdict,
     *,
     odometry: str,
     seed: int,
@@ -59,11 +54,13 @@ def replay_document(
     recording : replayed recording
     sweeps : its replay
     learned : values learned from the scan, by name
+    verdict : verdict on the sweeps
     odometry : kind of the recording's positions
     seed : random seed
     """
     return {
         "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, sweeps)},
+        "verdict": {"success": verdict.success, **asdict(verdict)},
         "timing": timing(sweeps),
         "recording": {"source": recording.source, "notes": recording.notes},
         "configuration": configuration,

@@ -1,0 +1,108 @@
+"""The verdict of a replay: one definition of success for the commands, the demo and the benchmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.offline.axes import describe_sizes
+from tactile_localizer.offline.metrics import deviation
+from tactile_localizer.offline.replay import ReplayedSweep
+from tactile_localizer.scene import Scene
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Numbers of sweeps by their outcome.
+
+    A sweep is *wrong* if it is ever converged with an error beyond the convergence radius, at any estimate.
+    It is *right* if it has converged at its end and was never wrong. Without a truth no sweep is wrong.
+
+    Parameters
+    ----------
+    sweeps : all sweeps
+    expected : sweeps that have to be right: all but those that touch no feature and never converge
+    right : sweeps that are right
+    wrong : sweeps that were ever wrong
+    early : sweeps that converged before contact, or without any
+    never : of the expected sweeps, those that never converged
+    has_truth : whether the true positions of any sweep are known
+    notes : a line for each expected sweep that is not right, with the reason
+    """
+
+    sweeps: int
+    expected: int
+    right: int
+    wrong: int
+    early: int
+    never: int
+    has_truth: bool
+    notes: tuple[str, ...]
+
+    @property
+    def success(self) -> bool:
+        """Whether every expected sweep, and at least one, is right."""
+        return self.right == self.expected > 0
+
+    def __str__(self) -> str:
+        return (
+            f"{'localized' if self.success else 'NOT localized'}: {self.right} of {self.expected} sweeps "
+            f"{'right' if self.has_truth else 'converged'} at the end, {self.wrong} ever wrong, "
+            f"{self.early} converged before contact, {self.never} never"
+        )
+
+
+def judge(
+    scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration | None = None
+) -> Verdict:
+    """Verdict on the sweeps of a replay.
+
+    Parameters
+    ----------
+    scene : scene of the localizer
+    sweeps : its estimates, with the contact of each sweep (:func:`~.offline.metrics.with_contact`)
+    configuration : gives the convergence radius; default: that of the filter node
+    """
+    radius = convergence_criteria(scene, configuration or Configuration()).radius
+    right = wrong = early = never = expected = 0
+    notes = []
+    for sweep in sweeps:
+        converges, first = bool(sweep.converged.any()), sweep.contact[0]
+        is_early = bool((sweep.converged & ((sweep.row < first) | (first < 0))).any())
+        early += is_early and sweep.contact_known
+        if not converges and sweep.contact_known and first < 0:
+            continue
+        expected += 1
+        never += not converges
+        error = np.where(sweep.converged[:, None], _error(scene, sweep), 0.0)
+        relative = np.square(error / radius).sum(axis=1)
+        if (relative > 1.0).any():
+            wrong += 1
+            worst = describe_sizes(scene, error[relative.argmax()])
+            notes.append(f"sweep {sweep.number} was converged to a wrong position, off by {worst}")
+        elif converges and sweep.converged[-1]:
+            right += 1
+        else:
+            notes.append(f"sweep {sweep.number} {_reason(sweep)}")
+    has_truth = any(sweep.truth is not None for sweep in sweeps)
+    return Verdict(len(sweeps), expected, right, wrong, early, never, has_truth, tuple(notes))
+
+
+def _error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
+    """Absolute errors (n, d), m (yaw: rad); zero where the truth is unknown."""
+    if sweep.truth is None:
+        return np.zeros(sweep.mean.shape)
+    return np.abs(np.nan_to_num(deviation(scene, sweep.mean, sweep.truth)))
+
+
+def _reason(sweep: ReplayedSweep) -> str:
+    """Why a sweep that was never wrong is not right."""
+    if not len(sweep):
+        return "did not converge: no usable sample"
+    reason = sweep.reason[-1].partition(": ")[2] or sweep.reason[-1]
+    what = "did not converge" if not sweep.converged.any() else "did not stay converged"
+    return f"{what}: {sweep.state[-1].value} at its end; {reason}"

@@ -1,0 +1,72 @@
+"""The verdict of a replay."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.replays import SHEET, replayed
+
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.offline.verdict import judge
+from tactile_localizer.scene import Axis
+
+OFF = 0.0262
+TOUCHES = {"contact": (3, 7), "contact_known": True}
+NONE = {"contact": (-1, -1), "contact_known": True}
+LATE = np.arange(10) >= 4
+"""Converged from the estimate after contact on."""
+
+
+def counts(*sweeps):
+    verdict = judge(SHEET, sweeps)
+    return verdict.expected, verdict.right, verdict.wrong, verdict.early, verdict.never, verdict.success
+
+
+@pytest.mark.parametrize(
+    ("sweep", "expected"),
+    [
+        (replayed(np.zeros((10, 2)), converged=LATE, **TOUCHES), (1, 1, 0, 0, 0, True)),
+        (replayed(np.zeros((10, 2)), converged=LATE, truth=False), (1, 1, 0, 0, 0, True)),
+        (replayed(np.zeros((10, 2)), **TOUCHES), (1, 0, 0, 0, 1, False)),
+        (replayed(np.zeros((10, 2))), (1, 0, 0, 0, 1, False)),
+        (replayed(np.zeros((10, 2)), converged=np.arange(10) == 5, **TOUCHES), (1, 0, 0, 0, 0, False)),
+        (replayed(np.zeros((10, 2)), converged=np.arange(10) >= 2, **TOUCHES), (1, 1, 0, 1, 0, True)),
+        (replayed(np.zeros((10, 2)), **NONE), (0, 0, 0, 0, 0, False)),
+        (replayed(np.full((10, 2), OFF), converged=LATE, **NONE), (1, 0, 1, 1, 0, False)),
+        (replayed(np.empty((0, 2))), (1, 0, 0, 0, 1, False)),
+    ],
+    ids=["right", "no truth", "never", "never, contact unknown", "not at its end", "early", "blank",
+         "wrong on blank", "empty"],
+)  # fmt: skip
+def test_a_sweep_is_counted_by_its_outcome(sweep, expected) -> None:
+    assert counts(sweep) == expected
+
+
+def test_a_sweep_that_was_ever_converged_off_the_position_is_wrong() -> None:
+    errors = np.zeros((10, 2))
+    errors[5, 0] = OFF  # one estimate of six that are converged
+    wrong = replayed(errors, converged=LATE, number=4, **TOUCHES)
+    right = replayed(np.zeros((10, 2)), converged=LATE, **TOUCHES)
+    assert counts(right, wrong) == (2, 1, 1, 0, 0, False)
+    verdict = judge(SHEET, [right, wrong])
+    assert verdict.notes == ("sweep 4 was converged to a wrong position, off by x 26.20 mm, y 0.00 mm",)
+    assert str(verdict) == (
+        "NOT localized: 1 of 2 sweeps right at the end, 1 ever wrong, 0 converged before contact, 0 never"
+    )
+    assert judge(SHEET, [right, wrong], Configuration(convergence_radius=0.03)).success
+    assert counts(right, replayed(errors, converged=np.arange(10) > 5, **TOUCHES))[-1]
+
+
+def test_blank_sweeps_that_never_converge_do_not_count() -> None:
+    right = replayed(np.zeros((10, 2)), converged=LATE, **TOUCHES)
+    assert counts(right, replayed(np.zeros((10, 2)), **NONE)) == (1, 1, 0, 0, 0, True)
+
+
+def test_a_wrong_yaw_is_a_wrong_position() -> None:
+    scene = replace(SHEET, axes=(SHEET.axes[0], Axis("yaw", -math.pi, math.pi)))
+    turned = replayed([[0.0, 2 * math.pi - 0.1], [0.0, 0.3]], converged=[True, True])
+    assert judge(scene, [turned]).wrong == 1
+    assert judge(scene, [turned], Configuration(convergence_yaw_radius=0.4)).success
