@@ -8,8 +8,8 @@ channels ``<phalanx>_<number>`` (V) and ``felt``, 1 while in contact; without it
 all the way. A localizer is built from ``train`` and tried on the other files, reset at the start of each
 sweep. Their positions are true: it gets their displacements with noise of the scene's ``motion_std``.
 
-A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise`` or ``--process-noise`` a variant
-of it, and has
+A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``--process-noise``,
+``--gauge-noise`` or ``--noisy-channel`` a variant of it, and has
 
 ``error_mm``, ``error_settled_mm``
     mean over the sweeps of the mean error from contact to the feature's end, and from 4 mm after contact, mm
@@ -37,8 +37,11 @@ of it, and has
 
 ``--passes 1 2`` uses the first and the second half of the training sweeps, a row each; ``both`` is the
 default. ``--lines K`` uses every K-th line. ``--odometry-noise K`` multiplies the noise of the displacements
-and leaves the localizer unaware of it; ``--process-noise K`` multiplies both. ``--seeds`` repeats everything
-with other noise. The file of ``--json`` has ``arguments``, ``rows`` and ``totals``, the means over all rows.
+and leaves the localizer unaware of it; ``--process-noise K`` multiplies both. ``--gauge-noise FACTOR`` raises
+the white noise of all channels of ``test`` and ``blank`` to that many times its standard deviation in
+``train``, ``--noisy-channel WIDTHS`` adds white noise of so many of them to their first channel. ``--seeds``
+repeats everything with other noise. The file of ``--json`` has ``arguments``, ``rows`` and ``totals``, the
+means over all rows.
 """
 
 from __future__ import annotations
@@ -51,6 +54,7 @@ import argparse
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -73,6 +77,9 @@ from tactile_localizer.scene import Scene
 
 PASSES = ("both", "1", "2")
 
+NORMAL_MEDIAN = 0.6745
+"""Median of the absolute value of a standard normal variable."""
+
 
 class Variant(NamedTuple):
     """What is changed about a folder.
@@ -83,12 +90,16 @@ class Variant(NamedTuple):
     lines : every so many-th line is used
     odometry_noise : factor of the noise of the displacements
     process_noise : factor of that and of the scene's ``motion_std``
+    gauge_noise : factor, at least 1, of the white noise of all channels
+    noisy_channel : further white noise of the first channel, in standard deviations of its own
     """
 
     passes: str = "both"
     lines: int = 1
     odometry_noise: float = 1.0
     process_noise: float = 1.0
+    gauge_noise: float = 1.0
+    noisy_channel: float = 0.0
 
 
 def load_recording(path: Path, scene: Scene) -> Recording:
@@ -109,6 +120,25 @@ def with_passes(recording: Recording, passes: str, lines: int) -> Recording:
     line = line_numbers(np.array([sweep.position.mean(axis=0) for sweep in sweeps]))
     kept = tuple(sweep for sweep, number in zip(sweeps, line, strict=True) if number % lines == 0)
     return replace(recording, sweeps=kept)
+
+
+def white_noise_std(recording: Recording) -> np.ndarray:
+    """Standard deviation (C,) of each channel's white noise, V: the median over the sweeps.
+
+    Second differences of successive strains show it, without a map: what the hand feels changes slowly.
+    """
+    sweeps = [np.diff(sweep.strain, n=2, axis=0) for sweep in recording.sweeps]
+    deviations = [np.nanmedian(np.abs(second), axis=0) for second in sweeps]
+    return np.nanmedian(deviations, axis=0) / (NORMAL_MEDIAN * np.sqrt(6.0))
+
+
+def with_white_noise(recording: Recording, std: np.ndarray, rng: np.random.Generator) -> Recording:
+    """A recording with white noise of standard deviation ``std`` (C,), V, added to its strains."""
+    sweeps = [
+        replace(sweep, strain=sweep.strain + std * rng.standard_normal(sweep.strain.shape))
+        for sweep in recording.sweeps
+    ]
+    return replace(recording, sweeps=tuple(sweeps))
 
 
 def line_numbers(means: np.ndarray) -> np.ndarray:
@@ -141,7 +171,10 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         raise ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
     axes = tuple(replace(axis, motion_std=variant.process_noise * axis.motion_std) for axis in scene.axes)
     scene = replace(scene, axes=axes)
-    scan = scan_of(with_passes(load_recording(train, scene), variant.passes, variant.lines), scene)
+    trained = with_passes(load_recording(train, scene), variant.passes, variant.lines)
+    added = white_noise_std(trained) * np.sqrt(variant.gauge_noise**2 - 1.0)
+    added[0] = np.hypot(added[0], variant.noisy_channel * white_noise_std(trained)[0])
+    scan = scan_of(trained, scene)
     began = time.process_time()
     calibration = learn(scan, scene)
     learning_s = time.process_time() - began
@@ -149,16 +182,20 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         scan, scene, configuration, np.random.default_rng(seed), calibration=calibration
     )
 
-    def replayed(path: Path) -> list[ReplayedSweep]:
-        return localize(localizer, load_recording(path, scene), variant.odometry_noise, seed)
+    def replayed(path: Path, strain_std: np.ndarray) -> list[ReplayedSweep]:
+        recording = load_recording(path, scene)
+        noisy = with_white_noise(recording, strain_std, np.random.default_rng([seed, 2]))
+        return localize(localizer, noisy, variant.odometry_noise, seed)
 
-    sweeps = replayed(test)
+    sweeps = replayed(test, added)
     memory = localizer.model.drift.memory
     row: Row = {
         "folder": folder.name,
         "passes": variant.passes,
         "lines": variant.lines,
         "noise": variant.odometry_noise * variant.process_noise,
+        "gauge": variant.gauge_noise,
+        "channel": variant.noisy_channel,
         "seed": seed,
         "sweeps": len(sweeps),
         **on_feature(scene, sweeps),
@@ -171,8 +208,9 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         },
     }
     if files["blank"] is not None:
-        row["false_blank"] = ever_converged(replayed(files["blank"]))
-    if foreign := [sweep for path in sorted(folder.glob("foreign_*.csv*")) for sweep in replayed(path)]:
+        row["false_blank"] = ever_converged(replayed(files["blank"], added))
+    others = [replayed(path, 0.0 * added) for path in sorted(folder.glob("foreign_*.csv*"))]
+    if foreign := [sweep for sweeps in others for sweep in sweeps]:
         row["foreign_strains"], row["foreign_sweeps"] = on_unscanned(foreign)
     return [row]
 
@@ -197,6 +235,7 @@ def learned_values(values: Mapping[str, Any]) -> Row:
     }
 
 
+_NAMES = ("folder", "passes", "lines", "noise", "gauge", "channel", "seed")
 _COLUMNS = {
     "error_mm": ("error", ".2f"),
     "error_settled_mm": ("settled", ".2f"),
@@ -225,8 +264,9 @@ def totals(rows: Sequence[Row]) -> list[Row]:
 
 
 def show(rows: Sequence[Row]) -> None:
-    """Print the rows, their means, and what was learned."""
-    print_rows(("folder", "passes", "lines", "noise", "seed", "sweeps"), _COLUMNS, rows, totals(rows))
+    """Print the rows, with what of their variants differs, their means, and what was learned."""
+    varied = [name for name in _NAMES[1:] if len({row[name] for row in rows}) > 1]
+    print_rows(("folder", *varied, "sweeps"), _COLUMNS, rows, totals(rows))
     for row in rows:
         learned = ", ".join(f"{name} {value}" for name, value in row["learned"].items())
         print(f"{row['folder']}, passes {row['passes']}, lines {row['lines']}: {learned}")
@@ -244,16 +284,24 @@ def main() -> None:
     parser.add_argument("--lines", type=int, nargs="+", default=[1], metavar="K", help="every K-th line")
     parser.add_argument("--odometry-noise", type=float, nargs="+", default=[1.0], metavar="K")
     parser.add_argument("--process-noise", type=float, nargs="+", default=[1.0], metavar="K")
+    parser.add_argument("--gauge-noise", type=float, nargs="+", default=[1.0], metavar="FACTOR")
+    parser.add_argument("--noisy-channel", type=float, nargs="+", default=[0.0], metavar="WIDTHS")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="of the noise")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     given = parser.parse_args()
+    if min(given.gauge_noise) < 1.0:
+        parser.error(f"--gauge-noise: expected at least 1, got {min(given.gauge_noise):g}")
     configuration = load_configuration(None if given.configuration == "default" else given.configuration)
     variants = [
-        Variant(passes, lines, odometry, process)
-        for passes in given.passes
-        for lines in given.lines
-        for odometry in given.odometry_noise
-        for process in given.process_noise
+        Variant(*values)
+        for values in product(
+            given.passes,
+            given.lines,
+            given.odometry_noise,
+            given.process_noise,
+            given.gauge_noise,
+            given.noisy_channel,
+        )
     ]
     calls = [
         (folder, variant, configuration, seed)
@@ -264,7 +312,7 @@ def main() -> None:
     rows: list[Row] = []
     for own in in_parallel(measure_folder, calls, given.jobs, "folders"):
         rows += own
-        rows.sort(key=lambda row: [row[key] for key in ("folder", "passes", "lines", "noise", "seed")])
+        rows.sort(key=lambda row: [row[key] for key in _NAMES])
         if given.json is not None:
             write_rows(given.json, vars(given), rows, totals(rows))
     show(rows)

@@ -16,6 +16,7 @@ PAGES = (
     "docs/make/site.css",
     "examples/README.md",
     "examples/*/*",
+    "examples/recordings/*/README.md",
 )
 
 

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorded import white_noise_std, with_white_noise
 from support.sweeps import CALIBRATION
 
+from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
@@ -69,7 +71,6 @@ def bump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_scene(load_scene(resource_path("config/scenes/bump.yaml")), folder / "scene.yaml")
     write_sweeps(folder / "train.csv.gz", simulate_scan("bump", 1), 4)
     write_sweeps(folder / "test.csv", simulate_scan("bump", 1, "test", sweeps=1))
-    write_sweeps(folder / "foreign_seam.csv", simulate_scan("seam", 1, "test", sweeps=1))
     return folder
 
 
@@ -77,8 +78,21 @@ def test_recorded_has_a_row_for_a_folder(bump: Path, tmp_path: Path) -> None:
     (row,) = rows_of(tmp_path, "recorded.py", bump, "--lines", "2", "--jobs", "1")
     assert row["error_settled_mm"] < 5.0
     assert (row["false_before"], row["lines"]) == (0, 2)
-    assert row["foreign_sweeps"] in (0.0, 1.0)
-    assert "false_blank" not in row
+    assert not {"false_blank", "foreign_strains"} & row.keys()
+
+
+def test_recorded_adds_white_noise_in_units_of_the_channels_own() -> None:
+    rng, slow = np.random.default_rng(0), np.sin(np.linspace(0.0, 9.0, 4000))[:, None]
+    std = np.array([0.1, 3.0])
+    noisy = [slow + std * rng.standard_normal((4000, 2)) for _ in range(3)]
+    sweeps = tuple(
+        RecordedSweep(n, np.arange(4000), slow, strain, np.zeros((4000, 1))) for n, strain in enumerate(noisy)
+    )
+    recording = Recording("waves", sweeps)
+    np.testing.assert_allclose(white_noise_std(recording), std, rtol=0.05)
+    assert with_white_noise(recording, 0.0 * std, rng).sweeps[0].strain.tolist() == noisy[0].tolist()
+    louder = with_white_noise(recording, np.sqrt(2.0**2 - 1.0) * std, rng)
+    np.testing.assert_allclose(white_noise_std(louder), 2.0 * std, rtol=0.05)
 
 
 def test_speed_has_rows_for_a_folder(bump: Path, tmp_path: Path, learned: None) -> None:
