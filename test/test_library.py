@@ -72,6 +72,11 @@ def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
         (lambda folder: update(folder, stamp_ns=None), "stamp_ns: expected .* got None"),
         (lambda folder: update(folder, position=(0.01,)), "position: expected 2 finite numbers"),
         (lambda folder: update(folder, strain=(0.0,) * 7), r"strain: expected .*16"),
+        (
+            lambda folder: update(folder, strain=("0.1",) * 16),
+            r"strain: expected real numbers, got array\(\['",
+        ),
+        (lambda folder: update(folder, position=(1j, 0.0)), "position: expected real numbers, got array"),
     ],
 )
 def test_a_mistake_is_an_error_of_one_line(recorded, mistake, message):

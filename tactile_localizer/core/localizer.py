@@ -21,7 +21,7 @@ from tactile_localizer.core.hypotheses.convergence import (
 )
 from tactile_localizer.core.hypotheses.correlation import AWAY, PRIOR, Correlation, Sums
 from tactile_localizer.core.hypotheses.explanations import Explanations
-from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import log_sum, probability
@@ -191,7 +191,7 @@ class Localizer:
             A position or strain that is not finite or not of the expected shape, or a palm that travels
             while the stamps stand still; the belief is untouched.
         """
-        position = np.array(position, dtype=np.float64)
+        position = real_numbers(position, "position").copy()
         if position.shape != (self.scene.dimension,) or not has_finite_squares(position):
             raise MeasurementError(
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"

@@ -9,9 +9,10 @@ from tactile_localizer.core.geometry.synchronization import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.quantity import is_number
 
-_MIN_STEP_NS = NANOSECONDS // 1000
+_MIN_PERIOD_NS = NANOSECONDS // 10_000
+"""Shortest plausible period of a tactile sensor, ns (judgement); stamps in µs advance by less."""
 _MAX_TRAVEL_M = 0.01
-"""Travel within ``_MIN_STEP_NS``, over several samples, that no hand makes: 10 m/s (judgement)."""
+"""m of travel at a shorter period, over several samples, that is refused."""
 _MIN_SAMPLES = 3
 _STUCK = 0.002
 """m of travel over which a phalanx that repeats its strain to the last bit, while another changes, is stuck:
@@ -19,7 +20,7 @@ a load cell that works has noise."""
 
 
 class StampUnit:
-    """Detects stamps in a wrong unit: the palm travels while they stand still; a single jump is allowed."""
+    """Detects stamps in a wrong unit: the palm travels while they hardly advance."""
 
     def __init__(self) -> None:
         self.reset()
@@ -27,7 +28,7 @@ class StampUnit:
     def reset(self) -> None:
         """Begin anew."""
         self._samples = 0
-        self._begin_ns, self._begin = 0, np.zeros(0)
+        self._begin_ns, self._last_ns, self._begin = 0, 0, np.zeros(0)
 
     def check(self, stamp_ns: int, position: np.ndarray) -> None:
         """Add a sample with position (d,), m (yaw: rad).
@@ -35,20 +36,21 @@ class StampUnit:
         Raises
         ------
         MeasurementError
-            The stamp is not a number, or stands still while the palm travels.
+            The stamp is not a number, or hardly advances while the palm travels.
         """
         if not is_number(stamp_ns):
             raise MeasurementError(f"stamp_ns: expected a whole number of ns, got {stamp_ns!r}")
-        advance = stamp_ns - self._begin_ns
-        if not self._samples or not 0 <= advance < _MIN_STEP_NS:
+        step, self._last_ns = stamp_ns - self._last_ns, stamp_ns
+        if not self._samples or not 0 <= step < _MIN_PERIOD_NS:
             self._samples, self._begin_ns, self._begin = 1, stamp_ns, position
             return
         self._samples += 1
         travel = float(np.linalg.norm(position - self._begin))
         if travel > _MAX_TRAVEL_M and self._samples > _MIN_SAMPLES:
             raise MeasurementError(
-                f"stamp_ns: expected ns, the palm travelled {travel * 1e3:.0f} mm in {advance:g} ns over "
-                f"{self._samples} samples (stamps in s? * 1e9)"
+                f"stamp_ns: expected ns, the palm travelled {travel * 1e3:.0f} mm in "
+                f"{stamp_ns - self._begin_ns:g} ns over {self._samples} samples "
+                "(stamps in s? * 1e9; in us? * 1000)"
             )
 
 

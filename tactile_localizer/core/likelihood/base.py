@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol, runtime_checkable
+import reprlib
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -48,14 +49,14 @@ def checked(
     MeasurementError
         A wrong shape, no phalanx present, or a value in a present phalanx that is not finite or over 1e100.
     """
-    strain = np.asarray(strain, dtype=np.float64)
+    strain = real_numbers(strain, "strain")
     phalanges = layout.phalanges
     if strain.shape != (layout.size,):
         raise MeasurementError(f"strain: expected shape ({layout.size},), got {strain.shape}")
     if present is None:
         _require_finite(strain)
         return strain, np.ones(phalanges, dtype=bool)
-    present = np.asarray(present, dtype=bool)
+    present = real_numbers(present, "present").astype(bool)
     count = np.count_nonzero(present)
     if present.shape != (phalanges,) or not count:
         raise MeasurementError(f"present: expected {phalanges} flags, at least one set, got {present}")
@@ -63,6 +64,23 @@ def checked(
         strain = np.where(layout.expand(present), strain, 0.0)
     _require_finite(strain)
     return strain, present
+
+
+def real_numbers(values: Any, what: str) -> np.ndarray:
+    """``values`` as an array of float64.
+
+    Raises
+    ------
+    MeasurementError
+        They are text, complex, or nested unevenly; the message calls them ``what``.
+    """
+    try:
+        found = np.asarray(values)
+    except ValueError:
+        found = np.empty(0, dtype=object)
+    if found.dtype.kind not in "fiub":
+        raise MeasurementError(f"{what}: expected real numbers, got {reprlib.repr(values)}")
+    return found.astype(np.float64, copy=False)
 
 
 def has_finite_squares(numbers: np.ndarray) -> bool:
