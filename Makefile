@@ -46,7 +46,7 @@ pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --duratio
 # Tests of nodes spend much of their time waiting, so there are more workers than cores; the longest files come
 # first. Tests that depend on real time (soak, demo, scenarios of several nodes) run last, two at a time.
 in_real_time := test/soak test/demo test/integration test/launch
-long := test/ros test/test_examples.py test/test_packaging.py test/benchmarks test/cli
+long := test/regression test/ros test/test_examples.py test/test_packaging.py test/benchmarks test/cli
 others := $(filter-out $(in_real_time) $(long) test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test

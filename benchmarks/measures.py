@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ def on_feature(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Row:
         "coverage_contact": _mean_of_sweeps(covered, contacts),
         "within_5_mm": float(np.mean(travel <= 0.005)),
         "within_10_mm": float(np.mean(travel <= 0.010)),
+        "converged": _mean_of_sweeps([sweep.converged for sweep in sweeps], contacts),
         "false_before": sum(bool((sweep.converged & ~_from_contact(sweep)).any()) for sweep in sweeps),
     }
 
@@ -62,6 +63,17 @@ def falsely_converged(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: flo
             )
         ),
         "false_strains": sum(int(flags.sum()) for flags in wrong) / converged if converged else 0.0,
+    }
+
+
+def standard_errors(
+    measure: Callable[[Sequence[ReplayedSweep]], Row], sweeps: Sequence[ReplayedSweep]
+) -> Row:
+    """Standard errors of the means that ``measure`` returns, from the spread of the single sweeps."""
+    rows = [measure([sweep]) for sweep in sweeps]
+    values = {key: np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
+    return {
+        key: float(np.nanstd(each, ddof=1) / np.sqrt(np.isfinite(each).sum())) for key, each in values.items()
     }
 
 

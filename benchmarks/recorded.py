@@ -18,6 +18,8 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
     feature's end; mean over the sweeps
 ``within_5_mm``, ``within_10_mm``
     share of the sweeps that converge at most so far past contact; at ``false_before`` of them it was before
+``converged``
+    share of the strains from contact to the feature's end that are converged, mean over the sweeps
 ``false_sweeps``, ``false_strains``
     share of the sweeps that are ever, from contact on, converged and more than the convergence radius
     (7.5 mm) off; share of the converged strains, of whole sweeps, that are so far off
@@ -34,6 +36,8 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
     processor time of learning from the scan, s
 ``learned``
     what was learned from held-out sweeps, by name
+``standard_errors``
+    of the means over the sweeps, by name, from the spread of the single sweeps
 
 ``--passes 1 2`` uses the first and the second half of the training sweeps, a row each; ``both`` is the
 default. ``--lines K`` uses every K-th line. ``--odometry-noise K`` multiplies the noise of the displacements
@@ -59,7 +63,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from measures import Row, ever_converged, falsely_converged, on_feature, on_unscanned, update_times
+from measures import (
+    Row,
+    ever_converged,
+    falsely_converged,
+    on_feature,
+    on_unscanned,
+    standard_errors,
+    update_times,
+)
 from rows import in_parallel, print_rows, write_rows
 from simulated import read_us
 
@@ -187,6 +199,13 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         noisy = with_white_noise(recording, strain_std, np.random.default_rng([seed, 2]))
         return localize(localizer, noisy, variant.odometry_noise, seed)
 
+    def measures(sweeps: Sequence[ReplayedSweep]) -> Row:
+        radius = configuration.convergence_radius
+        return {**on_feature(scene, sweeps), **falsely_converged(scene, sweeps, radius)}
+
+    def on_foreign(sweeps: Sequence[ReplayedSweep]) -> Row:
+        return dict(zip(("foreign_strains", "foreign_sweeps"), on_unscanned(sweeps), strict=True))
+
     sweeps = replayed(test, added)
     memory = localizer.model.drift.memory
     row: Row = {
@@ -198,20 +217,21 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "channel": variant.noisy_channel,
         "seed": seed,
         "sweeps": len(sweeps),
-        **on_feature(scene, sweeps),
-        **falsely_converged(scene, sweeps, configuration.convergence_radius),
+        **measures(sweeps),
         **update_times(sweeps, read_us(scan)),
         "learning_s": learning_s,
         "learned": {
             **learned_values(calibration._asdict()),
             "memory": memory if np.isfinite(memory) else "constant",
         },
+        "standard_errors": standard_errors(measures, sweeps),
     }
     if files["blank"] is not None:
         row["false_blank"] = ever_converged(replayed(files["blank"], added))
     others = [replayed(path, 0.0 * added) for path in sorted(folder.glob("foreign_*.csv*"))]
-    if foreign := [sweep for sweeps in others for sweep in sweeps]:
-        row["foreign_strains"], row["foreign_sweeps"] = on_unscanned(foreign)
+    if foreign := [sweep for recording in others for sweep in recording]:
+        row |= on_foreign(foreign)
+        row["standard_errors"] |= standard_errors(on_foreign, foreign)
     return [row]
 
 
@@ -243,6 +263,7 @@ _COLUMNS = {
     "coverage_contact": ("contact", ".3f"),
     "within_5_mm": ("in 5 mm", ".2f"),
     "within_10_mm": ("in 10 mm", ".2f"),
+    "converged": ("converged", ".2f"),
     "false_sweeps": ("false sweeps", ".2f"),
     "false_strains": ("strains", ".4f"),
     "false_before": ("before", "g"),
