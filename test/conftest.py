@@ -25,8 +25,7 @@ settings.load_profile("repeatable")
 
 # Before any test imports rclpy: no other test process and no robot shares the domain.
 _CLAIM = ExitStack()
-_DOMAIN = _CLAIM.enter_context(own_domain())
-os.environ.update(_DOMAIN.environment)
+_CAN_PORT = _CLAIM.enter_context(own_domain())
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Processes started by `make test &` in a script ignore Ctrl-C; those of the tests must not inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -62,7 +61,7 @@ def data_dir() -> Path:
 @pytest.fixture
 def simulated_can() -> dict[str, Any]:
     """Interface, channel and port of a simulated CAN bus that no other test process uses."""
-    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": _DOMAIN.can_port}
+    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": _CAN_PORT}
 
 
 @pytest.fixture

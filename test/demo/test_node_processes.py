@@ -1,19 +1,20 @@
 """Nodes as processes: failures are reported, and all processes are stopped."""
 
-import signal
+import contextlib
+import os
 import sys
 
 import pytest
-from support.waiting import wait_until
+from support.waiting import children, wait_until
 
-from tactile_localizer.demo.nodes import Nodes, node_executable, own_domain
+from tactile_localizer.demo.nodes import Nodes, node_command, own_domain
 from tactile_localizer.errors import LiveError
 
 STUBBORN = """
-import signal, time
+import signal, sys, time
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
-print("[INFO] [1.0] [node]: ready", flush=True)
+print("[INFO] [1.0] [node]: started with", sys.argv, flush=True)
 time.sleep(60)
 """
 FAILING = """
@@ -31,34 +32,37 @@ def executables(tmp_path, monkeypatch):
         program = folder / f"{name}_node"
         program.write_text(f"#!{sys.executable}\n{text}")
         program.chmod(0o755)
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nonexistent:{tmp_path / 'prefix'}")
     monkeypatch.setattr("tactile_localizer.demo.nodes._STOP_TIMEOUT_S", 0.2)
 
 
-def test_the_context_stops_all_processes(executables, tmp_path):
-    with Nodes(tmp_path, {}) as nodes:
-        node = nodes.start("filter", {"seed": 7})
-        wait_until(lambda: node.last_line == "ready", "its line")
+def test_all_processes_are_stopped(executables, tmp_path):
+    before = children(os.getpid())
+    with contextlib.closing(Nodes(tmp_path)) as nodes:
+        nodes.start("filter", {"seed": 7, "model": "off"})
+        log = tmp_path / "filter.log"
+        wait_until(lambda: "started" in log.read_text(), "its line")
         nodes.check()
-    assert node.process.poll() == -signal.SIGKILL
-    assert "seed: 7" in (tmp_path / "filter.yaml").read_text()
+        assert "config/filter.yaml', '-p', 'seed:=7', '-p', 'model:=\"off\"']" in log.read_text()
+    assert children(os.getpid()) == before
 
 
 def test_an_ended_node_is_reported_with_its_last_line(executables, tmp_path):
-    with Nodes(tmp_path, {}) as nodes:
-        nodes.start("driver", {}).process.wait(10.0)
-        with pytest.raises(LiveError, match="driver: expected it to run, it ended: can0: expected an"):
-            nodes.check()
-        with pytest.raises(LiveError, match="driver: expected exit status 0, got 2: can0: expected an"):
-            nodes.stop("driver")
+    with contextlib.closing(Nodes(tmp_path)) as nodes:
+        nodes.start("driver", {})
+        with pytest.raises(LiveError, match="driver: expected it to run, it ended: can0: expected an inter"):
+            wait_until(nodes.check, "its end")
 
 
 def test_a_missing_executable_is_reported():
     with pytest.raises(LiveError, match="nothing_node: expected it below AMENT_PREFIX_PATH, found none"):
-        node_executable("nothing_node")
+        node_command("nothing_node", {})
 
 
-def test_concurrent_runs_have_domains_of_their_own():
-    with own_domain() as first, own_domain() as second:
-        assert first != second
-        assert first.bus["bus_options"] != second.bus["bus_options"]
+def test_concurrent_runs_have_domains_of_their_own(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", os.environ["ROS_DOMAIN_ID"])  # restored after the test
+    with own_domain() as port:
+        domain = os.environ["ROS_DOMAIN_ID"]
+        with own_domain() as other:
+            assert (port, domain) != (other, os.environ["ROS_DOMAIN_ID"])
+            assert port - int(domain) == other - int(os.environ["ROS_DOMAIN_ID"])

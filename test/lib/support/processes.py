@@ -15,7 +15,7 @@ from typing import Any
 from support.forked_nodes import ForkedNode
 from support.waiting import Deadline, children, wait_until
 
-from tactile_localizer.demo.nodes import node_executable
+from tactile_localizer.demo import nodes
 from tactile_localizer.ros.base.child_process import end_with_parent
 
 
@@ -125,30 +125,7 @@ def node_command(
     namespace: str | None = None,
     parameter_files: Sequence[Path] = (),
 ) -> list[str]:
-    """Command line of an installed node, as ``ros2 run`` would make it.
-
-    Parameters
-    ----------
-    name : executable, such as ``driver_node``
-    parameters : by name; values are written as YAML does
-    remaps : from name to name
-    namespace : of the node
-    parameter_files : YAML files, before ``parameters``
-    """
-    arguments = [str(node_executable(name)), "--ros-args"]
-    for file in parameter_files:
-        arguments += ["--params-file", str(file)]
-    for parameter, value in (parameters or {}).items():
-        arguments += ["-p", f"{parameter}:={_yaml(value)}"]
+    """Command line of an installed node, with names that are remapped."""
     names = ({"__ns": namespace} if namespace else {}) | dict(remaps or {})
-    for source, target in names.items():
-        arguments += ["-r", f"{source}:={target}"]
-    return arguments
-
-
-def _yaml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_yaml, value))}]"
-    return str(value)
+    remapped = [word for source, target in names.items() for word in ("-r", f"{source}:={target}")]
+    return nodes.node_command(name, parameters or {}, parameter_files) + remapped
