@@ -18,7 +18,7 @@ run := scripts/in_env
 
 .PHONY: help
 help: ## List the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s  %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s  %s\n", $$1, $$2}' Makefile
 
 .PHONY: venv
 venv: ## Make the environment: ROS 2 (ROS_DISTRO=jazzy or kilted, or a sourced one) and the libraries
@@ -47,7 +47,7 @@ pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --duratio
 # first. Tests that depend on real time (soak, demo, scenarios of several nodes) run last, two at a time.
 in_real_time := test/soak test/demo test/integration test/launch
 long := test/regression test/ros test/test_examples.py test/test_packaging.py test/benchmarks test/cli
-others := $(filter-out $(in_real_time) $(long) test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
+others := $(filter-out $(in_real_time) $(long) test/socketcan test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test
 test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
@@ -56,7 +56,12 @@ ifdef ARGS
 else
 	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(long) $(others)
 	$(pytest) --numprocesses 2 --dist load --maxschedchunk 1 $(in_real_time)
+	@$(MAKE) --no-print-directory test-socketcan
 endif
+
+.PHONY: test-socketcan
+test-socketcan: build ## Test the driver on CAN sockets, in a kernel of its own (Debian, Ubuntu: user-mode-linux)
+	@test/socketcan/in_can_kernel $(run) python -m pytest -p no:cacheprovider -rs test/socketcan || [ $$? = 77 ]
 
 .PHONY: test-fast
 test-fast: build ## Run the tests of core and io that need neither processes nor more than ten seconds

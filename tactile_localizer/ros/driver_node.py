@@ -23,7 +23,6 @@ from tactile_localizer.io.can.bus import BusSettings, parse_options
 from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
-from tactile_localizer.io.can.reader import WAITING
 from tactile_localizer.io.can.tare import load_tare, store_tare
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
@@ -68,26 +67,24 @@ class DriverNode(ManagedNode):
         )
         self._use_sim_time = self.get_parameter("use_sim_time").value
         self._tare_file = _tare_path(parameters["tare_file"], self.get_namespace())
-        self._bus = str(bus)
         log = self.get_logger()
         self._driver = LoadCellDriver(
             protocol,
             bus,
             self._publish,
             period_s=parameters["period_s"],
-            backoff_s=parameters["reconnect_delay_s"],
-            backoff_limit_s=parameters["reconnect_delay_limit_s"],
-            wait=parameters["wait_for_interface"],
+            max_age_s=parameters["max_age_s"],
             log=log.warning,
             note=log.info,
         )
         self._driver.offset = load_tare(self._tare_file, phalanges, protocol.channels)
-        self._health = DiagnosticsPublisher(self, self._bus)
+        self._health = DiagnosticsPublisher(self, str(bus))
         self._diagnostics = DriverDiagnostics(
             self._driver,
             self._health,
-            self._bus,
+            bus.channel,
             parameters["stale_timeout_s"],
+            parameters["max_age_s"],
             lambda: self.count_publishers("strain"),
         )
         self._message = StrainVectors(phalanges=phalanges, channels=protocol.channels.counts)
@@ -103,12 +100,9 @@ class DriverNode(ManagedNode):
         self.create_service(Trigger, "~/reconnect", self._on_reconnect)
 
     def activate(self) -> None:
-        """Open the bus and start reading."""
+        """Start reading; the bus is opened as soon as that is possible."""
         self.defer(self._stop_reading)
         self._driver.start()
-        if self._driver.status.state != WAITING:
-            names = ", ".join(self._driver.protocol.phalanges)
-            self.get_logger().info(f"CAN bus {self._bus} is open, reading {names}")
         self._publish_offset()
         self.create_steady_timer(
             _DIAGNOSTICS_PERIOD_S, lambda: self._health.publish(*self._diagnostics.statuses())

@@ -38,20 +38,12 @@ PARAMETERS = (
         60.0,
     ),
     Parameter(
-        "reconnect_delay_s",
-        0.1,
-        "Delay before a failed bus is reopened, doubled after each failure; 0 reopens it only by ~/reconnect",
+        "max_age_s",
+        0.2,
+        "Age from which frames that were read late are discarded, so that the newest are used",
         "s",
-        0.0,
+        0.01,
         60.0,
-    ),
-    Parameter(
-        "reconnect_delay_limit_s", 5.0, "Maximum delay before a failed bus is reopened", "s", 0.0, 600.0
-    ),
-    Parameter(
-        "wait_for_interface",
-        False,
-        "Wait for a CAN interface that is absent at activation instead of rejecting the activation",
     ),
     Parameter("tare_duration_s", 1.0, "Averaging time of ~/tare", "s", 0.05, 10.0, live=True),
     Parameter(

@@ -29,7 +29,7 @@ def driver_process(
         "channel": simulated_can["channel"],
         "bus_options": [f"port={simulated_can['port']}"],
         "tare_file": str(tmp_path / "tare.yaml"),
-        "period_s": 0.4,  # on a busy machine the test can pause between two frames
-        "reconnect_delay_s": 0.02,
+        "period_s": 0.4,  # on a busy machine the test can pause between two frames,
+        "max_age_s": 60.0,  # or the driver before it reads them
     }
     return lambda **more: process(node_command("driver_node", {**parameters, **more}))

@@ -156,10 +156,14 @@ class CycleAssembler:
         for cell in self._cells:
             cell.counter = None
 
-    def feed(self, frames: Sequence[can.Message]) -> list[Cycle]:
-        """Process frames in order of reception; returns the cycles that they complete or close."""
+    def feed(self, frames: Sequence[can.Message], oldest_ns: int = 0) -> list[Cycle]:
+        """Process frames in order of reception; returns the cycles that they complete or close.
+
+        Frames stamped before ``oldest_ns`` are discarded as late.
+        """
         for frame in frames:
-            self.counts.frames[self._take(frame)] += 1
+            is_late = frame.timestamp * 1e9 < oldest_ns
+            self.counts.frames[FrameKind.LATE if is_late else self._take(frame)] += 1
         cycles, self._cycles = self._cycles, []
         return cycles
 

@@ -1,23 +1,24 @@
-"""Opening a python-can bus with kernel filters and receive buffer, and reading the kernel's drop count."""
+"""Opening of a python-can bus, and what the kernel knows about it: its interface and its receive queue."""
 
 from __future__ import annotations
 
-import inspect
+import errno
 import logging
 import os
-import re
 import socket
 import struct
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import Any
 
 import can
 import yaml
-from can.interfaces import BACKENDS
+from can.interfaces.socketcan import SocketcanBus
 
-from tactile_localizer.errors import CanError, did_you_mean
+from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.error_frames import CONTROLLER_STATES
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
 
@@ -27,15 +28,16 @@ logging.getLogger("can").addHandler(logging.NullHandler())
 FILTERING_INTERFACES = ("socketcan", "kvaser", "vector", "etas", "systec")
 """Interfaces of python-can that filter by identifier in the kernel or the adapter, as of version 4.6."""
 
-_SO_RCVBUFFORCE = 33
-_SO_MEMINFO = 55
-"""Linux socket options without a name in Python's socket module."""
+_FD_MTU = 72
+"""MTU of an interface with CAN FD, bytes; 16 without."""
 
-_MEMINFO = struct.Struct("9I")
+# Numbers of linux/if.h, linux/if_link.h and linux/can/netlink.h
+_IFF_UP = 1
+_IFLA_MTU, _IFLA_LINKINFO, _IFLA_STATS64, _IFLA_INFO_DATA, _IFLA_CAN_STATE = 4, 18, 23, 2, 4
 
 
 class AbsentBusError(CanError):
-    """A bus that may become available later: its adapter is not connected, or its interface is down."""
+    """A bus that may become available later, such as one whose adapter is not connected."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,24 @@ class ReceiveQueue:
     used: int
     limit: int
     drops: int
+
+
+@dataclass(frozen=True)
+class Link:
+    """A CAN interface of the kernel.
+
+    Attributes
+    ----------
+    is_up : whether it is set up
+    mtu : size of its longest frame, bytes
+    received : frames received by the interface, whatever their identifiers
+    controller : state of its controller (:mod:`~tactile_localizer.io.can.error_frames`); empty if it has none
+    """
+
+    is_up: bool
+    mtu: int
+    received: int
+    controller: str
 
 
 def parse_options(texts: list[str]) -> dict[str, Any]:
@@ -100,10 +120,9 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
     AbsentBusError
         The bus cannot be opened now.
     CanError
-        There is no such interface, or an option is not one of the interface.
+        There is no such interface, an option has a wrong type, or the interface lacks CAN FD.
     """
     options = dict(settings.options)
-    _check_options(settings)
     if protocol is not None and protocol.is_fd:
         options.setdefault("fd", True)
     try:
@@ -118,55 +137,68 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
             bus.set_filters(protocol.filters)
         if settings.receive_buffer:
             _set_receive_buffer(bus, settings.receive_buffer)
+        link = link_of(bus)
+        if protocol is not None and protocol.is_fd and link is not None and link.mtu < _FD_MTU:
+            raise CanError(f"expected CAN FD as in the DBC, with an MTU of {_FD_MTU}, found {link.mtu}")
     except Exception as error:
         bus.shutdown()
-        raise CanError(f"CAN bus {settings}: could not set its options: {error}") from error
+        raise CanError(f"CAN bus {settings}: {error}") from error
     return bus
 
 
-def _check_options(settings: BusSettings) -> None:
-    """Refuse options that python-can would ignore: those that no constructor of the interface mentions."""
-    try:
-        module, name = BACKENDS[settings.interface]
-        classes = getattr(import_module(module), name).__mro__
-        sources = [inspect.getsource(one.__init__) for one in classes if issubclass(one, can.BusABC)]
-    except (KeyError, AttributeError, ImportError, OSError, TypeError):
-        return  # opening it gives the reason
-    known = set(re.findall(r"\w+", "".join(sources)))
-    for option in set(settings.options) - known:
-        raise CanError(
-            f"bus option {option!r}: expected an option of the interface {settings.interface}"
-            f"{did_you_mean(option, known)}"
-        )
+def link_of(bus: can.BusABC) -> Link | None:
+    """The interface of a bus, from the kernel by netlink; ``None`` if it is not one of SocketCAN.
+
+    Raises
+    ------
+    OSError
+        The interface is gone.
+    """
+    if not isinstance(bus, SocketcanBus):
+        return None
+    index = socket.if_nametoindex(bus.channel)
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW) as kernel:
+        # struct nlmsghdr and struct ifinfomsg: RTM_GETLINK (18) of this index, as a request (1)
+        kernel.send(struct.pack("=IHHII BxHiII", 32, 18, 1, 0, 0, 0, 0, index, 0, 0))
+        answer = kernel.recv(1 << 16)
+    flags, found = struct.unpack_from("=I", answer, 24)[0], _attributes(answer[32:])
+    if not {_IFLA_MTU, _IFLA_STATS64, _IFLA_LINKINFO} <= found.keys():
+        raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+    own = _attributes(_attributes(found[_IFLA_LINKINFO]).get(_IFLA_INFO_DATA, b""))
+    return Link(
+        is_up=bool(flags & _IFF_UP),
+        mtu=int.from_bytes(found[_IFLA_MTU], sys.byteorder),
+        received=int.from_bytes(found[_IFLA_STATS64][:8], sys.byteorder),
+        controller=CONTROLLER_STATES[own[_IFLA_CAN_STATE][0]] if _IFLA_CAN_STATE in own else "",
+    )
+
+
+def _attributes(data: bytes) -> dict[int, bytes]:
+    """Netlink attributes by type."""
+    found = {}
+    while len(data) >= 4:
+        length, kind = struct.unpack_from("=HH", data)
+        found[kind & 0x3FFF] = data[4:length]
+        data = data[max(4, length + 3 & ~3) :]
+    return found
 
 
 def receive_queue(bus: can.BusABC) -> ReceiveQueue | None:
-    """The kernel's receive queue of ``bus``; ``None`` if the interface is not a socket."""
-    sock = _socket_of(bus)
-    if sock is None:
-        return None
-    with sock:
-        try:
-            info = _MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))
-        except (OSError, struct.error):
-            return None
-    return ReceiveQueue(used=info[0], limit=info[1], drops=info[8])
+    """The kernel's receive queue of ``bus`` (SO_MEMINFO); ``None`` if the interface is not a socket."""
+    meminfo = struct.Struct("9I")
+    with suppress(NotImplementedError, OSError, ValueError), _socket_of(bus) as sock:
+        info = meminfo.unpack(sock.getsockopt(socket.SOL_SOCKET, 55, meminfo.size))
+        return ReceiveQueue(used=info[0], limit=info[1], drops=info[8])
+    return None
 
 
 def _set_receive_buffer(bus: can.BusABC, size: int) -> None:
-    sock = _socket_of(bus)
-    if sock is None:
-        return
-    with sock:
-        try:  # exceeds net.core.rmem_max if the process has CAP_NET_ADMIN
-            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
-        except PermissionError:
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+    with suppress(NotImplementedError, OSError, ValueError), _socket_of(bus) as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size // 2)  # of which the kernel takes twice
+        # SO_RCVBUFFORCE exceeds net.core.rmem_max if the process has CAP_NET_ADMIN
+        sock.setsockopt(socket.SOL_SOCKET, 33, size // 2)
 
 
-def _socket_of(bus: can.BusABC) -> socket.socket | None:
+def _socket_of(bus: can.BusABC) -> socket.socket:
     # A duplicate handle of the bus's socket, which the caller closes.
-    try:
-        return socket.socket(fileno=os.dup(bus.fileno()))
-    except (NotImplementedError, OSError, ValueError):
-        return None
+    return socket.socket(fileno=os.dup(bus.fileno()))

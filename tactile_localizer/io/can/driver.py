@@ -27,13 +27,16 @@ class LoadCellDriver(CanReader):
     bus : bus to open
     on_cycle : called in the receive thread with each cycle, after subtraction of the tare offset
     period_s : period of the samples, s; 0: estimated
-    reader : backoff, waiting and log of :class:`~tactile_localizer.io.can.reader.CanReader`
+    max_age_s : age from which frames are discarded, s: when the thread was late, the newest ones are used
+    reader : log of :class:`~tactile_localizer.io.can.reader.CanReader`
 
     Attributes
     ----------
     offset : (C,) V, subtracted from each strain vector
     latest : newest cycle before subtraction of the offset; ``None`` before the first
     counts : totals of frames, cycles and phalanges
+    read_ns : time up to which the bus was read, ns: receive time of the newest frame, or when there was none
+    late_ns : greatest age of a frame when it was read, ns; its reader sets it to 0
     """
 
     def __init__(
@@ -43,11 +46,15 @@ class LoadCellDriver(CanReader):
         on_cycle: Callable[[Cycle], None],
         *,
         period_s: float = 0.0,
+        max_age_s: float = 0.2,
         **reader: Any,
     ) -> None:
         self.protocol = protocol
         self.offset = np.zeros(protocol.channels.size)
         self.latest: Cycle | None = None
+        self.read_ns = time.time_ns()
+        self.late_ns = 0
+        self._max_age_ns = round(max_age_s * 1e9)
         self._on_cycle = on_cycle
         self._assembler = CycleAssembler(protocol, period_s)
         self.counts = self._assembler.counts
@@ -56,7 +63,8 @@ class LoadCellDriver(CanReader):
             lambda: open_bus(bus, protocol),
             self._assemble,
             batch=len(protocol.messages),
-            opened=self._assembler.reset,
+            receive_buffer=bus.receive_buffer,
+            interrupted=self._assembler.reset,
             **reader,
         )
 
@@ -87,7 +95,13 @@ class LoadCellDriver(CanReader):
         return self.offset
 
     def _assemble(self, messages: list[can.Message]) -> float:
-        cycles = self._assembler.feed(messages) if messages else self._assembler.flush(time.time_ns())
+        now_ns = self.read_ns = time.time_ns()
+        if messages:
+            self.read_ns = round(messages[-1].timestamp * 1e9)
+            self.late_ns = max(self.late_ns, now_ns - round(messages[0].timestamp * 1e9))
+            cycles = self._assembler.feed(messages, now_ns - self._max_age_ns)
+        else:
+            cycles = self._assembler.flush(now_ns)
         at_rest = self._at_rest
         for cycle in cycles:
             self.latest = cycle

@@ -1,4 +1,4 @@
-"""Error frames of SocketCAN, in which a CAN controller reports errors on the bus.
+"""Error frames of SocketCAN: errors on the bus, and states of the CAN controller.
 
 Error classes are bits of the identifier, details are bytes of the data (``linux/can/error.h``).
 """
@@ -7,40 +7,35 @@ from __future__ import annotations
 
 import can
 
-BUS_OFF = "bus off"
-ERROR_PASSIVE = "error passive"
+CONTROLLER_STATES = ("error active", "error warning", "error passive", "bus off", "stopped", "sleeping")
+"""States of a CAN controller, in the order of the kernel (``linux/can/netlink.h``); the first is good."""
+
+ERROR_ACTIVE, ERROR_WARNING, ERROR_PASSIVE, BUS_OFF = CONTROLLER_STATES[:4]
+
 NO_ACKNOWLEDGEMENT = "no acknowledgement"
 OTHER = "other error"
 
-_CONTROLLER_CLASS = 0x04
-_CLASSES = {
+_CONTROLLER = 0x04
+_ERRORS = {
     0x01: "transmit timeout",
     0x02: "lost arbitration",
     0x08: "protocol violation",
     0x10: "transceiver fault",
     0x20: NO_ACKNOWLEDGEMENT,
-    0x40: BUS_OFF,
     0x80: "bus error",
-    0x100: "controller restarted",
 }
-_CONTROLLER_STATES = {  # bits of data byte 1
-    0x01: "receive overflow",
-    0x02: "transmit overflow",
-    0x04: "error warning",
-    0x08: "error warning",
-    0x10: ERROR_PASSIVE,
-    0x20: ERROR_PASSIVE,
-    0x40: "error active",
-}
-
-ERROR_KINDS = tuple(dict.fromkeys([*_CLASSES.values(), *_CONTROLLER_STATES.values(), OTHER]))
-"""All kinds of errors that :func:`error_kinds` distinguishes."""
+_STATES = {0x40: BUS_OFF, 0x100: ERROR_ACTIVE}
+_OVERFLOWS = {0x01: "receive overflow", 0x02: "transmit overflow"}  # bits of data byte 1
+_STATES_OF_CONTROLLER = {0x30: ERROR_PASSIVE, 0x0C: ERROR_WARNING, 0x40: ERROR_ACTIVE}
 
 
-def error_kinds(message: can.Message) -> list[str]:
-    """Kinds of errors reported by an error frame, without duplicates."""
-    kinds = {name: None for bit, name in _CLASSES.items() if message.arbitration_id & bit}
-    if message.arbitration_id & _CONTROLLER_CLASS:
-        state = message.data[1] if len(message.data) > 1 else 0
-        kinds |= {name: None for bit, name in _CONTROLLER_STATES.items() if state & bit}
-    return list(kinds) or [OTHER]
+def read_error_frame(message: can.Message) -> tuple[list[str], str]:
+    """Errors that an error frame reports, and the new state of the controller (empty: no change)."""
+    bits = message.arbitration_id
+    detail = message.data[1] if bits & _CONTROLLER and len(message.data) > 1 else 0
+    errors = [name for bit, name in _ERRORS.items() if bits & bit]
+    errors += [name for bit, name in _OVERFLOWS.items() if detail & bit]
+    states = [name for bit, name in _STATES.items() if bits & bit]
+    states += [name for bit, name in _STATES_OF_CONTROLLER.items() if detail & bit]
+    state = states[0] if states else ""
+    return errors or ([] if state else [OTHER]), state

@@ -24,7 +24,7 @@ from tactile_localizer.io.status import FAULT, SATURATED
 
 
 class FrameKind(enum.IntEnum):
-    """Kind of a frame; the assembler determines the last two."""
+    """Kind of a frame; the assembler determines the last three."""
 
     DATA = 0
     UNKNOWN_ID = 1
@@ -33,6 +33,7 @@ class FrameKind(enum.IntEnum):
     ERROR = 4
     DUPLICATE = 5
     OUT_OF_ORDER = 6
+    LATE = 7
 
 
 class LoadCellProtocol:

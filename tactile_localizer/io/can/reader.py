@@ -1,4 +1,7 @@
-"""Receive thread that reads a CAN bus and reopens it after failures.
+"""Receive thread that reads a CAN bus, whatever happens to its interface.
+
+Absent, down and lost are one state: the bus is waited for. A socket of the kernel stays open while its
+interface is down or its controller off the bus, and then delivers again; any other bus is opened again.
 
 Only this thread accesses the bus, so the bus is never closed during a read. The thread waits for frames in
 short steps and therefore stops within a fraction of a second.
@@ -6,6 +9,7 @@ short steps and therefore stops within a fraction of a second.
 
 from __future__ import annotations
 
+import errno
 import threading
 import time
 import traceback
@@ -14,14 +18,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import can
+from can.interfaces.socketcan import SocketcanBus
 
 from tactile_localizer.errors import CanError
-from tactile_localizer.io.can.bus import AbsentBusError, receive_queue
-from tactile_localizer.io.can.error_frames import BUS_OFF, error_kinds
+from tactile_localizer.io.can.bus import AbsentBusError, Link, ReceiveQueue, link_of, receive_queue
+from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, read_error_frame
 
 OPEN = "open"
-FAILED = "failed"
-WAITING = "waiting for the interface"
+WAITING = "waiting"
 CLOSED = "closed"
 
 LONGEST_WAIT_S = 0.1
@@ -33,11 +37,11 @@ LINGER_S = 0.0005
 MAX_BATCH_FRAMES = 256
 """Most frames delivered at once if the thread has fallen behind."""
 
-_ABSENT_POLL_S = 1.0
-"""Period of attempts to open an absent interface, s."""
+RETRY_S = 0.1
+"""Period of attempts to open a bus, s; opening fails or succeeds within a few milliseconds."""
 
-_QUEUE_PERIOD_S = 0.5
-"""Period of reading the kernel's receive queue, s; diagnostics are published every second."""
+_POLL_PERIOD_S = 0.5
+"""Period of reading the interface and its receive queue, s; diagnostics are published every second."""
 
 _EPOCH_TOLERANCE_S = 3600.0
 """Difference from the system's clock from which stamps are those of an adapter's own clock, s."""
@@ -49,24 +53,30 @@ class BusStatus:
 
     Attributes
     ----------
-    state : ``open``; ``bus off`` until a data frame is received; ``failed`` until reopened; ``closed``;
-        ``waiting for the interface`` that was absent at the start
+    state : ``open``, ``waiting`` (for an interface that is absent, down or lost), ``closed``
+    controller : last known state of the CAN controller (:mod:`~tactile_localizer.io.can.error_frames`)
     error : reason of the last failure; empty before the first
-    reconnects : number of times that the bus was reopened
+    error_s : system time of the last failure, s
+    reconnects : number of times that the bus was open again after a failure or a request
     unreadable : number of messages of the interface that were not frames
-    errors : number of error frames by kind (:mod:`~tactile_localizer.io.can.error_frames`)
-    queue_used, queue_limit : kernel's receive queue, bytes; 0 if the interface has none
+    errors : number of errors by kind that error frames reported
+    queue : kernel's receive queue
     queue_drops : frames that the kernel dropped because the queue was full
+    link : interface of the kernel; ``None`` without one
+    foreign : frames received by the interface since the last one that was delivered to the reader
     """
 
     state: str = CLOSED
+    controller: str = ERROR_ACTIVE
     error: str = ""
+    error_s: float = 0.0
     reconnects: int = 0
     unreadable: int = 0
     errors: Counter[str] = field(default_factory=Counter)
-    queue_used: int = 0
-    queue_limit: int = 0
+    queue: ReceiveQueue = field(default_factory=lambda: ReceiveQueue(0, 0, 0))
     queue_drops: int = 0
+    link: Link | None = None
+    foreign: int = 0
 
 
 class CanReader:
@@ -78,13 +88,10 @@ class CanReader:
     deliver : called in the thread with frames in order of reception, possibly none; returns how long it can
         wait for the next ones, s
     batch : number of frames that are usually received together, and then delivered together
-    backoff_s : delay before the bus is reopened, s, doubled after each failure; 0: not reopened until
-        :meth:`reconnect`
-    backoff_limit_s : longest delay, s
-    wait : whether to wait for an interface that is absent when the reader starts
-    opened : called in the thread before the frames of a newly opened bus are delivered
-    log : called with a line when the bus fails
-    note : called with a line when frames are received, at the start and after a failure
+    receive_buffer : size of the kernel's receive buffer that was asked for, bytes
+    interrupted : called in the thread when frames may have been missed without a trace
+    log : called with a line when the bus fails or its controller changes its state
+    note : called with a line when the bus is open, and when frames are received, also after a failure
     """
 
     def __init__(
@@ -93,10 +100,8 @@ class CanReader:
         deliver: Callable[[list[can.Message]], float],
         *,
         batch: int = 1,
-        backoff_s: float = 0.1,
-        backoff_limit_s: float = 5.0,
-        wait: bool = False,
-        opened: Callable[[], None] = lambda: None,
+        receive_buffer: int = 0,
+        interrupted: Callable[[], None] = lambda: None,
         log: Callable[[str], None] = lambda line: None,
         note: Callable[[str], None] = lambda line: None,
     ) -> None:
@@ -104,48 +109,37 @@ class CanReader:
         self._open_bus = open_bus
         self._deliver = deliver
         self._batch = batch
-        self._backoff_s = backoff_s
-        self._backoff_limit_s = backoff_limit_s
-        self._opened = opened
+        self._receive_buffer = receive_buffer
+        self._interrupted = interrupted
         self._log = log
         self._note = note
-        self._wait = wait
-        self._delay_s = backoff_s
         self._stop = threading.Event()
         self._wake = threading.Event()  # the thread shall stop, or reopen the bus
         self._thread: threading.Thread | None = None
         self._drops_before = 0  # of earlier buses
-        self._next_queue_s = 0.0
+        self._next_poll_s = 0.0
         self._has_adapter_clock: bool | None = None  # None before the first frame
-        self._reopened = False
-        self._noted = False  # whether the reception of frames was reported
+        self._is_receiving = False  # whether the reception of frames was reported
+        self._is_foreign = True  # whether no frame was read since the last poll
 
     def start(self) -> None:
-        """Open the bus and start the thread.
+        """Start the thread, which opens the bus as soon as that is possible.
 
         Raises
         ------
         CanError
-            The bus cannot be opened, unless it is absent and the reader waits for it.
+            There is no such bus; it is not merely absent or down.
         """
         if self._thread is not None and self._thread.is_alive():
             raise CanError("CAN receive thread: expected it to have stopped, it is still running")
-        bus = self._open_first()
+        try:
+            bus = self._open_bus()
+        except AbsentBusError:
+            bus = None
         self._stop.clear()
-        self._reopened = False
-        self._noted = False
         self._wake.clear()
         self._thread = threading.Thread(target=self._run, args=(bus,), name="can-reader", daemon=True)
         self._thread.start()
-
-    def _open_first(self) -> can.BusABC | None:
-        try:
-            return self._open_bus()
-        except AbsentBusError as error:
-            if not self._wait:
-                raise
-            self._failed(WAITING, str(error))
-            return None
 
     def stop(self, timeout_s: float = 1.0) -> bool:
         """Stop the thread and close the bus; returns whether that succeeded within ``timeout_s``."""
@@ -161,44 +155,34 @@ class CanReader:
         self._wake.set()
 
     def _run(self, bus: can.BusABC | None) -> None:
-        if bus is None:
-            bus = self._reopen()
-        while bus is not None and not self._stop.is_set():
-            self._has_adapter_clock = None
+        while not self._stop.is_set():
             try:
-                self._opened()
+                if bus is None:
+                    self._deliver([])
+                    bus = self._open_bus()
                 self._read(bus)
-            except _BusOffError:
-                self._failed(BUS_OFF, "bus off")
-            except (can.CanError, OSError, ValueError) as error:
-                self._failed(FAILED, " ".join(str(error.__cause__ or error).split()))
-            except Exception:  # a bug in this package: reported, and handled like any other failure
-                self._failed(FAILED, traceback.format_exc())
-            finally:
-                self._close(bus)
-            bus = self._reopen()
+            except Exception as error:
+                self._wait_for_bus(error)
+                is_down = getattr(error, "error_code", None) == errno.ENETDOWN
+                if is_down and isinstance(bus, SocketcanBus):
+                    continue
+            self._close(bus)
+            bus = None
+            self._wake.wait(RETRY_S)
+            self._wake.clear()
+        self._close(bus)
         self.status.state = CLOSED
 
     def _read(self, bus: can.BusABC) -> None:
-        # An interface that is down can be opened, but the first read fails.
-        messages = self._collect(bus, LINGER_S)
-        self._set_open()
-        while True:
+        self._has_adapter_clock = None
+        self._next_poll_s = 0.0
+        wait_s = LINGER_S
+        while not self._wake.is_set():
+            messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))  # fails if the interface is down
+            if time.monotonic() >= self._next_poll_s or (messages and self.status.state != OPEN):
+                self._poll(bus)  # frames also wait in the queue of an interface that is down
+            self._update_status(messages)
             wait_s = self._deliver(messages)
-            if messages:
-                self._update_state(messages)
-            if time.monotonic() >= self._next_queue_s:
-                self._read_queue(bus)
-            if self._wake.is_set():
-                return
-            messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))
-
-    def _set_open(self) -> None:
-        if self._reopened and self.status.state != WAITING:
-            self.status.reconnects += 1
-        self._reopened = False
-        if self.status.state != BUS_OFF:
-            self.status.state = OPEN
 
     def _collect(self, bus: can.BusABC, wait_s: float) -> list[can.Message]:
         message = self._receive(bus, wait_s)
@@ -229,61 +213,52 @@ class CanReader:
                 message.timestamp = time.time()
         return message
 
-    def _update_state(self, messages: list[can.Message]) -> None:
-        has_data = False
+    def _update_status(self, messages: list[can.Message]) -> None:
         for message in messages:
-            if not message.is_error_frame:
-                has_data = True
+            if message.is_error_frame:
+                errors, state = read_error_frame(message)
+                self.status.errors.update(errors)
+                self._set_controller(state or self.status.controller)
                 continue
-            kinds = error_kinds(message)
-            self.status.errors.update(kinds)
-            if BUS_OFF in kinds:
-                raise _BusOffError
-        if has_data and not self._noted:
-            self._noted = True
-            self._note("CAN bus: receiving again" if self.status.error else "CAN bus: receiving")
-        if has_data and (self._delay_s != self._backoff_s or self.status.state != OPEN):
-            self._delay_s = self._backoff_s
+            if self.status.controller == BUS_OFF:
+                self._set_controller(ERROR_ACTIVE)
+            self._is_foreign, self.status.foreign = False, 0
+            if not self._is_receiving:
+                self._is_receiving = True
+                self._note("CAN bus: receiving")
+
+    def _set_open(self) -> None:
+        if self.status.state != OPEN:
+            self.status.reconnects += self.status.state == WAITING
             self.status.state = OPEN
+            self._is_receiving = False
+            self._interrupted()
+            limit, wanted = self.status.queue.limit, self._receive_buffer
+            reason = "net.core.rmem_max is the limit without CAP_NET_ADMIN"
+            short = f", with a receive buffer of {limit} instead of {wanted} bytes: {reason}"
+            self._note("CAN bus: open" + (short if 0 < limit < wanted else ""))
 
-    def _failed(self, state: str, reason: str) -> None:
-        self._noted = False
-        if (state, reason) != (self.status.state, self.status.error):  # once, not at every attempt
-            if state == WAITING:
-                self._log(f"CAN bus is absent, waiting for it: {reason}")
-            else:
-                action = (
-                    "trying to open it again" if self._backoff_s else "closed until ~/reconnect is called"
-                )
-                self._log(f"CAN bus failed, {action}: {reason}")
-        self.status.state = state
-        self.status.error = reason
+    def _set_controller(self, state: str) -> None:
+        before, self.status.controller = self.status.controller, state
+        if state != before:
+            self._log(f"CAN controller: {state}")
+            if BUS_OFF in (state, before):
+                self._interrupted()
 
-    def _reopen(self) -> can.BusABC | None:
-        requested = self._wake.is_set()
-        while True:
-            if not requested:
-                requested = self._wake.wait(self._pause_s())
-            self._wake.clear()
-            if self._stop.is_set():
-                return None
-            self._delay_s = self._backoff_s if requested else min(2 * self._delay_s, self._backoff_limit_s)
-            requested = False
-            try:
-                bus = self._open_bus()
-            except CanError as error:
-                state = self.status.state if self.status.state in (BUS_OFF, WAITING) else FAILED
-                self._failed(state, str(error))
-                continue
-            self._reopened = True
-            return bus
+    def _wait_for_bus(self, error: Exception) -> None:
+        reason = " ".join(str(error.__cause__ or error).split())
+        if isinstance(error, CanError):
+            reason = str(error)
+        elif not isinstance(error, can.CanError | OSError | ValueError):  # a bug in this package
+            reason = traceback.format_exc()
+        if (self.status.state, self.status.error) != (WAITING, reason):  # once, not at every attempt
+            self._log(f"waiting for the CAN bus: {reason}")
+        self.status.state, self.status.error, self.status.error_s = WAITING, reason, time.time()
 
-    def _pause_s(self) -> float | None:
-        if self._backoff_s:
-            return self._delay_s
-        return _ABSENT_POLL_S if self.status.state == WAITING else None
-
-    def _close(self, bus: can.BusABC) -> None:
+    def _close(self, bus: can.BusABC | None) -> None:
+        if bus is None:
+            return
+        self.status.state = WAITING
         self._read_queue(bus)
         self._drops_before = self.status.queue_drops
         try:
@@ -291,14 +266,18 @@ class CanReader:
         except Exception as error:  # interfaces raise many types of exceptions; the thread must continue
             self._log(f"CAN bus: could not be closed: {error}")
 
+    def _poll(self, bus: can.BusABC) -> None:
+        """Read what the kernel knows about the bus."""
+        self._next_poll_s = time.monotonic() + _POLL_PERIOD_S
+        self._read_queue(bus)
+        link, before = link_of(bus), self.status.link
+        if link is not None and before is not None and self._is_foreign:
+            self.status.foreign += max(0, link.received - before.received)
+        self.status.link, self._is_foreign = link, True
+        if link is None or link.is_up:
+            self._set_open()
+            self._set_controller((link and link.controller) or self.status.controller)
+
     def _read_queue(self, bus: can.BusABC) -> None:
-        self._next_queue_s = time.monotonic() + _QUEUE_PERIOD_S
-        queue = receive_queue(bus)
-        if queue is not None:
-            self.status.queue_used = queue.used
-            self.status.queue_limit = queue.limit
-            self.status.queue_drops = self._drops_before + queue.drops
-
-
-class _BusOffError(Exception):
-    """The controller has left the bus."""
+        self.status.queue = receive_queue(bus) or ReceiveQueue(0, 0, 0)
+        self.status.queue_drops = self._drops_before + self.status.queue.drops

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_localizer.io.can.driver import LoadCellDriver
-from tactile_localizer.io.can.error_frames import ERROR_KINDS
+from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE
 from tactile_localizer.io.can.protocol import FrameKind
 from tactile_localizer.io.can.reader import OPEN
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
@@ -19,7 +20,7 @@ _MIN_JUMPS = 10
 _JUMPS_FRACTION = 0.2
 """Fraction of samples before which the counter jumps, since the last status, that is reported."""
 
-_SUSPECT = (FrameKind.ERROR, FrameKind.WRONG_LENGTH, FrameKind.OUT_OF_ORDER, FrameKind.DUPLICATE)
+_SUSPECT = (FrameKind.WRONG_LENGTH, FrameKind.OUT_OF_ORDER, FrameKind.DUPLICATE)
 
 
 class DriverDiagnostics:
@@ -32,8 +33,9 @@ class DriverDiagnostics:
     ----------
     driver : driver to describe
     publisher : publisher of the statuses
-    bus : name of the bus
+    channel : name of the bus
     stale_timeout_s : time without frames after which a phalanx is stale, s
+    max_age_s : age from which frames are discarded, s
     strain_publishers : returns the number of publishers of the strain topic, including this driver
     """
 
@@ -41,13 +43,15 @@ class DriverDiagnostics:
         self,
         driver: LoadCellDriver,
         publisher: DiagnosticsPublisher,
-        bus: str,
+        channel: str,
         stale_timeout_s: float,
+        max_age_s: float,
         strain_publishers: Callable[[], int] = lambda: 1,
     ) -> None:
         self._driver = driver
         self._publisher = publisher
-        self._bus = bus
+        self._channel = channel
+        self._max_age_s = max_age_s
         self._stale_timeout_s = stale_timeout_s
         self._strain_publishers = strain_publishers
         self._new_on_bus = Increments()
@@ -70,47 +74,54 @@ class DriverDiagnostics:
     def _bus_status(self, missing: Sequence[str], elapsed_s: float) -> DiagnosticStatus:
         status, counts = self._driver.status, self._driver.counts
         frames = dict(zip(FrameKind, counts.frames, strict=True))
-        errors = {kind: status.errors[kind] for kind in ERROR_KINDS}
         new = self._new_on_bus.since(
-            {**frames, **errors, "cycles": counts.cycles, "drops": status.queue_drops}
+            {**frames, **status.errors, "cycles": counts.cycles, "drops": status.queue_drops}
         )
-        received = sum(new[kind] for kind in frames)
-        discarded = ", ".join(f"{new[kind]} {_words(kind)}" for kind in _SUSPECT if new[kind])
-        bus_errors = ", ".join(f"{new[kind]} {kind}" for kind in errors if new[kind])
-        publishers = self._strain_publishers()
-        level, message = DiagnosticStatus.OK, "open" if received else "open, idle"
-        if status.state != OPEN:
-            level, message = DiagnosticStatus.ERROR, f"{status.state}: {status.error}"
-        elif publishers > 1:
-            level = DiagnosticStatus.ERROR
-            message = f"expected one publisher of strain, found {publishers}"
-        elif new["drops"]:
-            level, message = DiagnosticStatus.WARN, f"{new['drops']} frames dropped, receive queue full"
-        elif discarded:
-            level = DiagnosticStatus.WARN
-            message = f"discarded frames: {discarded}" + (f"; bus errors: {bus_errors}" if bus_errors else "")
-        skew_ns, counts.skew_ns = counts.skew_ns, 0  # the largest since this status
+        received = sum(new[kind] for kind in FrameKind)
+        late_s = 1e-9 * max(self._driver.late_ns, time.time_ns() - self._driver.read_ns)
+        skew_ns, counts.skew_ns, self._driver.late_ns = counts.skew_ns, 0, 0  # the largest since this status
+        at = f" at {time.strftime('%F %T', time.gmtime(status.error_s))} UTC" if status.error else ""
         values = {
-            "bus": self._bus,
             "state": status.state,
-            "last_error": status.error,
+            "controller": status.controller,
+            "last_error": status.error + at,
             "reconnects": status.reconnects,
             "frames_per_s": f"{received / elapsed_s:.1f}",
             **{f"frames_{kind.name.lower()}": count for kind, count in frames.items()},
-            "unreadable": status.unreadable,
-            **{f"errors_{kind.replace(' ', '_')}": count for kind, count in errors.items()},
-            "strain_publishers": publishers,
-            "cycles": counts.cycles,
-            "cycles_incomplete": counts.incomplete,
+            "frames_unreadable": status.unreadable,
+            "bus_errors": ", ".join(f"{count} {kind}" for kind, count in status.errors.items()),
             "cycles_per_s": f"{new['cycles'] / elapsed_s:.1f}",
             "period_ms": f"{self._driver.period_ns * 1e-6:.2f}",
             "max_skew_ms": f"{skew_ns * 1e-6:.2f}",
             "missing_phalanges": " ".join(missing),
-            "queue_bytes": status.queue_used,
-            "queue_limit_bytes": status.queue_limit,
+            "queue_limit_bytes": status.queue.limit,
             "queue_drops": status.queue_drops,
         }
-        return self._publisher.status("CAN bus", level, message, values)
+        return self._publisher.status("CAN bus", *self._bus_level(new, received, late_s), values)
+
+    def _bus_level(self, new: Mapping[Any, int], received: int, late_s: float) -> tuple[bytes, str]:
+        """Level and message of the bus: an error, or all warnings since the previous status."""
+        status, publishers = self._driver.status, self._strain_publishers()
+        if status.state != OPEN:
+            return DiagnosticStatus.ERROR, f"{status.state}: {status.error}"
+        if publishers > 1:
+            return DiagnosticStatus.ERROR, f"expected one publisher of strain, found {publishers}"
+        if status.controller in (BUS_OFF, ERROR_PASSIVE):
+            return DiagnosticStatus.ERROR, f"{status.controller}: wrong bit rate, wiring or termination"
+        discarded = ", ".join(f"{new[kind]} {_words(kind)}" for kind in _SUSPECT if new[kind])
+        errors = ", ".join(f"{new[kind]} {kind}" for kind in status.errors if new[kind])
+        foreign = "" if received else status.foreign
+        warnings = {
+            f"{new['drops']} frames dropped, receive queue full": new["drops"],
+            f"read {late_s:.1f} s late: {new[FrameKind.LATE]} frames discarded": late_s > self._max_age_s,
+            f"discarded frames: {discarded}": discarded,
+            f"bus errors: {errors}": errors,
+            status.controller: status.controller != ERROR_ACTIVE,
+            f"idle: {foreign} frames on {self._channel}, none with an identifier of the DBC": foreign,
+        }
+        if any(warnings.values()):
+            return DiagnosticStatus.WARN, "; ".join(text for text, holds in warnings.items() if holds)
+        return DiagnosticStatus.OK, "open" if received else "open, idle"
 
     def _phalanx_status(self, index: int, new: Mapping[str, int], elapsed_s: float) -> DiagnosticStatus:
         protocol, latest = self._driver.protocol, self._driver.latest
@@ -120,7 +131,8 @@ class DriverDiagnostics:
             saturated = (np.flatnonzero(own) + 1).tolist()
         counts = asdict(self._driver.counts.phalanges[index])
         last_ns = counts.pop("last_ns")
-        age_s = max(0.0, time.time() - last_ns * 1e-9) if last_ns else None
+        # Not until now: frames that wait in the queue are the reader's fault, not the phalanx's.
+        age_s = max(0.0, (self._driver.read_ns - last_ns) * 1e-9) if last_ns else None
         values = {
             "rate_hz": f"{new['samples'] / elapsed_s:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",

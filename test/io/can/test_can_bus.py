@@ -67,37 +67,6 @@ def test_kernel_filters_are_set(monkeypatch: pytest.MonkeyPatch) -> None:
     bus.shutdown()
 
 
-@pytest.mark.parametrize(
-    ("interface", "options", "reason"),
-    [
-        ("udp_multicast", {"hop_limits": 1}, "'hop_limits': expected an option of .*did you mean hop_limit"),
-        ("socketcan", {"speed": 1}, "'speed': expected an option of the interface socketcan"),
-        ("kvaser", {"bitrte": 500_000}, "did you mean bitrate"),
-    ],
-)
-def test_an_unknown_option_suggests_a_similar_one(
-    interface: str, options: dict[str, Any], reason: str
-) -> None:
-    with pytest.raises(CanError, match=reason) as refusal:
-        open_bus(BusSettings(interface, "can0", options))
-    assert not isinstance(refusal.value, AbsentBusError)
-
-
-@pytest.mark.parametrize(
-    ("interface", "options"),
-    [
-        ("udp_multicast", ["port", "hop_limit", "fd", "receive_own_messages"]),
-        ("socketcan", ["fd", "local_loopback", "receive_own_messages"]),
-        ("kvaser", ["bitrate", "fd", "data_bitrate", "receive_own_messages"]),
-    ],
-)
-def test_common_options_are_known(
-    monkeypatch: pytest.MonkeyPatch, interface: str, options: list[str]
-) -> None:
-    monkeypatch.setattr(can, "Bus", lambda **given: given)
-    assert open_bus(BusSettings(interface, "can0", dict.fromkeys(options)))
-
-
 def test_the_receive_buffer_has_the_given_size(
     simulated_can: dict[str, Any],
 ) -> None:
@@ -108,7 +77,7 @@ def test_the_receive_buffer_has_the_given_size(
         sender.send(can.Message(arbitration_id=1, is_extended_id=False, data=bytes(8)))
     queue = receive_queue(bus)
     assert queue is not None
-    assert 50_000 <= queue.limit <= 2 * 50_000
+    assert queue.limit == 50_000
     assert 0 < queue.used <= queue.limit + 5000
     received = 0
     while bus.recv(0.05):

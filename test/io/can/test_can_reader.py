@@ -15,23 +15,34 @@ from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.bus import AbsentBusError
-from tactile_localizer.io.can.error_frames import ERROR_PASSIVE, NO_ACKNOWLEDGEMENT, OTHER
-from tactile_localizer.io.can.reader import CLOSED, FAILED, OPEN, WAITING, CanReader
+from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, NO_ACKNOWLEDGEMENT, OTHER
+from tactile_localizer.io.can.reader import CLOSED, OPEN, WAITING, CanReader
 
 
 class Line:
     """A virtual bus with a reader at one end; its interface can be taken away."""
 
-    def __init__(self, channel: str, **kwargs: float) -> None:
+    def __init__(self, channel: str, up: bool = True, **kwargs: int) -> None:
         self.channel = channel
-        self.up = True
+        self.up = up
         self.opened: list[can.BusABC] = []
         self.batches: list[list[can.Message]] = []
         self.log: list[str] = []
         self.notes: list[str] = []
         self.mistakes: list[str] = []  # raised by the receiver, one for each batch of frames
         self.sender = can.Bus(interface="virtual", channel=channel)
-        self.reader = CanReader(self._open, self._take, log=self.log.append, note=self.notes.append, **kwargs)
+        self.interruptions = 0
+        self.reader = CanReader(
+            self._open,
+            self._take,
+            interrupted=self._interrupt,
+            log=self.log.append,
+            note=self.notes.append,
+            **kwargs,
+        )
+
+    def _interrupt(self) -> None:
+        self.interruptions += 1
 
     def _open(self) -> can.BusABC:
         if not self.up:
@@ -67,7 +78,7 @@ class Line:
 def line(request: pytest.FixtureRequest) -> Iterator[Callable[..., Line]]:
     made: list[Line] = []
 
-    def make(**kwargs: float) -> Line:
+    def make(**kwargs: int) -> Line:
         made.append(Line(request.node.name, **kwargs))
         made[-1].reader.start()
         return made[-1]
@@ -90,35 +101,38 @@ def test_an_idle_bus_stays_open(line: Callable[..., Line]) -> None:
     assert (one.reader.status.state, one.reader.status.reconnects, one.log) == (OPEN, 0, [])
 
 
-def test_start_raises_if_the_bus_cannot_be_opened(request: pytest.FixtureRequest) -> None:
-    one = Line(request.node.name)
-    one.up = False
-    with pytest.raises(CanError, match="interface is down"):
-        one.reader.start()
-    one.close()
+def test_a_bus_that_cannot_be_is_refused() -> None:
+    def refuse() -> can.BusABC:
+        raise CanError("no such interface")
+
+    with pytest.raises(CanError, match="no such interface"):
+        CanReader(refuse, lambda messages: 0.1).start()
 
 
-def test_a_closed_bus_is_reopened(
-    line: Callable[..., Line],
-) -> None:
-    one = line(backoff_s=0.01)
+def test_an_absent_and_a_lost_bus_are_waited_for(line: Callable[..., Line]) -> None:
+    one = line(up=False)
+    wait_until(lambda: one.reader.status.error, "the first attempt")
+    first_s = one.reader.status.error_s
+    wait_until(lambda: one.reader.status.error_s > first_s, "another attempt", 5.0)
+    assert one.reader.status.state == WAITING
+    assert one.log == ["waiting for the CAN bus: interface is down"]  # not a line per attempt
+    one.up = True
     for attempt in range(3):
+        wait_until(lambda: one.reader.status.reconnects == attempt + 1, "the bus to be open", 5.0)  # noqa: B023
+        assert one.reader.status.state == OPEN
+        assert one.interruptions == attempt + 1
         one.send(attempt)
         one.wait_for(*range(attempt + 1))
+        assert one.notes == (attempt + 1) * ["CAN bus: open", "CAN bus: receiving"]
         one.opened[-1].shutdown()
-        wait_until(lambda: one.reader.status.reconnects == attempt + 1, "the bus to be back", 5.0)  # noqa: B023
-    assert one.reader.status.state == OPEN
+    wait_until(lambda: len(one.log) == 4, "the last failure", 5.0)
     assert "closed" in one.reader.status.error
-    assert len(one.log) == 3  # each failure once
-    one.send(3)
-    wait_until(lambda: len(one.notes) == 4, "a line for the frames after each failure", 5.0)
-    assert [note.endswith("again") for note in one.notes] == [False, True, True, True]
 
 
 def test_a_bus_is_open_after_the_first_read(
     line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    one = line(backoff_s=0.01)
+    one = line()
     down, read = threading.Event(), VirtualBus._recv_internal
 
     def receive(bus: VirtualBus, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -130,91 +144,32 @@ def test_a_bus_is_open_after_the_first_read(
     monkeypatch.setattr(VirtualBus, "_recv_internal", receive)
     down.set()
     wait_until(lambda: len(one.opened) >= 4, "three attempts", 5.0)
-    assert (one.reader.status.state, one.reader.status.reconnects) == (FAILED, 0)
+    assert (one.reader.status.state, one.reader.status.reconnects) == (WAITING, 0)
     assert "Network is down" in one.reader.status.error
+    assert len(one.log) == 1
     down.clear()
     wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
-    one.send(7)
-    one.wait_for(7)
     assert one.reader.status.reconnects == 1
-    assert len(one.log) == 1
-    assert len(one.notes) == 1
 
 
-def test_backoff_doubles_up_to_the_limit(line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch) -> None:
-    one = line(backoff_s=0.01, backoff_limit_s=0.04)
-    waits: list[float | None] = []
-    wait = threading.Event.wait
-
-    def recorded(event: threading.Event, timeout_s: float | None = None) -> bool:
-        if threading.current_thread().name == "can-reader":
-            waits.append(timeout_s)
-        return wait(event, timeout_s)
-
-    monkeypatch.setattr(threading.Event, "wait", recorded)
-    one.up = False
-    one.opened[-1].shutdown()
-    wait_until(lambda: len(waits) >= 5, "five attempts", 5.0)
-    assert waits[:5] == [0.01, 0.02, 0.04, 0.04, 0.04]
-    assert one.reader.status.state == FAILED
-    assert len(one.log) == 2  # not a line per attempt
-    one.up = True
-    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
-    one.send(7)
-    one.wait_for(7)
-    waits.clear()
-    one.opened[-1].shutdown()
-    wait_until(lambda: waits, "another attempt", 5.0)
-    assert waits[0] == 0.01, "starts again after a data frame"
-
-
-def test_without_backoff_only_reconnect_reopens(
-    line: Callable[..., Line],
-) -> None:
-    one = line(backoff_s=0.0)
-    one.opened[-1].shutdown()
-    wait_until(lambda: one.reader.status.state == FAILED, "the failure", 5.0)
-    assert len(one.opened) == 1
-    one.reader.reconnect()
-    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
-    assert len(one.opened) == 2
-
-
-def test_error_frames_are_counted_by_kind(line: Callable[..., Line]) -> None:
+def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[..., Line]) -> None:
     one = line()
     one.send(0x20, 0x20, is_error_frame=True)  # no acknowledgement
-    controller = can.Message(
-        arbitration_id=0x04, is_error_frame=True, data=bytes([0, 0x20, 0, 0, 0, 0, 0, 0])
-    )
-    one.sender.send(controller)
     one.send(0, is_error_frame=True)
-    wait_until(lambda: sum(one.reader.status.errors.values()) == 4, "four error frames", 5.0)
-    assert one.reader.status.errors == {NO_ACKNOWLEDGEMENT: 2, ERROR_PASSIVE: 1, OTHER: 1}
-    assert (one.reader.status.state, one.reader.status.reconnects) == (OPEN, 0)
-    assert one.notes == []
-
-
-def test_the_reader_can_wait_for_an_absent_interface(request: pytest.FixtureRequest) -> None:
-    one = Line(request.node.name, wait=True, backoff_s=0.01)
-    one.up = False
-    one.reader.start()
-    try:
-        assert one.reader.status.state == WAITING
-        (line_logged,) = one.log
-        assert "interface is down" in line_logged
-        one.up = True
-        wait_until(lambda: one.reader.status.state == OPEN, "the bus", 5.0)
-        one.send(5)
-        one.wait_for(5)
-        assert one.reader.status.reconnects == 0
-        assert len(one.log) == 1
-        assert len(one.notes) == 1
-    finally:
-        one.close()
+    one.send(0x40, is_error_frame=True)
+    status = one.reader.status
+    wait_until(lambda: status.controller == BUS_OFF, "bus off", 5.0)
+    assert status.errors == {NO_ACKNOWLEDGEMENT: 2, OTHER: 1}
+    assert (status.state, status.reconnects) == (OPEN, 0)
+    one.send(7)
+    wait_until(lambda: status.controller == ERROR_ACTIVE, "a frame to show that the controller is back", 5.0)
+    assert one.log == ["CAN controller: bus off", "CAN controller: error active"]
+    assert one.interruptions == 3
+    assert len(one.opened) == 1
 
 
 def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -> None:
-    one = line(backoff_s=0.01)
+    one = line()
     one.mistakes.append("a mistake")
     one.send(1)
     wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
@@ -224,7 +179,7 @@ def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -
 
 
 def test_a_failing_close_is_reported(line: Callable[..., Line]) -> None:
-    one = line(backoff_s=0.01)
+    one = line()
     bus, closed = one.opened[-1], one.opened[-1].shutdown
 
     def shutdown() -> None:
@@ -242,11 +197,11 @@ def test_a_failing_close_is_reported(line: Callable[..., Line]) -> None:
 
 @pytest.mark.parametrize("state", ["reading", "waiting to open again"])
 def test_stop_takes_less_than_a_second(line: Callable[..., Line], state: str) -> None:
-    one = line(backoff_s=30.0)
+    one = line()
     if state != "reading":
         one.up = False
         one.opened[-1].shutdown()
-        wait_until(lambda: one.reader.status.state == FAILED, "the failure", 5.0)
+        wait_until(lambda: one.reader.status.state == WAITING, "the failure", 5.0)
     before = time.monotonic()
     assert one.reader.stop()
     assert time.monotonic() - before < 1.0
