@@ -1,0 +1,325 @@
+"""Small exact tests of what the decision is made of: each has an answer in closed form.
+
+Together with the figures of `test/regression` they fail when a mechanism of the decision is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from support.scans import line_scan, scene, strain_at
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.calibration.held_out import Calibration, calibrate
+from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.hypotheses.correlation import MEMORY, PRIOR, Correlation, Sums
+from tactile_localizer.core.hypotheses.explanations import LEAVING_RATE, RELOCATION_RATE, Explanations
+from tactile_localizer.core.likelihood.drift import Drift, innovations
+from tactile_localizer.core.likelihood.evaluation import Likelihoods
+from tactile_localizer.core.likelihood.noise_model import NoiseModel, estimate_noise
+from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import Expectation
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+# Explanations: tracked, relocated, and material off the map.
+
+EVEN = np.full(4, -math.log(4.0))
+FAR = np.ones(4, dtype=bool)
+
+
+def test_a_hand_leaves_the_map_at_one_rate_tracked_or_relocated() -> None:
+    travel = 0.3
+    staying, unmoved = math.exp(-LEAVING_RATE * travel), math.exp(-RELOCATION_RATE * travel)
+    moved = Explanations(0.6, 0.3, 0.05, 0.05, EVEN).predict(travel, left=0.0)
+    assert moved.on_map == pytest.approx(1.0 - (1.0 - 0.9 * staying) * unmoved)
+
+
+def test_parts_of_a_measurement_add_up_to_the_whole() -> None:
+    before = Explanations(0.4, 0.2, 0.3, 0.1, EVEN)
+    likelihoods = Likelihoods(np.zeros(1), np.array([1.0, -2.0, 0.5, -1.0]), 0.7, -0.3)
+    whole, parts = before.update(0.2, likelihoods, FAR, 1.0), before
+    for _ in range(4):
+        parts = parts.update(0.2, likelihoods, FAR, 0.25)
+    assert parts[:4] == pytest.approx(whole[:4])
+    np.testing.assert_allclose(parts.elsewhere, whole.elsewhere)
+
+
+# Correlation with the map along a sweep, where the material is felt everywhere.
+
+
+def correlation(places: float = 1.0, channels: int = 2) -> Correlation:
+    """Of a map whose innovations, like those of the strain, are white with a variance of one."""
+    axes = math.sqrt(channels) * np.vstack([np.eye(channels), -np.eye(channels)]) / math.sqrt(2.0)
+    return Correlation(axes, 1e-12, places)
+
+
+def test_evidence_is_the_likelihood_ratio_of_the_correlation_beyond_chance() -> None:
+    """n numbers that correlate by r: -n/2 log(1 - r^2), less what two of them correlate by chance."""
+    n, r, at = 40.0, 0.8, np.array([1.0, 0.0, 0.0, 0.0])
+    by_chance = 1.0 / math.sqrt(n)
+    product = np.array([r, by_chance, -by_chance, by_chance])
+    sums = Sums(9, np.ones(4), np.ones(4), product, -PRIOR)
+    odds = correlation().log_odds(sums, at, is_elsewhere=at == 0.0)
+    assert odds == pytest.approx(-PRIOR - 0.5 * (n - 2.0) * math.log(1.0 - r**2))
+    negative = correlation().log_odds(sums._replace(product=-product), at, at == 0.0)
+    assert negative == pytest.approx(-PRIOR), "the opposite of the map is no evidence for it"
+
+
+def test_a_narrow_belief_pays_for_the_places_that_can_be_distinguished() -> None:
+    sums, everywhere = Sums.start(1000), np.ones(1000, dtype=bool)
+    one, ten, uniform = (np.repeat(1.0 / n, n) for n in (1, 10, 1000))
+    for masses, paid in ((one, math.log(20.0)), (ten, math.log(20.0)), (uniform, 0.0)):
+        masses = np.pad(masses, (0, 1000 - len(masses)))
+        assert correlation(places=20.0).log_odds(sums, masses, everywhere) == pytest.approx(-PRIOR - paid)
+
+
+def test_what_was_felt_is_forgotten_with_the_travel() -> None:
+    felt = Sums(9, np.full(3, 4.0), np.full(3, 2.0), np.full(3, 1.0), -PRIOR)
+    later = correlation().update(felt, np.zeros(2), np.zeros((3, 2), np.float32), np.ones(3), MEMORY)
+    for before, after in zip(felt[1:4], later[1:4], strict=True):
+        np.testing.assert_allclose(after, before / math.e)
+
+
+def test_a_burst_counts_no_more_than_an_ordinary_strain() -> None:
+    empty = Sums(9, *np.zeros((3, 1)), -PRIOR)
+    for size in (1e2, 1e5):
+        burst = np.array([size, -size])
+        sums = correlation().update(empty, burst, burst[None].astype(np.float32), np.ones(1), MEMORY)
+        for total in sums[1:4]:
+            assert 0.0 < total.item() < 2.0, "two channels with a variance of one"
+
+
+# The level and rate by which a sweep differs from the scan.
+
+NOWHERE = np.zeros((0, 1), dtype=np.float32)
+
+
+def test_after_an_outlier_the_level_is_known_half_as_well() -> None:
+    drift, n = Drift(np.inf, 1.0, np.array([np.inf]), largest_energy=1.0), 10
+    trend = drift.start(0)
+    for _ in range(n):
+        _, trend = drift.update(trend, np.zeros(1), NOWHERE, 0.0005, 1.0)
+    _, after = drift.update(trend, np.full(1, 1e9), NOWHERE, 0.0005, 1.0)
+    for before, variance in ((trend, 1.0 / n), (after, 2.0 / n)):
+        following, _ = drift.update(before, np.zeros(1), NOWHERE, 0.0005, 1.0)
+        assert following.level_variance == pytest.approx(variance, rel=1e-6)
+
+
+def test_a_step_fades_as_in_a_critically_damped_system() -> None:
+    """The level forgets over a memory m, the rate is learned over 4 m: (1 - t / 2m) exp(-t / 2m)."""
+    memory, pitch = 0.01, 0.00005
+    steps = np.repeat([0.0, 1.0], [8000, 1600])[:, None]
+    found = innovations(steps, memory, pitch)[8000:, 0]
+    half_turns = np.arange(len(found)) * pitch / (2.0 * memory)
+    np.testing.assert_allclose(found, (1.0 - half_turns) * np.exp(-half_turns), atol=0.01)
+
+
+# A turned hand on featureless material, which feels the same in proportion to its yaw.
+
+YAWS = np.linspace(-0.2, 0.2, 41)
+TURNING = np.array([30.0, -10.0])
+
+
+def turned_material(level_variance: float = 0.0) -> SweepMixture:
+    """Featureless material under one phalanx of two channels, at yaws 0.01 rad apart; variances are one."""
+    layout, zeros = ChannelLayout((2,)), np.zeros(2)
+    noise = NoiseModel(layout, zeros, np.eye(2), np.zeros(1), np.full(2, level_variance), TURNING)
+    strain_map = StrainMap(
+        YAWS[:1],
+        np.full(1, 0.01),
+        (41,),
+        np.zeros((41, 1, 2), np.float32),
+        np.ones((41, 1, 1), np.float32),
+        np.zeros((41, 1), np.float32),
+        1.0,
+        TURNING[None],
+        np.outer(YAWS, TURNING),
+    )
+    return SweepMixture(noise, strain_map, Drift(np.inf, 1.0, np.full(2, level_variance)), 0.002)
+
+
+def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[Likelihoods, Any]:
+    """Likelihoods of what featureless material feels like at a yaw, and the trend after it."""
+    states, log_weights = YAWS[:, None], np.log(weights)
+    nodes, expected = model.expected(np.concatenate([states, states]))
+    places = np.concatenate([states, states])
+    start = model.drift.start(len(places))
+    innovation, trend = model.innovation(
+        start, yaw * TURNING, places, expected, log_weights, 0.0005, information=1.0
+    )
+    return model.evaluate(nodes, log_weights, innovation, np.ones(1, bool)), trend
+
+
+def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -> None:
+    weights = np.exp(-0.5 * ((YAWS - 0.05) / 0.04) ** 2)
+    found, _ = felt_at_yaw(YAWS[5], weights / weights.sum(), turned_material())
+    assert found.states.argmax() == found.references.argmax() == 5
+    assert found.states[5] == pytest.approx(found.featureless, abs=1e-5), "the same without a residual"
+
+
+def test_the_variance_of_the_yaw_counts_as_noise() -> None:
+    """The level is that of a Kalman filter with the variance of the strain about the mean yaw as noise."""
+    weights, level_variance = np.full(41, 1.0 / 41.0), 5.0
+    _, trend = felt_at_yaw(0.1, weights, turned_material(level_variance))
+    noise = 1.0 + np.var(YAWS) * TURNING**2
+    np.testing.assert_allclose(trend.level, 0.1 * TURNING * level_variance / (level_variance + noise))
+
+
+# What is learned from a scan.
+
+
+PATCH = scene()
+
+
+def sheet_scan() -> Scan:
+    """A bump of 8 mm on a featureless sheet, under two phalanges; sweeps have other offsets."""
+    rng, lines = np.random.default_rng(0), line_scan(np.random.default_rng(0), PATCH)
+    bump = np.exp(-0.5 * np.sum(((lines.states - 0.025) / 0.004) ** 2, axis=1))[:, None] * np.arange(
+        1.0, 17.0
+    )
+    offsets = 0.3 * rng.standard_normal((lines.sweep.max() + 1, 16))
+    felt = bump + offsets[lines.sweep] + 0.05 * rng.standard_normal(bump.shape)
+    return Scan(lines.states, felt, lines.sweep, lines.axes, lines.phalanges)
+
+
+def test_a_new_session_differs_twice_as_much_as_sweeps_of_the_scan() -> None:
+    estimate = estimate_noise(sheet_scan(), PATCH)
+    variance = np.var(estimate.offsets @ estimate.model.whitening.T, axis=0, ddof=1)
+    assert estimate.model.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())
+
+
+def test_variance_is_of_the_visit_the_signal_and_the_interpolation() -> None:
+    expected = Expectation(
+        mean=np.array([[[1.0, 3.0, 2.0]]]),
+        interpolation_error=np.array([[[4.0, 8.0, 1.0]]]),
+        noise=np.array([[0.5]]),
+        log_prior=np.zeros((1, 1)),
+        distance=np.zeros(1),
+    )
+    found = VarianceModel(visit=2.0, signal=0.1, interpolation=0.5).variance(expected, ChannelLayout((2, 1)))
+    np.testing.assert_allclose(
+        found, [[[2.0 * 1.5 + 0.1 * 5.0 + 0.5 * 6.0, 2.0 * 1.5 + 0.1 * 4.0 + 0.5 * 1.0]]]
+    )
+
+
+LINES, STD = 7, 0.001
+PLANE = Scene("plane", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)), (Phalanx("index", (0.0, 0.0), LINES),))
+
+
+def registration(error: Callable[[int, set[int]], tuple[float, float]]) -> np.ndarray:
+    """Registration error (2,) if a held-out sweep is localized with ``error(line, lines held out)``, m.
+
+    Each line has a signal in a channel of its own, so that a map shows which lines it is without.
+    """
+    along, across = np.arange(0.0, 0.05, 0.0005), np.arange(LINES) * 0.006
+    states = np.stack(np.meshgrid(along, across), axis=-1).reshape(-1, 2)
+    line = np.repeat(np.arange(LINES), len(along))
+    felt = 0.1 * np.random.default_rng(0).standard_normal((len(states), LINES))
+    felt += np.where(np.abs(states[:, :1] - 0.025) < 0.005, 20.0, 0.0) * (np.arange(LINES) == line[:, None])
+    model = learn_sweep_model(
+        Scan(states, felt, line, ("x", "y"), ("index",), (LINES,)), PLANE, VarianceModel()
+    )
+
+    def localizer(_near: Scene, _cell: np.ndarray, mixture: SweepMixture) -> Any:
+        volts = np.linalg.solve(mixture.noise.whitening, mixture.map.mean.reshape(-1, LINES).T)
+        shown = np.abs(volts).max(axis=1) > 5.0
+        without = set(np.flatnonzero(~shown).tolist())
+
+        def update(_stamp_ns: int, position: np.ndarray, _strain: np.ndarray) -> Any:
+            own = round(position[1] / 0.006)
+            off = np.array(error(own, without))
+            return SimpleNamespace(mean=position + off, covariance=1e-10 * np.eye(2), updated=True)
+
+        return SimpleNamespace(reset=lambda: None, update=update)
+
+    return calibrate(PLANE, model, localizer).registration_std
+
+
+def test_along_a_sweep_the_nearest_line_is_held_out_and_across_it_is_not() -> None:
+    """There the nearest line resembles the sweep by chance, here its gap is an error of its own."""
+
+    def error(line: int, without: set[int]) -> tuple[float, float]:
+        assert line in without
+        alone = len(without) == 1
+        return (0.0, 0.0) if alone else (STD, STD)
+
+    along, across = registration(error)
+    assert along > 0.8 * STD
+    assert across < 0.5 * STD
+
+
+def test_the_registration_error_is_not_underestimated() -> None:
+    """Of so few sweeps the likeliest value is too small in half of the cases."""
+    along, across = registration(lambda line, _: (STD * (-1.0) ** line, 0.0))
+    prior, errors, sweeps = 0.0005, 5.0, LINES - 1.0
+    likeliest = math.sqrt((errors * prior**2 + sweeps * STD**2) / (errors + sweeps))
+    assert 1.1 * likeliest < along < 1.6 * likeliest
+    assert across < 0.5 * STD
+
+
+# From a strain to the flag.
+
+PATCH_SCAN = line_scan(np.random.default_rng(0), PATCH)
+"""Waves that are felt everywhere."""
+START, ELSEWHERE, STEP = np.array([0.01, 0.02]), np.array([0.012, 0.036]), np.array([0.0006, 0.0002])
+
+
+def build(scan: Scan = PATCH_SCAN, registration_std: float = 4e-4, **choices: Any) -> Localizer:
+    calibration = Calibration(0.0017, np.full(2, registration_std), VarianceModel())
+    rng = np.random.default_rng(1)
+    return build_localizer(scan, PATCH, Configuration(**choices), rng, calibration=calibration)
+
+
+def slide(localizer: Localizer, start: np.ndarray, steps: int = 60, first: int = 0) -> list[Any]:
+    """Estimates along a straight way on the material; the arm goes on from step ``first`` of its own way."""
+    return [
+        localizer.update(10**7 * (first + n), 1.0 + (first + n) * STEP, strain_at(start[None] + n * STEP)[0])
+        for n in range(steps)
+    ]
+
+
+def test_the_flag_includes_the_registration_error() -> None:
+    """A sure belief is within r of the truth with 1 - exp(-r^2 / 2 s^2), however narrow it is."""
+    std, radius = 0.005, Configuration().convergence_radius
+    for registration_std, near in ((std, 1.0 - math.exp(-0.5 * (radius / std) ** 2)), (4e-4, 1.0)):
+        last = slide(build(registration_std=registration_std), START)[-1]
+        assert last.converged == (near == 1.0)
+        assert last.probability / last.on_map == pytest.approx(near, abs=0.02)
+
+
+def test_a_sure_belief_has_the_likelihood_of_its_place_whatever_the_tempering() -> None:
+    found, corner = [], np.array([0.004, 0.045])
+    for update_distance in (0.0005, 0.005):
+        localizer = build(sheet_scan(), update_distance=update_distance)
+        localizer.seed(corner, np.full(2, 1e-4))
+        found.append(localizer.update(0, corner, np.zeros(16)).log_marginal)
+    assert found[0] == pytest.approx(found[1], abs=1e-3)
+
+
+def test_a_position_is_no_more_probable_than_that_the_hand_was_not_relocated() -> None:
+    localizer, tracked = build(), []
+    slide(localizer, START)
+    for n in range(20):
+        (estimate,) = slide(localizer, ELSEWHERE + n * STEP, 1, first=60 + n)
+        explanations = localizer.explanations
+        tracked.append(explanations.tracked / explanations.on_map)
+        assert estimate.probability <= estimate.on_map * tracked[-1] + 1e-6
+    assert min(tracked) < 0.9
+
+
+def test_evidence_for_where_a_hand_was_does_not_count_against_where_it_is_put() -> None:
+    localizer = build()
+    assert slide(localizer, START)[-1].converged
+    last = slide(localizer, ELSEWHERE, 40, first=60)[-1]
+    assert last.converged, last.reason
+    assert np.linalg.norm(last.mean - ELSEWHERE - 39 * STEP) < 0.001
