@@ -7,12 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.offline.metrics import (
-    SQUARED_95,
-    position_error,
-    squared_mahalanobis,
-    travel_from_contact,
-)
+from tactile_localizer.offline.metrics import covered, position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
@@ -29,7 +24,7 @@ def on_feature(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Row:
     contact has none of them on contact, and all of it lies before contact.
     """
     errors = [position_error(scene, sweep) for sweep in sweeps]
-    covered = [squared_mahalanobis(scene, sweep) <= SQUARED_95[scene.dimension] for sweep in sweeps]
+    inside = [covered(scene, sweep) for sweep in sweeps]
     contacts = [sweep.on_contact for sweep in sweeps]
     settled = [
         during & (travel_from_contact(sweep) >= SETTLED_M)
@@ -39,8 +34,8 @@ def on_feature(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Row:
     return {
         "error_mm": 1e3 * _mean_of_sweeps(errors, contacts),
         "error_settled_mm": 1e3 * _mean_of_sweeps(errors, settled),
-        "coverage": _mean_of_sweeps(covered, [np.ones(len(sweep), dtype=bool) for sweep in sweeps]),
-        "coverage_contact": _mean_of_sweeps(covered, contacts),
+        "coverage": _mean_of_sweeps(inside, [np.ones(len(sweep), dtype=bool) for sweep in sweeps]),
+        "coverage_contact": _mean_of_sweeps(inside, contacts),
         "within_5_mm": float(np.mean(travel <= 0.005)),
         "within_10_mm": float(np.mean(travel <= 0.010)),
         "converged": _mean_of_sweeps([sweep.converged for sweep in sweeps], contacts),

@@ -299,12 +299,10 @@ def main() -> None:
 
     with np.errstate(invalid="ignore"):
         checked = [finding.row() for finding in findings(values)]
-    print_table("Findings of the paper", ("verdict", "statement", "section", "measured"), checked, text=True)
-    print_table(
-        "False alarms, % of all sweeps",
-        ("method", "low trace", "high likelihood", "probability"),
-        [false_alarms(rows, method) for method in METHODS],
-    )
+    print_table(("verdict", "statement", "section", "measured"), checked, text=True)
+    print("\nFalse alarms, % of all sweeps")
+    alarms = [false_alarms(rows, method) for method in METHODS]
+    print_table(("method", "low trace", "high likelihood", "probability"), alarms)
     given.out.mkdir(parents=True, exist_ok=True)
     for feature in given.features:
         paper_figure(rows, feature).savefig(given.out / f"{feature}.png", dpi=120)

@@ -1,22 +1,24 @@
-"""Progress bars on a terminal."""
+"""Progress on standard error: bars on a terminal, now and then a line elsewhere."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 
+LINE_EVERY_S = 10.0
+"""Time between two lines where standard error is no terminal, s."""
+
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """Context with a function that shows a description of the work and its completed fraction on stderr.
-
-    Nothing is shown where stderr is no terminal.
-    """
+    """Context with a function that shows a description of the work and its completed fraction."""
     console = Console(stderr=True, markup=False, emoji=False)
     if not console.is_terminal:
-        yield lambda text, fraction: None
+        yield _Lines()
         return
     # This slow import is needed on a terminal only.
     from rich.progress import (
@@ -43,3 +45,15 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
             progress.update(tasks[text], completed=fraction)
 
         yield show
+
+
+class _Lines:
+    """Prints a line at most every :data:`LINE_EVERY_S`, so that short commands print none."""
+
+    def __init__(self) -> None:
+        self._printed_s = time.monotonic()
+
+    def __call__(self, text: str, fraction: float) -> None:
+        if time.monotonic() - self._printed_s >= LINE_EVERY_S:
+            self._printed_s = time.monotonic()
+            print(f"{text}: {fraction:.0%}", file=sys.stderr, flush=True)

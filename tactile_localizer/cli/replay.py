@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         calibration = learned_calibration(args.scan, scan, scene, progress)
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-        sweeps = replay(localizer, with_contact(recording, scene, localizer.model.map), progress)
+        sweeps = replay(localizer, with_contact(recording, scene, localizer.model), progress)
     verdict = judge(scene, sweeps, configuration)
     learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(
@@ -98,44 +98,39 @@ def _print(document: dict[str, Any], scan: str) -> None:
         f"{summary['sweeps']} sweeps, {summary['strains']} samples, "
         f"{summary['measurement_updates']} measurement updates"
         + (f", {summary['refused']} refused" if summary["refused"] else "")
-        + f"; {configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
+        + f"\n{configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
     )
     print(f"learned from {scan}:")
     for name, value in document["learned"].items():
         print(f"  {name:20} {value}")
+    place = "contact" if summary["contacts"] else "the start"
     if summary["contacts"]:
         print(f"travel counts from contact, which {summary['contacts']} sweeps reach")
     if summary["error_m"]["count"]:
-        _print_errors(summary)
-        if "error_rad" in summary and summary["error_rad"]["count"]:
-            middle, largest = (np.degrees(summary["error_rad"][name]) for name in ("median", "max"))
-            print(f"yaw error {middle:.2f}° (median), {largest:.2f}° (largest)")
-        print(
-            f"95 % region covers {summary['coverage_95']:.1%}, "
-            f"NEES {summary['nees']:.2f} per degree of freedom"
-        )
+        errors = {
+            f"{float(mark) * MM:g} mm after {place}" if float(mark) else f"at {place}": error
+            for mark, error in summary["error_after_travel_m"].items()
+        }
+        errors |= {"all samples": summary["error_m"], "in contact": summary["error_contact_m"]}
+        errors["converged"] = summary["error_converged_m"]
+        rows = [_row(name, error, MM) for name, error in errors.items() if error["count"]]
+        if "error_rad" in summary:
+            rows.append(_row("yaw, degrees", summary["error_rad"], np.degrees(1.0)))
+        print()
+        print_table(("error, mm", "number", "median", "mean", "largest"), rows)
+        print(f"\n95 % region covers {summary['coverage_95']:.1%}")
     else:
         print("errors are unknown: the recording has no ground truth")
     arrived = summary["travel_to_convergence_m"]
     if arrived["count"]:
-        place = "contact" if summary["contacts"] else "the start"
         print(f"converged {arrived['median'] * MM:.1f} mm after {place} (median)")
     if timing["update_median_us"] is not None:
         print(
             f"measurement update {timing['update_median_us']:.0f} µs (median), "
-            f"{timing['update_p99_us']:.0f} µs (99th percentile); "
+            f"{timing['update_p99_us']:.0f} µs (99 %); "
             f"{timing['strain_mean_us']:.0f} µs per sample"
         )
 
 
-def _print_errors(summary: dict[str, Any]) -> None:
-    after = summary["error_after_travel_m"].items()
-    rows = {f"after {float(mark) * MM:g} mm" if float(mark) else "at contact": error for mark, error in after}
-    names = {"error_m": "all samples", "error_contact_m": "in contact", "error_converged_m": "converged"}
-    rows |= {title: summary[name] for name, title in names.items()}
-    cells = [
-        (title, str(error["count"]), *(f"{error[name] * MM:.2f}" for name in ("median", "mean", "max")))
-        for title, error in rows.items()
-        if error["count"]
-    ]
-    print_table("", ("error", "number", "median mm", "mean mm", "largest mm"), cells)
+def _row(name: str, error: dict[str, Any], scale: float) -> tuple[str, ...]:
+    return name, str(error["count"]), *(f"{error[key] * scale:.2f}" for key in ("median", "mean", "max"))

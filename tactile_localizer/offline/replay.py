@@ -87,6 +87,11 @@ class ReplayedSweep:
         return min(int(np.searchsorted(self.row, first)), max(len(self) - 1, 0)) if first >= 0 else 0
 
     @property
+    def reaches_contact(self) -> bool:
+        """Whether the sweep begins without contact and then has it."""
+        return self.contact[0] > 0
+
+    @property
     def on_contact(self) -> np.ndarray:
         """Whether each estimate is between contact and the end of the feature, (n,) bool."""
         first, last = self.contact

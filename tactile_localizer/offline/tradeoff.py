@@ -1,7 +1,7 @@
-"""Accuracy against computing time of several configurations on the same recordings.
+"""Accuracy against computing time of several configurations on the same sweeps.
 
-Each candidate is replayed on each recording, in processes of this machine or on a dask cluster. Times are
-processor times of one thread, so that candidates may run beside each other.
+Each candidate replays the recording, in processes of this machine or on a dask cluster. Times are processor
+times of one thread, so that candidates may run beside each other.
 """
 
 from __future__ import annotations
@@ -10,27 +10,22 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import joblib
 import numpy as np
+from scipy.special import stdtrit
 
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording
-from tactile_localizer.offline.metrics import (
-    SQUARED_95,
-    position_error,
-    squared_mahalanobis,
-    timing,
-    with_contact,
-)
+from tactile_localizer.offline.metrics import covered, position_error, timing, with_contact
 from tactile_localizer.offline.replay import Progress, ReplayedSweep, replay
+from tactile_localizer.offline.verdict import Verdict, judge
 from tactile_localizer.scene import Scene
 
 DEFAULT = "default"
@@ -40,7 +35,6 @@ BINS = 40
 """Bins along the sweeps in which errors and variances are averaged."""
 
 _CLUSTER_TIMEOUT_S = 5
-_QUANTILE = 1.96
 
 
 @dataclass(frozen=True)
@@ -57,98 +51,73 @@ class Candidate:
         return {name: value for name, value in asdict(self.configuration).items() if value != default[name]}
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """A candidate on the sweeps of one recording.
+@dataclass(frozen=True, eq=False)
+class Trade:
+    """Accuracy and cost of a candidate on the S sweeps of a recording.
 
     Parameters
     ----------
-    error : (S,) mean error of each sweep from contact to the feature's end, over the whole sweep where no
-        contact is known, m
-    coverage : (S,) fraction of the same estimates whose 95 % region contains the truth
-    converged : (S,) bool, whether the sweep converged
+    candidate : what was measured
+    errors : (S,) mean error of each sweep, m, from contact to the feature's end; over the whole sweeps if
+        none reaches contact. NaN where unknown
+    coverage : fraction of the same estimates whose 95 % region contains the truth, mean over the sweeps
+    verdict : verdict on the sweeps
     error_along, trace_along : (BINS,) mean error, m, and trace of the covariance, m², in bins along the
         sweep axis; NaN where no sweep has been
-    timing : computing times, from :func:`~tactile_localizer.offline.metrics.timing`
+    update_us, update_p99_us : processor time of a measurement update, median and 99th percentile, µs
+    us_per_mm : processor time per millimetre of travel, µs
     """
 
-    error: np.ndarray
-    coverage: np.ndarray
-    converged: np.ndarray
+    candidate: Candidate
+    errors: np.ndarray
+    coverage: float
+    verdict: Verdict
     error_along: np.ndarray
     trace_along: np.ndarray
-    timing: dict[str, float]
+    update_us: float
+    update_p99_us: float
+    us_per_mm: float
 
-
-@dataclass(frozen=True)
-class Trade:
-    """Accuracy and cost of a candidate, over all recordings; ``outcomes`` has one for each."""
-
-    candidate: Candidate
-    outcomes: tuple[Outcome, ...]
-
-    @cached_property
+    @property
     def error(self) -> float:
         """Mean error over the sweeps, m."""
-        return float(np.nanmean(self._sweeps("error")))
+        return float(np.nanmean(self.errors))
 
-    @property
-    def error_half_width(self) -> float:
-        """Half width of the 95 % confidence interval of the mean error, m."""
-        errors = self._sweeps("error")
-        errors = errors[np.isfinite(errors)]
-        return float(_QUANTILE * errors.std(ddof=1) / np.sqrt(len(errors))) if len(errors) > 1 else np.nan
+    def difference(self, other: Trade) -> tuple[float, float]:
+        """Mean over the sweeps of this error minus that of another, and half its 95 % interval, m.
 
-    @property
-    def coverage(self) -> float:
-        """Mean coverage of the 95 % region over the sweeps."""
-        return float(np.nanmean(self._sweeps("coverage")))
-
-    @property
-    def converged(self) -> float:
-        """Fraction of the sweeps that converged."""
-        return float(np.mean(self._sweeps("converged")))
-
-    @property
-    def update_us(self) -> float:
-        """Median processor time of a measurement update, µs."""
-        return self._time("update_median_us")
-
-    @property
-    def update_p99_us(self) -> float:
-        """99th percentile of the processor time of a measurement update, µs."""
-        return self._time("update_p99_us")
-
-    @property
-    def us_per_mm(self) -> float:
-        """Processor time per millimetre of travel, µs."""
-        return self._time("us_per_mm")
-
-    def _sweeps(self, name: str) -> np.ndarray:
-        return np.concatenate([getattr(outcome, name) for outcome in self.outcomes])
-
-    def _time(self, name: str) -> float:
-        return float(np.mean([outcome.timing[name] for outcome in self.outcomes]))
+        The sweeps are the same, so differences are more certain than the errors.
+        """
+        found = self.errors - other.errors
+        found = found[np.isfinite(found)]
+        count = len(found)
+        half = stdtrit(count - 1, 0.975) * found.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
+        return float(found.mean()), float(half)
 
 
-def candidates() -> list[Candidate]:
-    """Default, presets, and configurations that vary model, filter, cell, particles and update distance."""
+def candidates(scene: Scene) -> list[Candidate]:
+    """Default, presets, and configurations that the scene can have, without those that would be the same.
+
+    They vary model, filter, cell (on one axis it is fixed), particles and update distance.
+    """
     default = Configuration()
     particle = replace(default, filter="particle")
-    varied: dict[str, Configuration] = {name: named_configuration(name) for name in (DEFAULT, *PRESETS)}
+    varied = {name: named_configuration(name) for name in (DEFAULT, *PRESETS)}
     for step in (0.0005, 0.001, 0.0015, 0.003):
-        for cell in (0.15, 0.3, 0.45, 0.6, 1.0):
+        for cell in (default.cell,) if scene.dimension == 1 else (0.3, default.cell, 0.6, 1.0):
             varied[f"cell {cell:g}, {step * 1e3:g} mm"] = replace(default, cell=cell, update_distance=step)
-        for particles in (75, 300, 1000):
-            varied[f"{particles} particles, {step * 1e3:g} mm"] = replace(
-                particle, particles=particles, update_distance=step
-            )
+    for step in (0.0005, 0.001):
+        for count in (300, 1000):
+            changed = replace(particle, particles=count, update_distance=step)
+            varied[f"{count} particles, {step * 1e3:g} mm"] = changed
+    without_region = () if scene.feature else ("featureless",)  # it models the material outside of the region
     for model in MODELS:
-        if model != SWEEP_MIXTURE:
-            varied[f"{model}, {particle.particles} particles"] = replace(particle, model=model)
+        if model not in (SWEEP_MIXTURE, *without_region):
+            varied[model] = replace(particle, model=model)
     names: dict[Configuration, str] = {}
     for name, configuration in varied.items():
-        names.setdefault(configuration, name)
+        same = replace(configuration, cell=default.cell) if scene.dimension == 1 else configuration
+        names.setdefault(same, name)
     return [Candidate(name, configuration) for configuration, name in names.items()]
 
 
@@ -166,82 +135,86 @@ def named_configuration(name: str) -> Configuration:
 def trade(
     scan: Scan,
     scene: Scene,
-    recordings: Sequence[Recording],
+    recording: Recording,
     measured: Sequence[Candidate],
+    calibration: Calibration,
     *,
     seed: int = 0,
     jobs: int = 1,
     cluster: str | None = None,
     progress: Progress | None = None,
-) -> list[Trade]:
-    """Replay every candidate on every recording.
+) -> tuple[list[Trade], dict[str, str]]:
+    """Replay a recording with every candidate.
 
     Parameters
     ----------
     scan, scene : training pairs and scene of the map
-    recordings : recordings with known truth, whose positions are odometry
+    recording : sweeps with known truth, whose positions are odometry
     measured : configurations to compare
+    calibration : calibration of the scan
     seed : seed of the particle filters
     jobs : processes on this machine; -1: one per core
     cluster : address of a dask scheduler to use instead
     progress : called with a description of the work and the completed fraction
+
+    Returns
+    -------
+    list of Trade
+        Of the candidates that could be measured, in their order.
+    dict
+        Why the others could not, by name.
 
     Raises
     ------
     ParameterError
         A recording without truth, an invalid number of jobs, or a cluster that cannot be reached.
     """
-    for recording in recordings:
-        if any(sweep.truth is None for sweep in recording.sweeps):
-            raise ParameterError(f"{recording.source}: expected true positions, found none")
+    if any(sweep.truth is None for sweep in recording.sweeps):
+        raise ParameterError(f"{recording.source}: expected true positions, found none")
     if jobs < 1 and jobs != -1:
         raise ParameterError(f"jobs: expected at least 1, or -1 for one per core, got {jobs}")
-    calibration = learn(scan, scene, progress)
-    exact = build_localizer(
-        scan, scene, Configuration(), np.random.default_rng(seed), calibration=calibration
-    )
-    marked = [with_contact(recording, scene, exact.model.map) for recording in recordings]
-    calls = [
-        joblib.delayed(measure)(scan, scene, recording, candidate.configuration, calibration, seed)
-        for candidate in measured
-        for recording in marked
-    ]
-    outcomes: list[Outcome] = []
-    with _workers(jobs, cluster):
-        for outcome in joblib.Parallel(return_as="generator", batch_size=1)(calls):
-            outcomes.append(outcome)
-            if progress is not None:
-                progress("replaying", len(outcomes) / len(calls))
-    n = len(recordings)
-    return [
-        Trade(candidate, tuple(outcomes[index * n : (index + 1) * n]))
-        for index, candidate in enumerate(measured)
-    ]
-
-
-def measure(
-    scan: Scan,
-    scene: Scene,
-    recording: Recording,
-    configuration: Configuration,
-    calibration: Calibration,
-    seed: int,
-) -> Outcome:
-    """Outcome of one configuration on one recording."""
     rng = np.random.default_rng(seed)
-    localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
-    sweeps = [sweep for sweep in replay(localizer, recording, clock=time.thread_time) if len(sweep)]
-    has_contact = any(sweep.contact[0] >= 0 for sweep in sweeps)
+    exact = build_localizer(scan, scene, Configuration(), rng, calibration=calibration)
+    marked = with_contact(recording, scene, exact.model)
+    calls = [joblib.delayed(_measure)(scan, scene, marked, one, calibration, seed) for one in measured]
+    trades: list[Trade] = []
+    failed: dict[str, str] = {}
+    with _workers(jobs, cluster):
+        found = joblib.Parallel(return_as="generator", batch_size=1)(calls)
+        for number, (one, outcome) in enumerate(zip(measured, found, strict=True), 1):
+            if isinstance(outcome, Trade):
+                trades.append(outcome)
+            else:
+                failed[one.name] = outcome
+            if progress is not None:
+                progress("replaying", number / len(calls))
+    return trades, failed
+
+
+def _measure(
+    scan: Scan, scene: Scene, recording: Recording, candidate: Candidate, calibration: Calibration, seed: int
+) -> Trade | str:
+    """Accuracy and cost of a candidate, or why it cannot be measured."""
+    configuration, rng = candidate.configuration, np.random.default_rng(seed)
+    try:
+        localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
+        sweeps = replay(localizer, recording, clock=time.thread_time)
+    except TactileLocalizerError as error:
+        return str(error)
+    has_contact = any(sweep.reaches_contact for sweep in sweeps)
     kept = [sweep.on_contact if has_contact else np.ones(len(sweep), dtype=bool) for sweep in sweeps]
     errors = [position_error(scene, sweep) for sweep in sweeps]
-    inside = [squared_mahalanobis(scene, sweep) <= SQUARED_95[scene.dimension] for sweep in sweeps]
-    return Outcome(
-        error=_means(errors, kept),
-        coverage=_means(inside, kept),
-        converged=np.array([sweep.converged.any() for sweep in sweeps]),
-        error_along=_along(scene, sweeps, np.concatenate(errors)),
-        trace_along=_along(scene, sweeps, np.concatenate([sweep.trace for sweep in sweeps])),
-        timing=timing(sweeps),
+    times = timing(sweeps)
+    if times["us_per_mm"] is None:
+        return f"{recording.source}: expected sweeps with measurement updates, found none"
+    return Trade(
+        candidate,
+        _means(errors, kept),
+        float(np.nanmean(_means([covered(scene, sweep) for sweep in sweeps], kept))),
+        judge(scene, sweeps, configuration),
+        _along(scene, sweeps, errors),
+        _along(scene, sweeps, [sweep.trace for sweep in sweeps]),
+        *(times[name] for name in ("update_median_us", "update_p99_us", "us_per_mm")),
     )
 
 
@@ -257,24 +230,16 @@ def bin_centres(scene: Scene, axis: int) -> np.ndarray:
 
 
 def pareto_front(trades: Sequence[Trade]) -> list[Trade]:
-    """Trades that no other one beats in both error and time per millimetre, from fast to accurate."""
-    front: list[Trade] = []
-    for one in sorted(trades, key=lambda trade: (trade.us_per_mm, trade.error)):
-        if not front or one.error < front[-1].error:
-            front.append(one)
-    return front
-
-
-def within_budget(trades: Sequence[Trade], budget_us: float) -> Trade | None:
-    """Most accurate trade with a median update time of at most ``budget_us``."""
-    affordable = (one for one in trades if one.update_us <= budget_us)
-    return min(affordable, key=lambda one: one.error, default=None)
+    """Trades that no other one equals or beats in error, time per millimetre and number of wrong sweeps."""
+    costs = np.array([(one.error, one.us_per_mm, one.verdict.wrong) for one in trades])
+    worse = [((costs <= own).all(axis=1) & (costs < own).any(axis=1)).any() for own in costs]
+    return [one for one, is_worse in zip(trades, worse, strict=True) if not is_worse]
 
 
 def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
-    """Trade of least time per millimetre with a mean error of at most ``target_m``."""
+    """The fastest, among those with fewest wrong sweeps, of the trades within ``target_m`` of mean error."""
     accurate = (one for one in trades if one.error <= target_m)
-    return min(accurate, key=lambda one: one.us_per_mm, default=None)
+    return min(accurate, key=lambda one: (one.verdict.wrong, one.us_per_mm, one.error), default=None)
 
 
 def _means(values: Sequence[np.ndarray], kept: Sequence[np.ndarray]) -> np.ndarray:
@@ -284,14 +249,14 @@ def _means(values: Sequence[np.ndarray], kept: Sequence[np.ndarray]) -> np.ndarr
     )
 
 
-def _along(scene: Scene, sweeps: Sequence[ReplayedSweep], values: np.ndarray) -> np.ndarray:
+def _along(scene: Scene, sweeps: Sequence[ReplayedSweep], values: Sequence[np.ndarray]) -> np.ndarray:
     """Means of values in the bins of the sweep axis, (BINS,)."""
     truth = np.concatenate([sweep.truth for sweep in sweeps if sweep.truth is not None])
     axis = sweep_axis(scene, truth)
-    index = np.floor((truth[:, axis] - scene.lower[axis]) / scene.extent[axis] * BINS).astype(int)
+    index = np.floor((truth[:, axis] - scene.lower[axis]) / scene.extent[axis] * BINS)
     within = (index >= 0) & (index < BINS)
-    count = np.bincount(index[within], minlength=BINS)
-    total = np.bincount(index[within], values[within], minlength=BINS)
+    count = np.bincount(index[within].astype(int), minlength=BINS)
+    total = np.bincount(index[within].astype(int), np.concatenate(values)[within], minlength=BINS)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 

@@ -25,7 +25,8 @@ class Verdict:
     Parameters
     ----------
     sweeps : all sweeps
-    expected : sweeps that have to be right: all but those that touch no feature and never converge
+    expected : sweeps that have to be right: all but those that touch no feature, or for less travel than
+        convergence has to hold, and never converge
     right : sweeps that are right
     wrong : sweeps that were ever wrong
     early : sweeps that converged before contact, or without any
@@ -49,10 +50,12 @@ class Verdict:
         return self.right == self.expected > 0
 
     def __str__(self) -> str:
+        if not self.expected:
+            return "NOT localized: no sweep touches a feature or converges"
         return (
             f"{'localized' if self.success else 'NOT localized'}: {self.right} of {self.expected} sweeps "
-            f"{'right' if self.has_truth else 'converged'} at the end, {self.wrong} ever wrong, "
-            f"{self.early} converged before contact, {self.never} never"
+            f"{'right' if self.has_truth else 'converged'}, {self.wrong} ever wrong, "
+            f"{self.early} converged early, {self.never} never"
         )
 
 
@@ -65,21 +68,23 @@ def judge(
     ----------
     scene : scene of the localizer
     sweeps : its estimates, with the contact of each sweep (:func:`~.offline.metrics.with_contact`)
-    configuration : gives the convergence radius; default: that of the filter node
+    configuration : gives the criteria of convergence; default: those of the filter node
     """
-    radius = convergence_criteria(scene, configuration or Configuration()).radius
+    criteria = convergence_criteria(scene, configuration or Configuration())
     right = wrong = early = never = expected = 0
     notes = []
     for sweep in sweeps:
         converges, first = bool(sweep.converged.any()), sweep.contact[0]
         is_early = bool((sweep.converged & ((sweep.row < first) | (first < 0))).any())
         early += is_early and sweep.contact_known
-        if not converges and sweep.contact_known and first < 0:
+        touched = sweep.travel[sweep.on_contact]
+        brushes = sweep.contact_known and (touched[-1:] - touched[:1]).sum() < criteria.sustain
+        if brushes and not converges:
             continue
         expected += 1
         never += not converges
         error = np.where(sweep.converged[:, None], _error(scene, sweep), 0.0)
-        relative = np.square(error / radius).sum(axis=1)
+        relative = np.square(error / criteria.radius).sum(axis=1)
         if (relative > 1.0).any():
             wrong += 1
             worst = describe_sizes(scene, error[relative.argmax()])

@@ -81,6 +81,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     assert main([*COMMAND.split(), "--json", "out.json", "--plot", "out/error.png"]) == 0
     assert Path("out/error.png").stat().st_size > 10_000
     printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 80
     assert "sweep_mixture, grid filter; odometry simulated" in printed
     learned = printed.partition("learned from bump_scan:\n")[2].splitlines()[:5]
     assert [line[:22].strip() for line in learned] == [
@@ -92,9 +93,9 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     ]
     assert "mm after contact (median)" in printed
     assert "at contact" in printed
-    assert "after 20 mm" in printed
+    assert "10 mm after contact" in printed
     assert "note:" not in printed
-    assert re.search(r"^localized: (\d+) of \1 sweeps right at the end, 0 ever", printed, re.MULTILINE)
+    assert re.search(r"^localized: (\d+) of \1 sweeps right, 0 ever", printed, re.MULTILINE)
     found = document()
     assert found["verdict"] == {
         "success": True,
@@ -105,7 +106,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     }
     rows = rows_of_test()
     assert len(found["updates"]) == len(rows)
-    assert found["summary"]["error_after_travel_m"]["0.02"]["max"] < 0.005
+    assert found["summary"]["error_after_travel_m"]["0.01"]["max"] < 0.006
     assert found["summary"]["error_contact_m"]["count"] > 100
     last = found["updates"][-1]
     assert last["truth"] == pytest.approx([rows["x"][-1], rows["y"][-1]])
@@ -222,9 +223,9 @@ def test_a_scan_of_another_scene_is_noted(bump_folder: Path, capsys) -> None:
     assert "note: bump_scan was scanned with scene bump" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("material", "travel"), [("Linen", "0.08"), ("Canvas", "0.16")])
+@pytest.mark.parametrize("material", ["Linen", "Canvas"])
 def test_fabric_is_localized_globally(
-    data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, material: str, travel: str
+    data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, material: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     files = [str(data_dir / "fabric_slide" / f"{material}_F250_V10mmps_{repeat}.csv") for repeat in range(3)]
@@ -234,7 +235,7 @@ def test_fabric_is_localized_globally(
     Path("sparse.yaml").write_text("update_distance: 0.002\n")
     options = ["--config", "sparse.yaml", "--json", "out.json"]
     assert main(["replay", files[2], "--scan", "bump_scan", *reading, *options]) == 0
-    assert document()["summary"]["error_after_travel_m"][travel]["median"] < 0.001
+    assert document()["summary"]["final_error_m"]["median"] < 0.001
 
 
 def test_a_scan_may_have_more_phalanges_than_the_scene(bump_folder: Path) -> None:

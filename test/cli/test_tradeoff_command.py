@@ -3,29 +3,49 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tactile_localizer.cli import main
+from tactile_localizer.io.scans import learned
+from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.resources import resource_path
+
+COMMAND = "tradeoff strain_0.csv strain_1.csv --poses poses_0.csv --poses poses_1.csv --scan bump_scan"
 
 
 @pytest.mark.slow
-def test_configurations_are_compared_on_several_recordings(
+def test_configurations_are_compared_on_an_own_scan_without_a_region(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["simulate", "bump", "--train", "11", "--test", "1", "-o", "."]) == 0
-    assert main(["import", "csv", "train.csv", "--scene", "bump.yaml", "-o", "bump_scan"]) == 0
+    assert main(["simulate", "bump", "--train", "11", "--test", "2", "-o", "."]) == 0
+    save_scene(replace(load_scene(resource_path("config/scenes/bump.yaml")), feature=None), "scene.yaml")
+    assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "bump_scan"]) == 0
+    names = Path("test.csv").read_text().partition("\n")[0].split(",")
+    rows = np.loadtxt("test.csv", delimiter=",", skiprows=1)
+    poses = [names.index(name) for name in ("stamp_s", "x", "y")]
+    strain = [index for index, name in enumerate(names) if name not in ("sweep", "x", "y", "felt")]
+    for sweep in (0, 1):
+        for kind, columns in (("poses", poses), ("strain", strain)):
+            header = ",".join(names[index] for index in columns)
+            own = rows[rows[:, 1] == sweep][:, columns]
+            np.savetxt(f"{kind}_{sweep}.csv", own, "%.9f", delimiter=",", header=header, comments="")
     Path("own.yaml").write_text("cell: 1.0\nupdate_distance: 0.003\n")
-    Path("again.csv").write_bytes(Path("test.csv").read_bytes())
-    command = "tradeoff test.csv again.csv --scan bump_scan --configurations own.yaml fast"
-    assert main([*command.split(), "--budget-us", "1e6"]) == 0
-    assert "again.csv" in capsys.readouterr().out
+    Path("region.yaml").write_text("model: featureless\nfilter: particle\n")
+    command = f"{COMMAND} --configurations own.yaml region.yaml fast".split()
+    assert main([*command, "--target-mm", "100"]) == 0
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.partition("region:")[0].splitlines())) <= 80
+    assert "region: not measured, scene bump: expected a feature region" in printed
     document = json.loads(Path("tradeoff/tradeoff.json").read_text())
     assert [one["name"] for one in document["candidates"]] == ["own", "fast"]
-    assert document["candidates"][0]["error_of_recording_m"].keys() == {"test.csv", "again.csv"}
+    assert [one["verdict"]["right"] for one in document["candidates"]] == [2, 2]
     assert Path("tradeoff/tradeoff.png").stat().st_size > 10_000
     assert main(["replay", "test.csv", "--scan", "bump_scan", "--config", "tradeoff/configuration.yaml"]) == 0
-    assert main([*command.split(), "--target-mm", "1e-9"]) == 1
+    monkeypatch.setattr(learned, "learn", None)  # the calibration is stored
+    assert main([*command, "--target-mm", "1e-9"]) == 1
     assert "none; nearest is" in capsys.readouterr().out

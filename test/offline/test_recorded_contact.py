@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from simulated import recording_of
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import NO_CONTACT
+from tactile_localizer.io.recording import NO_CONTACT, Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.resources import resource_path
@@ -36,19 +37,25 @@ def test_a_blank_sweep_has_no_contact() -> None:
     assert blank.sweeps[0].contact == NO_CONTACT
 
 
+def unmarked(recording: Recording) -> Recording:
+    return replace(recording, sweeps=tuple(replace(sweep, felt=None) for sweep in recording.sweeps))
+
+
 def test_unrecorded_contact_is_taken_from_the_map() -> None:
     test = recording_of(simulate_scan("bump", 1, "test"))
-    unmarked = replace(test, sweeps=tuple(replace(sweep, felt=None) for sweep in test.sweeps))
-    scan = simulate_scan("bump", 1).to_scan()
-    learned = learn_sweep_model(scan, SCENE)
-    table = learned.mixture(SCENE, learned.cell(SCENE, 0.45)).map
-    marked = with_contact(unmarked, SCENE, table)
+    learned = learn_sweep_model(simulate_scan("bump", 1).to_scan(), SCENE)
+    model = learned.mixture(SCENE, learned.cell(SCENE, 0.45))
+    marked = with_contact(unmarked(test), SCENE, model)
     away = []
     for own, found in zip(test.sweeps, marked.sweeps, strict=True):
         assert own.truth is not None
         ends = own.truth[list(own.contact), 0], own.truth[list(found.contact), 0]
         away.append(ends[1] - ends[0])
     assert np.abs(np.mean(away, axis=0)).max() < 0.002  # folds differ from sweep to sweep
-    assert with_contact(unmarked, SCENE, table._replace(featureless_variance=None)) is unmarked
+    blank = unmarked(recording_of(simulate_scan("none", 1, "test")))
+    assert {sweep.contact for sweep in with_contact(blank, SCENE, model).sweeps} == {NO_CONTACT}
     without_truth = replace(test, sweeps=tuple(replace(s, felt=None, truth=None) for s in test.sweeps))
-    assert with_contact(without_truth, SCENE, table).sweeps[0].felt is None
+    assert with_contact(without_truth, SCENE, model).sweeps[0].felt is None
+    textured = copy(model)
+    textured.map = model.map._replace(featureless_variance=None)
+    assert with_contact(unmarked(test), SCENE, textured).sweeps[0].felt is None

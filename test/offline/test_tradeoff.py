@@ -1,4 +1,4 @@
-"""The trade-off: candidates on recordings, the Pareto front, the choice."""
+"""The trade-off: candidates on a recording, the Pareto front, the choice."""
 
 from __future__ import annotations
 
@@ -9,85 +9,107 @@ import numpy as np
 import pytest
 from simulated import recording_of
 
+from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.tradeoff import (
     Candidate,
-    Outcome,
     Trade,
     candidates,
     for_target,
     pareto_front,
     trade,
-    within_budget,
 )
+from tactile_localizer.offline.verdict import Verdict
 from tactile_localizer.resources import resource_path
+from tactile_localizer.scene import Scene
 from tactile_localizer.sim import simulate_scan
 
+BUMP = load_scene(resource_path("config/scenes/bump.yaml"))
 COARSE = [
     Candidate("coarse", Configuration(cell=1.0, update_distance=0.003)),
     Candidate("particles", Configuration(filter="particle", particles=75, update_distance=0.003)),
 ]
 
 
-def trade_of(error: float, update_us: float, us_per_mm: float, name: str = "") -> Trade:
-    timing = {"update_median_us": update_us, "update_p99_us": update_us, "us_per_mm": us_per_mm}
-    along = np.zeros(1)
-    outcome = Outcome(np.array([error]), np.ones(1), np.ones(1, dtype=bool), along, along, timing)
-    return Trade(Candidate(name, Configuration()), (outcome,))
+def trade_of(errors: list[float], us_per_mm: float, wrong: int = 0) -> Trade:
+    verdict, along = Verdict(1, 1, 1 - wrong, wrong, 0, 0, True, ()), np.zeros(1)
+    return Trade(
+        Candidate("", Configuration()), np.array(errors), 1.0, verdict, along, along, 1, 1, us_per_mm
+    )
 
 
-def test_the_front_has_what_no_other_beats_in_error_and_time() -> None:
-    trades = [trade_of(2.0, 9, 300), trade_of(3.0, 9, 100), trade_of(2.5, 9, 400), trade_of(3.5, 9, 200)]
-    assert [one.us_per_mm for one in pareto_front(trades)] == [100, 300]
+def test_the_front_has_what_no_other_beats_in_error_time_and_wrong_sweeps() -> None:
+    trades = [trade_of([2.0], 300), trade_of([3.0], 100, wrong=1), trade_of([2.5], 400), trade_of([3.5], 200)]
+    assert [one.us_per_mm for one in pareto_front(trades)] == [300, 100, 200]
 
 
-def test_the_choice_is_the_most_accurate_in_the_budget_or_the_fastest_on_target() -> None:
-    trades = [trade_of(0.002, 300, 600), trade_of(0.003, 200, 100), trade_of(0.0025, 250, 300)]
-    assert within_budget(trades, 260) is trades[2]
-    assert for_target(trades, 0.0028) is trades[2]
-    assert within_budget(trades, 100) is None
+def test_the_target_is_met_by_the_fastest_of_the_fewest_wrong_sweeps() -> None:
+    trades = [trade_of([0.002], 600), trade_of([0.0025], 300), trade_of([0.0026], 100, wrong=1)]
+    assert for_target(trades, 0.0028) is trades[1]
+    assert for_target(trades[2:], 0.0028) is trades[2]
     assert for_target(trades, 0.001) is None
 
 
-def test_candidates_are_distinct_and_name_their_changes() -> None:
-    found = candidates()
+def test_differences_are_those_of_the_same_sweeps() -> None:
+    one, other = trade_of([1.0, 5.0, np.nan, 9.0], 1), trade_of([2.0, 7.0, 1.0, 12.0], 1)
+    mean, half_width = one.difference(other)
+    assert mean == pytest.approx(-2.0)
+    assert half_width == pytest.approx(4.303 / np.sqrt(3), abs=1e-3)  # t quantile of 2 degrees of freedom
+
+
+def test_candidates_are_what_the_scene_can_have() -> None:
+    found = candidates(BUMP)
     assert len({one.configuration for one in found}) == len(found) == len({one.name for one in found})
     assert found[0].changes == {}
     assert Configuration(**found[-1].changes) == found[-1].configuration
+    assert found[-1].name == "featureless"
+    assert candidates(replace(BUMP, feature=None)) == found[:-1]
+    line = Scene("line", BUMP.axes[:1], (replace(BUMP.phalanges[0], offset=(0.0,)),))
+    assert {one.configuration.cell for one in candidates(line)} == {Configuration().cell}
 
 
 @pytest.fixture(scope="module")
-def bump() -> tuple[Scan, Recording]:
+def bump() -> tuple[Scan, Recording, Calibration]:
     scan = simulate_scan("bump", 1, sweeps=11).to_scan()
-    return scan, recording_of(simulate_scan("bump", 1, "test", sweeps=2))
+    return scan, recording_of(simulate_scan("bump", 1, "test", sweeps=2)), learn(scan, BUMP)
+
+
+def test_a_candidate_that_fails_costs_its_row_only(bump: tuple[Scan, Recording, Calibration]) -> None:
+    scan, recording, calibration = bump
+    absent = Candidate("absent", Configuration(model="no.such.module:Model"))
+    trades, failed = trade(scan, BUMP, recording, [absent, *COARSE], calibration)
+    assert [one.candidate.name for one in trades] == ["coarse", "particles"]
+    assert "no.such.module" in failed["absent"]
 
 
 @pytest.mark.slow
-def test_a_cluster_of_two_workers_finds_the_same(bump: tuple[Scan, Recording], tmp_path: Path) -> None:
+def test_a_cluster_of_two_workers_finds_the_same(
+    bump: tuple[Scan, Recording, Calibration], tmp_path: Path
+) -> None:
     distributed = pytest.importorskip("distributed", reason="dask[distributed] is not installed")
-    scan, recording = bump
-    scene = load_scene(resource_path("config/scenes/bump.yaml"))
-    here = trade(scan, scene, [recording], COARSE)
+    scan, recording, calibration = bump
+    here, _ = trade(scan, BUMP, recording, COARSE, calibration)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=tmp_path
     ) as cluster:
-        there = trade(scan, scene, [recording], COARSE, cluster=cluster.scheduler_address)
+        address = cluster.scheduler_address
+        there, _ = trade(scan, BUMP, recording, COARSE, calibration, cluster=address)
     for one, other in zip(here, there, strict=True):
         assert one.error == other.error < 0.01
-        np.testing.assert_array_equal(one.outcomes[0].trace_along, other.outcomes[0].trace_along)
+        np.testing.assert_array_equal(one.trace_along, other.trace_along)
+    with pytest.raises(ParameterError, match=r"--cluster tcp://127.0.0.1:9: expected a dask scheduler"):
+        trade(scan, BUMP, recording, COARSE, calibration, cluster="tcp://127.0.0.1:9")
 
 
-def test_what_cannot_be_measured_is_refused(bump: tuple[Scan, Recording]) -> None:
-    scan, recording = bump
-    scene = load_scene(resource_path("config/scenes/bump.yaml"))
+def test_what_cannot_be_measured_is_refused(bump: tuple[Scan, Recording, Calibration]) -> None:
+    scan, recording, calibration = bump
     unknown = replace(recording, sweeps=(replace(recording.sweeps[0], truth=None),))
     with pytest.raises(ParameterError, match="simulated bump: expected true positions, found none"):
-        trade(scan, scene, [unknown], COARSE)
+        trade(scan, BUMP, unknown, COARSE, calibration)
     with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one per core, got 0"):
-        trade(scan, scene, [recording], COARSE, jobs=0)
-    with pytest.raises(ParameterError, match=r"--cluster tcp://127.0.0.1:9: expected a dask scheduler"):
-        trade(scan, scene, [recording], COARSE, cluster="tcp://127.0.0.1:9")
+        trade(scan, BUMP, recording, COARSE, calibration, jobs=0)

@@ -34,12 +34,13 @@ def counts(*sweeps):
         (replayed(np.zeros((10, 2))), (1, 0, 0, 0, 1, False)),
         (replayed(np.zeros((10, 2)), converged=np.arange(10) == 5, **TOUCHES), (1, 0, 0, 0, 0, False)),
         (replayed(np.zeros((10, 2)), converged=np.arange(10) >= 2, **TOUCHES), (1, 1, 0, 1, 0, True)),
+        (replayed(np.zeros((10, 2)), contact=(3, 3), contact_known=True), (0, 0, 0, 0, 0, False)),
         (replayed(np.zeros((10, 2)), **NONE), (0, 0, 0, 0, 0, False)),
         (replayed(np.full((10, 2), OFF), converged=LATE, **NONE), (1, 0, 1, 1, 0, False)),
         (replayed(np.empty((0, 2))), (1, 0, 0, 0, 1, False)),
     ],
-    ids=["right", "no truth", "never", "never, contact unknown", "not at its end", "early", "blank",
-         "wrong on blank", "empty"],
+    ids=["right", "no truth", "never", "never, contact unknown", "not at its end", "early", "brushed",
+         "blank", "wrong on blank", "empty"],
 )  # fmt: skip
 def test_a_sweep_is_counted_by_its_outcome(sweep, expected) -> None:
     assert counts(sweep) == expected
@@ -53,9 +54,7 @@ def test_a_sweep_that_was_ever_converged_off_the_position_is_wrong() -> None:
     assert counts(right, wrong) == (2, 1, 1, 0, 0, False)
     verdict = judge(SHEET, [right, wrong])
     assert verdict.notes == ("sweep 4 was converged to a wrong position, off by x 26.20 mm, y 0.00 mm",)
-    assert str(verdict) == (
-        "NOT localized: 1 of 2 sweeps right at the end, 1 ever wrong, 0 converged before contact, 0 never"
-    )
+    assert str(verdict) == "NOT localized: 1 of 2 sweeps right, 1 ever wrong, 0 converged early, 0 never"
     assert judge(SHEET, [right, wrong], Configuration(convergence_radius=0.03)).success
     assert counts(right, replayed(errors, converged=np.arange(10) > 5, **TOUCHES))[-1]
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
@@ -18,13 +17,15 @@ from tactile_localizer.scene import Scene
 MAX_CURVES = 6
 """Most candidates that are drawn one by one; more are grouped by model and filter."""
 
-_COARSE_TICKS = (1.0, 2.0, 5.0)
-_FINE_TICKS = tuple(number / 5 for number in range(5, 50))
-"""Ticks per decade of the axes of time and of error."""
+_RINGS = dict(zip((DEFAULT, *PRESETS), "osDv", strict=False))
+"""Marker around the default and each preset."""
 
 
 def tradeoff_figure(trades: Sequence[Trade], scene: Scene, axis: int) -> Figure:
     """Error over the time per millimetre, and error and covariance along the sweeps (paper, Fig. 5 and 8).
+
+    A bar is the 95 % confidence interval of a candidate's difference to the first one. Along the sweeps, the
+    first candidate of each group is drawn.
 
     Parameters
     ----------
@@ -33,17 +34,44 @@ def tradeoff_figure(trades: Sequence[Trade], scene: Scene, axis: int) -> Figure:
     """
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     panels = figure.subplot_mosaic([["time", "error"], ["time", "trace"]], width_ratios=[1.25, 1.0])
-    few = len(trades) <= MAX_CURVES
+    times, reference = panels["time"], trades[0]
+    place = bin_centres(scene, axis) * MM
     groups: dict[str, list[Trade]] = {}
     for one in trades:
-        groups.setdefault(one.candidate.name if few else _kind(one), []).append(one)
-    _draw_times(panels["time"], groups, pareto_front(trades))
-    for name, scale in (("error", MM), ("trace", MM**2)):
-        _draw_along(panels[name], groups, scene, axis, f"{name}_along", scale)
+        groups.setdefault(one.candidate.name if len(trades) <= MAX_CURVES else _kind(one), []).append(one)
+    for number, (label, group) in enumerate(groups.items()):
+        points = np.array(
+            [(one.us_per_mm, one.error * MM, one.difference(reference)[1] * MM) for one in group]
+        )
+        colour = f"C{number}"
+        x, y, half_widths = points.T
+        times.errorbar(x, y, half_widths, fmt="o", ms=4, color=colour, elinewidth=0.7, label=label)
+        along = {"error": group[0].error_along * MM, "trace": group[0].trace_along * MM**2}
+        for name, values in along.items():
+            panels[name].plot(place, values, color=colour, label=group[0].candidate.name)
+    for one in trades:
+        if (name := one.candidate.name) in _RINGS:
+            times.plot(
+                one.us_per_mm, one.error * MM, _RINGS[name], ms=11, mfc="none", mec="black", label=name
+            )
+    front = np.array(sorted((one.us_per_mm, one.error * MM) for one in pareto_front(trades)))
+    best = np.minimum.accumulate(front[:, 1])
+    times.step(front[:, 0], best, where="post", color="0.4", lw=1, label="Pareto front", zorder=0)
+    times.set_xscale("log")
+    times.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    times.xaxis.set_major_formatter("{x:g}")
+    times.xaxis.set_minor_formatter("")
+    times.set_xlabel("processor time per millimetre of travel, µs")
+    times.set_ylabel(f"mean error, mm (bars: 95 % interval of the difference to {reference.candidate.name})")
     panels["error"].set_ylabel("mean error, mm")
     panels["error"].tick_params(labelbottom=False)
     panels["trace"].set_ylabel("covariance trace, mm²")
     panels["trace"].set_xlabel(f"{scene.axis_names[axis]}, mm")
+    for plot in panels.values():
+        plot.set_ylim(bottom=0)
+        plot.set_axisbelow(True)
+        plot.grid(color="0.92")
+        plot.legend(fontsize=8)
     return figure
 
 
@@ -51,44 +79,3 @@ def _kind(one: Trade) -> str:
     """Model of a candidate, or filter of the default model."""
     configuration = one.candidate.configuration
     return configuration.filter if configuration.model == SWEEP_MIXTURE else configuration.model
-
-
-def _draw_times(plot: Axes, groups: Mapping[str, Sequence[Trade]], front: Sequence[Trade]) -> None:
-    """Draw a point per candidate, coloured by group, with the Pareto front, default and presets."""
-    for label, group in groups.items():
-        plot.scatter([one.us_per_mm for one in group], [one.error * MM for one in group], s=18, label=label)
-        for one in group:
-            if one.candidate.name in (DEFAULT, *PRESETS):
-                place = one.us_per_mm, one.error * MM
-                plot.plot(*place, "o", ms=10, mfc="none", mec="black")
-                plot.annotate(
-                    one.candidate.name, place, xytext=(2, -17), textcoords="offset points", fontsize=9
-                )
-    times, errors = [one.us_per_mm for one in front], [one.error * MM for one in front]
-    plot.step(times, errors, where="post", color="0.4", lw=1, label="Pareto front", zorder=0)
-    plot.set_xscale("log")
-    plot.set_yscale("log")
-    for axis, ticks in ((plot.xaxis, _COARSE_TICKS), (plot.yaxis, _FINE_TICKS)):
-        axis.set_major_locator(LogLocator(subs=ticks))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("")
-    plot.set_xlabel("processor time per millimetre of travel, µs")
-    plot.set_ylabel("mean error, mm")
-    plot.set_axisbelow(True)
-    plot.grid(color="0.92")
-    plot.legend(fontsize=8)
-
-
-def _draw_along(
-    plot: Axes, groups: Mapping[str, Sequence[Trade]], scene: Scene, axis: int, name: str, scale: float
-) -> None:
-    """Draw a mean along the sweep axis, a line for the first candidate of each group, in its colour."""
-    place = bin_centres(scene, axis) * MM
-    for number, (one, *_) in enumerate(groups.values()):
-        curves = np.array([getattr(outcome, name) for outcome in one.outcomes])
-        known = np.isfinite(curves).any(axis=0)
-        mean = scale * np.nanmean(curves[:, known], axis=0)
-        plot.plot(place[known], mean, color=f"C{number}", label=one.candidate.name)
-    plot.set_ylim(bottom=0)
-    plot.grid(color="0.92")
-    plot.legend(fontsize=8)
