@@ -48,8 +48,8 @@ def evaluated(
     layout = model.noise.layout
     places = np.concatenate([states, STATES[: len(model.map.mean)]])
     nodes, expected = model.expected(places)
-    level, known = np.full(layout.size, level_variance), np.ones(layout.size)
-    innovation = Innovation(model.whitened(strain), expected, np.zeros_like(expected), level, known)
+    level = np.full(layout.size, level_variance)
+    innovation = Innovation(model.whitened(strain), expected, np.zeros_like(expected), level)
     weights = np.full(len(states), -np.log(len(states)))
     return model.evaluate(
         nodes, weights, innovation, np.ones(layout.phalanges, bool) if used is None else used
@@ -106,6 +106,11 @@ def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) ->
         # Half of unknown material resembles the places of the belief, a quarter each any place.
         unknown = logsumexp([logsumexp(wide), logsumexp(first) - np.log(2), logsumexp(wide) - np.log(2)])
         assert found.unknown == pytest.approx(unknown - np.log(2 * NODES), abs=2e-3)
+        off = [
+            stats.multivariate_t(np.zeros(size), 1.3 * np.eye(size), df=NU).logpdf(own) - log_constant(size)
+            for size, own in zip(counts, model.noise.layout.split(model.whitened(strain)), strict=True)
+        ]
+        assert found.featureless == pytest.approx(sum(off) + model.noise.log_volume.sum(), abs=2e-3)
 
 
 def test_the_mixture_drops_an_absent_phalanx() -> None:
