@@ -21,6 +21,7 @@ imports rclpy) and :mod:`~tactile_localizer.cli`. No layer imports one that come
 from __future__ import annotations
 
 import importlib
+import re
 from pkgutil import extend_path
 from typing import TYPE_CHECKING, Any
 
@@ -35,11 +36,11 @@ if TYPE_CHECKING:
     from tactile_localizer.library import load_scan, make_localizer, read_recording
     from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
+    __version__: str
+
 # The generated messages (tactile_localizer.msg) are in the installed package, which a source tree on sys.path
 # would otherwise hide.
 __path__ = extend_path(__path__, __name__)
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Axis",
@@ -75,10 +76,23 @@ _MODULES = {
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first access, so that unused modules cost no start-up time."""
+    if name == "__version__":
+        return _version()
     for module, names in _MODULES.items():
         if name in names:
             return getattr(importlib.import_module(f"{__name__}.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _version() -> str:
+    """The version in ``package.xml``, or in the metadata of a wheel, which has it from there."""
+    from tactile_localizer.resources import resource_path
+
+    try:
+        manifest = resource_path("package.xml").read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return str(importlib.import_module("importlib.metadata").version("tactile-localizer"))
+    return re.findall("<version>(.+)</version>", manifest)[0]
 
 
 def __dir__() -> list[str]:

@@ -8,27 +8,23 @@ import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-
-from tactile_localizer import __version__
 
 ROOT = Path(__file__).parents[1]
 PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
 
 ROSDEP_KEYS = {
     "cantools": "python3-cantools-pip",
-    "joblib": "python3-joblib",
-    "matplotlib": "python3-matplotlib",
-    "msgpack": "python3-msgpack",
     "numpy": "python3-numpy",
     "python-can": "python3-can",
     "pyyaml": "python3-yaml",
-    "rich": "python3-rich",
-    "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
 }
+
+EXTRAS = ("joblib", "matplotlib", "msgpack", "rich", "rosbags")
 
 ROS_PACKAGE = r"\w+_(msgs|srvs|interfaces)|rclpy|launch|launch_ros|ament_index_python|tf2_\w+"
 
@@ -38,10 +34,37 @@ def requirements(file: str) -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def test_the_version_is_the_same_everywhere() -> None:
-    assert PACKAGE_XML.findtext("version") == __version__
-    changelog = (ROOT / "CHANGELOG.rst").read_text()
-    assert "\nForthcoming\n---" in changelog or f"\n{__version__} (" in changelog
+def test_a_release_changes_the_version_in_one_place(tmp_path: Path) -> None:
+    for name in ("package.xml", "CHANGELOG.rst"):
+        shutil.copy(ROOT / name, tmp_path)
+    shutil.copytree(ROOT / "tactile_localizer", tmp_path / "tactile_localizer")
+
+    def run(*command: str) -> str:
+        who = {f"GIT_{role}_{what}": "a@b" for role in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+        environment = {**os.environ, **who, "PYTHONPATH": "", "GIT_CONFIG_GLOBAL": os.devnull}
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True, timeout=60
+        ).stdout
+
+    run("git", "init", "--quiet")
+    run("git", "add", "package.xml", "CHANGELOG.rst")
+    run("git", "commit", "--quiet", "--message", "before")
+    run("catkin_prepare_release", "--bump", "major", "--no-push", "--non-interactive")
+    show = "from tactile_localizer import __version__; print(__version__)"
+    assert run(sys.executable, "-c", show) == "1.0.0\n"
+    assert "\n1.0.0 (" in (tmp_path / "CHANGELOG.rst").read_text()
+    assert run("git", "tag") == "1.0.0\n"
+
+
+def test_maintainer_and_repository_are_placeholders_in_one_file() -> None:
+    files = subprocess.run(
+        ["git", "grep", "--files-with-matches", "--fixed-strings", "tactile-localizer.invalid"],
+        cwd=ROOT,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert set(files.stdout.split()) <= {"package.xml", "test/test_packaging.py"}
 
 
 def test_rosdep_and_pip_require_the_same_libraries() -> None:
@@ -63,7 +86,15 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
 
 
 def test_every_requirement_has_a_lower_and_an_upper_bound() -> None:
-    for file in ("runtime.txt", "build.txt", "dev.txt", "bench.txt", "cluster.txt"):
+    for file in (
+        "runtime.txt",
+        "offline.txt",
+        "demo.txt",
+        "build.txt",
+        "dev.txt",
+        "bench.txt",
+        "cluster.txt",
+    ):
         for line in requirements(file):
             assert re.search(r"==|>=.+,<", line), f"{file}: {line}"
 
@@ -81,45 +112,79 @@ def test_every_executable_script_is_installed() -> None:
     assert scripts == installed
 
 
-@pytest.mark.slow
-def test_a_wheel_from_the_sdist_replays_without_ros(tmp_path: Path) -> None:
-    source = tmp_path / "source"
-    source.mkdir()
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The content of a wheel that is built from an sdist."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
     for name in ("tactile_localizer", "config", "msg", "requirements"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "setup.py", "package.xml", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
 
     def built(what: str, where: Path) -> Path:
-        code = f"import setuptools.build_meta as build; build.build_{what}({str(tmp_path)!r})"
+        code = f"import setuptools.build_meta as build; build.build_{what}({str(folder)!r})"
         subprocess.run([sys.executable, "-c", code], cwd=where, check=True, capture_output=True, timeout=900)
-        return next(tmp_path.glob({"sdist": "*.tar.gz", "wheel": "*.whl"}[what]))
+        return next(folder.glob({"sdist": "*.tar.gz", "wheel": "*.whl"}[what]))
 
-    shutil.unpack_archive(built("sdist", source), tmp_path / "unpacked")
-    wheel = built("wheel", next((tmp_path / "unpacked").iterdir()))
-    shutil.unpack_archive(wheel, tmp_path / "installed", "zip")
+    shutil.unpack_archive(built("sdist", source), folder / "unpacked")
+    wheel = built("wheel", next((folder / "unpacked").iterdir()))
+    shutil.unpack_archive(wheel, folder / "installed", "zip")
+    return folder / "installed"
 
-    code = """if True:
-        import sys
-        from tactile_localizer.cli import main
-        assert main("simulate bump --test 1 -o .".split()) == 0
-        assert main("import csv train.csv --scene bump.yaml -o bump_scan".split()) == 0
-        assert main("replay test.csv --scan bump_scan --seed 1".split()) == 0
-        ros = [name for name in sys.modules if name.split(".")[0] in ("rclpy", "launch", "std_msgs")]
-        assert ros == [], ros
-        print(sys.modules["tactile_localizer"].__file__)
+
+def run_without(libraries: Sequence[str], package: Path, folder: Path, *commands: str) -> list[str]:
+    """Run subcommands where neither ROS nor some libraries are installed; the last line is their status.
+
+    Parameters
+    ----------
+    libraries : names of the libraries
+    package : folder that the package is in
+    folder : working directory
+    commands : command lines without the name of the program
     """
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({[*libraries, 'rclpy']!r}))\n"
+        "from tactile_localizer.cli import main\n"
+        f"print([main(command.split()) for command in {commands!r}])"
+    )
     environment = {name: value for name, value in os.environ.items() if name != "AMENT_PREFIX_PATH"}
-    environment["PYTHONPATH"] = str(tmp_path / "installed")
     done = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(package)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
-        check=False,
+        check=True,
         timeout=900,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-1].startswith(str(tmp_path / "installed"))
-    assert "1 of 1 sweeps converged" in done.stdout
+    return done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_a_wheel_replays_the_shipped_recording_without_extras(installed: Path, tmp_path: Path) -> None:
+    recording = ROOT / "examples/recordings/engine_bump"
+    printed = run_without(
+        EXTRAS,
+        installed,
+        tmp_path,
+        f"import csv {recording}/train.csv.gz --scene {recording}/scene.yaml -o scan",
+        f"replay {recording}/test.csv.gz --scan scan --seed 1",
+    )
+    assert printed[-1] in ("[0, 0]", "[0, 1]"), printed
+    assert any("of 18 sweeps right at the end" in line for line in printed), printed
+
+
+@pytest.mark.parametrize(
+    ("library", "command"),
+    [
+        ("rosbags", "import bag . --scene bump.yaml -o scan"),
+        ("joblib", "tradeoff a.csv --scan scan"),
+        ("rclpy", "demo"),
+    ],
+)
+def test_a_missing_library_is_named_in_one_line(library: str, command: str, tmp_path: Path) -> None:
+    error, status = run_without([library], ROOT, tmp_path, command)
+    assert error.startswith(f"error: {library}: expected it installed, found none; ")
+    assert status == "[2]"

@@ -36,6 +36,15 @@ Try it without ROS:
 `tactile-localizer COMMAND --help` lists the options of a command. docs/essentials.md describes the five
 values to set for a new hand and material; everything else has a default or is learned from the scan."""
 
+_NEEDED = {
+    **{
+        name: f"pip install {name}, or this package as '.[offline]'"
+        for name in ("joblib", "matplotlib", "rosbags")
+    },
+    "rclpy": "source ROS 2; `make demo` makes an environment that has it",
+}
+"""Libraries that only some commands need, with what to do where they are absent."""
+
 _COMPLETING = "_ARGCOMPLETE"
 """Environment variable that a shell sets to request completions."""
 
@@ -43,8 +52,8 @@ _COMPLETING = "_ARGCOMPLETE"
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    A :class:`TactileLocalizerError` becomes one line on standard error and status 2. An interrupt gives
-    status 130, a closed standard output status 141.
+    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, and so does a missing
+    library of an extra. An interrupt gives status 130, a closed standard output status 141.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     # With BLAS threads, updates of small matrices take ten times longer on a busy machine.
@@ -59,6 +68,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return status
     except TactileLocalizerError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        library = str(error.name).partition(".")[0]
+        if library not in _NEEDED:
+            raise
+        print(f"error: {library}: expected it installed, found none; {_NEEDED[library]}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

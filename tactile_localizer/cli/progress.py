@@ -6,8 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-
-from rich.console import Console
+from importlib.util import find_spec
 
 LINE_EVERY_S = 10.0
 """Time between two lines where standard error is no terminal, s."""
@@ -16,11 +15,11 @@ LINE_EVERY_S = 10.0
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
     """Context with a function that shows a description of the work and its completed fraction."""
-    console = Console(stderr=True, markup=False, emoji=False)
-    if not console.is_terminal:
+    if not sys.stderr.isatty() or find_spec("rich") is None:
         yield _Lines()
         return
-    # This slow import is needed on a terminal only.
+    # These slow imports are needed on a terminal only.
+    from rich.console import Console
     from rich.progress import (
         BarColumn,
         Progress,
@@ -36,6 +35,7 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
+    console = Console(stderr=True, markup=False, emoji=False)
     with Progress(*columns, console=console, transient=True) as progress:
         tasks: dict[str, TaskID] = {}
 

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.console import Console
-from rich.table import Table
-
 
 def print_table(
     columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "", *, text: bool = False
@@ -15,15 +12,15 @@ def print_table(
 
     Parameters
     ----------
-    columns, rows, note : texts, which are printed literally
+    columns, rows, note : texts
     text : whether the columns are text; otherwise those after the first are numbers, aligned to the right
     """
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for number, name in enumerate(columns):
-        table.add_column(name, justify="left" if text or number == 0 else "right", no_wrap=not text)
-    for row in rows:
-        table.add_row(*row)
-    console = Console(markup=False, emoji=False, highlight=False)
-    console.print(table)
+    widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
+    for row in (columns, *rows):
+        cells = [
+            cell.ljust(width) if text or not number else cell.rjust(width)
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        print("  ".join(cells).rstrip())
     if note:
-        console.print(note)
+        print(note)
