@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.scans import slides
 
 from tactile_localizer.core.calibration.held_out import (
     independent_samples,
@@ -26,8 +27,7 @@ def cloth(shift: float, repeats: int = 6, seed: int = 0) -> Scan:
     strain = [
         10.0 * np.sin((x[:, None] + each) * waves + phase) + rng.standard_normal((len(x), 8)) for each in off
     ]
-    sweep = np.repeat(np.arange(repeats), len(x))
-    return Scan(np.tile(x, repeats)[:, None], np.concatenate(strain), sweep, ("x",), ("index",))
+    return slides(SCENE, x, strain)
 
 
 def test_shifted_sweeps_give_the_registration_error() -> None:

@@ -142,16 +142,6 @@ def test_whatever_happens_the_belief_sums_to_one(make: Make, seed: int, size: fl
 
 
 @both
-def test_a_state_comes_from_where_it_was(make: Make) -> None:
-    made = make(LINE, 100.0)
-    before = made.predict(np.zeros(1), 0.0).states.copy()
-    after = made.predict(np.array([0.02]), 0.02)
-    known = (after.continued > 0.0) & (after.log_weights > -20.0)
-    assert known.sum() >= 75
-    np.testing.assert_allclose((after.states - before[after.ancestors])[known], 0.02, atol=1e-9)
-
-
-@both
 def test_resampled_states_come_from_what_they_copy(make: Make) -> None:
     made = make(LINE, 100.0)
     before = made.predict(np.zeros(1), 0.0).states.copy()

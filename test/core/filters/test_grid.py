@@ -1,7 +1,5 @@
 """The grid filter is the exact Bayes recursion: prediction and measurement update keep the moments."""
 
-import math
-
 import numpy as np
 import pytest
 from support.models import belief_of
@@ -14,14 +12,6 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 
 def line(motion_std=0.0, half=0.5):
     return Scene("line", (Axis("x", -half, half, motion_std),), (Phalanx("a", (0.0,)), Phalanx("b", (0.0,))))
-
-
-def test_a_reset_is_uniform():
-    belief = belief_of(GridFilter(scene(), np.array([0.001, 0.001])))
-    np.testing.assert_allclose(belief.mean, 0.025)
-    np.testing.assert_allclose(np.sqrt(np.diag(belief.covariance)), 0.05 / math.sqrt(12), rtol=1e-12)
-    assert belief.hypotheses == 2500
-    assert belief.effective_sample_size == pytest.approx(2500)
 
 
 def test_cells_are_no_larger_than_asked_and_fill_the_scene():
@@ -56,28 +46,6 @@ def test_the_variance_grows_with_the_travel_whatever_the_steps(step):
     for turn in range(round(0.4 / step)):
         grid.predict(np.array([step if turn % 2 else -step]), step)
     assert belief_of(grid).covariance[0, 0] - before == pytest.approx(0.1**2 * 0.4, rel=2e-3)
-
-
-def test_it_is_the_bayes_recursion_cell_by_cell():
-    """Against transition and likelihood matrices written out, where the belief moves by whole cells."""
-    scene = line(motion_std=0.2)
-    cells, count = np.linspace(-0.495, 0.495, 100), 100
-    grid = GridFilter(scene, np.array([0.01]))
-    brute, rng = np.full(count, 1.0 / count), np.random.default_rng(3)
-    for _ in range(12):
-        states = grid.predict(np.array([0.02]), 0.02).states
-        steps = cells[:, None] - cells[None, :] - 0.02
-        transition = np.exp(-0.5 * steps**2 / (0.2**2 * 0.02))
-        brute = (transition / (0.2 * math.sqrt(2 * math.pi * 0.02)) * 0.01) @ brute
-        log_likelihood = -0.5 * ((cells - rng.normal(0.1, 0.1)) / 0.15) ** 2
-        brute = brute * np.exp(log_likelihood)
-        brute /= brute.sum()
-        alive = np.rint((states[:, 0] + 0.495) / 0.01).astype(int)
-        grid.update(log_likelihood[alive])
-    states, weights = grid.hypotheses()
-    found = np.zeros(count)
-    found[np.rint((states[:, 0] + 0.495) / 0.01).astype(int)] = weights
-    assert 0.5 * np.abs(found - brute).sum() < 1e-3
 
 
 def test_more_cells_than_memory_is_meant_for_are_refused():

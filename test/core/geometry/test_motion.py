@@ -27,12 +27,6 @@ def test_variance_is_additive_over_parts_of_the_travel(parts):
     np.testing.assert_allclose(sum(model.variance(part) for part in parts), model.variance(sum(parts)))
 
 
-def test_a_hand_at_rest_stays_where_it_is():
-    states = np.random.default_rng(0).random((50, 2))
-    moved = MotionModel(scene()).sample(states, np.zeros(2), 0.0, np.random.default_rng(0))
-    np.testing.assert_array_equal(moved, states)
-
-
 @given(st.lists(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3), min_size=1))
 def test_travels_agree_with_travel(displacements):
     model = MotionModel(scene(3))

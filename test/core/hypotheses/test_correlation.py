@@ -86,13 +86,6 @@ def test_a_relocated_hand_begins_anew() -> None:
     assert filled.relocated(50.0).prior == pytest.approx(np.log(100.0))
 
 
-def test_before_the_first_strains_the_odds_are_the_prior() -> None:
-    correlation, sums = Correlation(innovations(MAP, MEMORY, PITCH), 1.0, PLACES), Sums.start(PLACES)
-    uniform = np.full(PLACES, 1.0 / PLACES)
-    odds = correlation.log_odds(sums, uniform, np.ones(PLACES, bool))
-    assert odds == pytest.approx(sums.prior)
-
-
 @pytest.mark.parametrize("strain", [0.0, 1e9, -1e9])
 def test_any_strain_gives_finite_odds(strain: float) -> None:
     assert np.isfinite(log_odds(np.full((20, CHANNELS), strain))).all()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.hypotheses.explanations import LEAVING_RATE, RELOCATION_RATE, Explanations
+from tactile_localizer.core.hypotheses.explanations import RELOCATION_RATE, Explanations
 from tactile_localizer.core.likelihood.evaluation import Likelihoods
 
 PLACES = 20
@@ -38,15 +38,6 @@ def test_probabilities_always_sum_to_one(only_map: bool, steps: list[tuple[float
         assert sum(explanations[:4]) == pytest.approx(1.0)
         assert np.exp(explanations.elsewhere).sum() == pytest.approx(1.0)
         assert 0.0 <= explanations.taken_in <= 1.0
-
-
-def test_a_hand_leaves_the_map_and_is_placed_elsewhere_by_their_rates() -> None:
-    travel, start = 0.3, Explanations.start(PLACES, only_map=False)
-    staying, unmoved = math.exp(-LEAVING_RATE * travel), math.exp(-RELOCATION_RATE * travel)
-    moved = start.predict(travel, 0.0)
-    assert moved.tracked == pytest.approx(0.5 * staying * unmoved)
-    assert moved.relocated == pytest.approx(1.0 - unmoved)
-    assert moved.unknown == moved.featureless == pytest.approx((0.5 - 0.25 * staying) * unmoved)
 
 
 def test_where_the_map_alone_explains_no_hand_leaves_it() -> None:

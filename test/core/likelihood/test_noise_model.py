@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.scans import bump_scan, slides
 
 from tactile_localizer.core.likelihood.noise_model import estimate_noise, held_out
 from tactile_localizer.core.scan.scan import Scan
@@ -31,25 +32,10 @@ def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
     rng = np.random.default_rng(seed)
     x = np.arange(0.0, LENGTH, 0.0005)
     waves = 6.0 * np.sin(x[:, None] * np.linspace(300.0, 900.0, 8) + np.arange(8.0))
-    strain = np.concatenate([waves + noise(rng, len(x)) for _ in range(repeats)])
-    sweep = np.repeat(np.arange(repeats), len(x))
-    layout = CLOTH.layout.counts
-    return Scan(np.tile(x, repeats)[:, None], volts * strain, sweep, ("x",), CLOTH.phalanx_names, layout)
+    return slides(CLOTH, x, [volts * (waves + noise(rng, len(x))) for _ in range(repeats)])
 
 
-def sheet(seed: int = 0, offsets: float = 0.0) -> Scan:
-    """Parallel sweeps over a bump of 8 mm on featureless material."""
-    rng = np.random.default_rng(seed)
-    along, across = np.arange(0.0, 0.05, 0.0005), np.arange(0.00125, 0.05, 0.0025)
-    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
-    sweep = np.repeat(np.arange(len(across)), len(along))
-    away = (states - 0.025) / 0.004
-    strain = 30.0 * np.exp(-0.5 * np.sum(away**2, axis=1))[:, None] * np.linspace(-1.0, 1.0, 8)
-    strain = strain + noise(rng, len(states)) + offsets * rng.standard_normal((len(across), 8))[sweep]
-    return Scan(states, strain, sweep, ("x", "y"), SHEET.phalanx_names, SHEET.layout.counts)
-
-
-@pytest.mark.parametrize(("made", "scene"), [(sheet(offsets=1.0), SHEET), (cloth(), CLOTH)])
+@pytest.mark.parametrize(("made", "scene"), [(bump_scan(SHEET, offsets=1.0), SHEET), (cloth(), CLOTH)])
 def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene) -> None:
     constant = np.full(8, 3e6)  # of noise 1
     plain, moved = (estimate_noise(replace(made, strain=made.strain + c), scene) for c in (0.0, constant))
@@ -93,7 +79,7 @@ def test_whitened_strains_do_not_depend_on_the_unit(volts: float, seed: int) -> 
 
 
 def test_featureless_places_are_exactly_equal() -> None:
-    estimate = estimate_noise(sheet(), SHEET)
+    estimate = estimate_noise(bump_scan(SHEET), SHEET)
     assert estimate.featureless
     far = np.concatenate(
         [
@@ -114,16 +100,17 @@ def test_textured_material_is_not_shrunk() -> None:
     assert not estimate.model.offset_variance.any(), "an offset cannot be told from a place"
 
 
-def test_offsets_of_sweeps_are_removed() -> None:
-    estimate = estimate_noise(sheet(offsets=5.0), SHEET)
+def test_offsets_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
+    estimate = estimate_noise(bump_scan(SHEET, offsets=5.0), SHEET)
     assert estimate.featureless
     assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
-    assert (estimate.model.offset_variance > 1.0).all(), "a new sweep may differ more than the scan's"
+    variance = np.var(estimate.offsets @ estimate.model.whitening.T, axis=0, ddof=1)
+    assert estimate.model.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())
 
 
 def test_strains_outside_the_region_are_zero() -> None:
     scene = replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
-    for track in estimate_noise(sheet(), scene).tracks:
+    for track in estimate_noise(bump_scan(SHEET), scene).tracks:
         assert (track.strain[track.positions[:, 0] < 0.025] == 0.0).all()
 
 

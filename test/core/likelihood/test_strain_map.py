@@ -1,11 +1,10 @@
 """Tables of the expected strain and its variance."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.scans import raster, slides
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.base import flatten_axes
@@ -26,12 +25,8 @@ PLANE = Scene("plane", (Axis("x", 0.0, SIDE), Axis("y", 0.0, SIDE)), (Phalanx("i
 LINE = Scene("line", (Axis("x", 0.0, 0.3),), (Phalanx("index", (0.0,), 3),))
 
 
-def lines() -> Scan:
-    along, across = np.arange(0.0, SIDE, PITCH), np.arange(SPACING / 2, SIDE, SPACING)
-    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
-    strain = np.random.default_rng(0).standard_normal((len(states), 3))
-    sweep = np.repeat(np.arange(len(across)), len(along))
-    return Scan(states, strain, sweep, ("x", "y"), ("index",), (3,))
+SLOPE = np.array([[100.0, 20.0, -50.0], [30.0, -80.0, 10.0]])
+TRACKS = tracks_of(raster(PLANE, lambda states, _: states @ SLOPE, SPACING), PLANE)
 
 
 def repeats(correlation: float, seed: int = 0) -> Scan:
@@ -45,27 +40,21 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
         for t in range(1, len(x)):
             noise[t] = keep * noise[t - 1] + np.sqrt(1.0 - keep**2) * noise[t]
         strain.append(8.0 * np.sin(x[:, None] * [400.0, 600.0, 900.0]) + noise)
-    sweep = np.repeat(np.arange(3), len(x))
-    return Scan(np.tile(x, 3)[:, None], np.concatenate(strain), sweep, ("x",), ("index",), (3,))
+    return slides(LINE, x, strain)
 
 
 def test_tables_hold_the_expectation_at_the_nodes() -> None:
     """Of strains that are linear in the place, whose mean is exact between any two lines."""
-    scan, slope = lines(), np.array([[100.0, 20.0, -50.0], [30.0, -80.0, 10.0]])
-    tracks = tracks_of(replace(scan, strain=scan.states @ slope), PLANE)
-    table = build_map(tracks, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), True, np.zeros(3))
+    table = build_map(TRACKS, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), True, np.zeros(3))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     inner = ((nodes > SPACING) & (nodes < SIDE - SPACING)).all(axis=1)
-    mean = np.broadcast_to((nodes[inner] @ slope)[:, None], table.mean[inner].shape)
+    mean = np.broadcast_to((nodes[inner] @ SLOPE)[:, None], table.mean[inner].shape)
     np.testing.assert_allclose(table.mean[inner], mean, atol=1e-3)
     np.testing.assert_allclose(np.exp(table.log_prior).sum(axis=1), 1.0, rtol=1e-5)
     np.testing.assert_array_equal(table.nearest(nodes), np.arange(len(nodes)))
     assert table.mean.dtype == table.variance.dtype == np.float32
     assert table.featureless_variance == pytest.approx(table.variance.min())
-
-
-TRACKS = tracks_of(lines(), PLANE)
 
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))

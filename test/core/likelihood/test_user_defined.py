@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.scans import scan, scene
 
-from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer, build_model
+from tactile_localizer.core.factory import build_model
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError
@@ -33,7 +30,6 @@ def nothing(scan, scene, parameters):
 """
 SCENE = scene()
 SCAN = scan(np.random.default_rng(1), SCENE)
-CALIBRATION = Calibration(0.003, np.array([0.0004, 0.0004]))
 PARAMETERS = ModelParameters(0.002, 0.03, 0.002)
 
 
@@ -50,16 +46,6 @@ def model(name: str) -> MeasurementModel:
 def test_a_user_defined_model_gets_scan_scene_and_parameters() -> None:
     made = model("slopes_of_ones_own:Slope")
     assert made.made_of == (SCAN, SCENE, PARAMETERS)  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize("kind", ["grid", "particle"])
-def test_both_filters_localize_with_a_user_defined_model(kind: str) -> None:
-    configuration = Configuration(model="slopes_of_ones_own:Slope", filter=kind)
-    scene = dataclasses.replace(SCENE, measurement=vars(PARAMETERS))
-    localizer = build_localizer(SCAN, scene, configuration, np.random.default_rng(1), None, CALIBRATION)
-    for step in range(4):
-        estimate = localizer.update(step * 10**8, np.full(2, 0.002 * step), np.zeros(2 * DEFAULT_CHANNELS))
-    assert estimate.mean == pytest.approx([0.01, 0.03], abs=0.003)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.scans import raster
 
 from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, neighbours
 from tactile_localizer.core.scan.scan import Scan
@@ -14,10 +15,7 @@ PLANE = Scene("plane", (Axis("x", 0.0, SIDE), Axis("y", 0.0, SIDE)), (Phalanx("i
 
 def lines(step: float = 0.0003) -> Scan:
     """Lines along x, whose strains are their x and y in millimetres."""
-    along, across = np.arange(0.0, SIDE, step), np.arange(0.0, SIDE, SPACING)
-    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
-    sweep = np.repeat(np.arange(len(across)), len(along))
-    return Scan(states, 1e3 * states, sweep, ("x", "y"), ("index",), (2,))
+    return raster(PLANE, lambda states, _: 1e3 * states, SPACING, 0.0, step)
 
 
 def test_line_spacing() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.scans import raster
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
@@ -25,10 +26,7 @@ def sloping(states: np.ndarray) -> np.ndarray:
 
 
 def lines(step: float = 0.0001) -> Scan:
-    along, across = np.arange(0.0, SIDE, step), np.arange(0.0, SIDE, SPACING)
-    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
-    sweep = np.repeat(np.arange(len(across)), len(along))
-    return Scan(states, sloping(states), sweep, ("x", "y"), ("index",))
+    return raster(PLANE, lambda states, _: sloping(states), SPACING, 0.0, step)
 
 
 def inside(count: int, seed: int = 0) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -52,11 +53,52 @@ def scan(
     return Scan(states, strain, sweep, of.axis_names, of.phalanx_names, of.layout.counts)
 
 
-def line_scan(rng: np.random.Generator, of: Scene, spacing: float = 0.0025, noise: float = 0.02) -> Scan:
-    """Parallel sweeps along x, ``spacing`` m apart along y, over a scene ``of`` these two axes."""
-    along, across = np.arange(0.0, SIDE, 0.0005), np.arange(spacing / 2.0, SIDE, spacing)
-    states = np.stack(np.meshgrid(along, across, indexing="xy"), axis=-1).reshape(-1, 2)
-    strain = strain_at(states, of.layout.size)
-    strain += noise * rng.standard_normal(strain.shape)
+def raster(
+    of: Scene,
+    strain: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    spacing: float = 0.0025,
+    first: float | None = None,
+    step: float = 0.0005,
+) -> Scan:
+    """Parallel sweeps along x, ``spacing`` m apart along y, over a scene ``of`` these two axes.
+
+    ``strain`` has the strains (N, C) at states (N, 2) of sweeps (N,). The first line is at ``first``, half a
+    spacing from the bound.
+    """
+    along = np.arange(of.lower[0], of.upper[0], step)
+    across = np.arange(of.lower[1] + (spacing / 2.0 if first is None else first), of.upper[1], spacing)
+    states = np.stack(np.meshgrid(along, across), axis=-1).reshape(-1, 2)
     sweep = np.repeat(np.arange(len(across)), len(along))
-    return Scan(states, strain, sweep, of.axis_names, of.phalanx_names)
+    return Scan(states, strain(states, sweep), sweep, of.axis_names, of.phalanx_names, of.layout.counts)
+
+
+def line_scan(rng: np.random.Generator, of: Scene, noise: float = 0.02) -> Scan:
+    """Parallel sweeps over :func:`strain_at`, with noise."""
+
+    def strain(states: np.ndarray, _: np.ndarray) -> np.ndarray:
+        clean = strain_at(states, of.layout.size)
+        return clean + noise * rng.standard_normal(clean.shape)
+
+    return raster(of, strain)
+
+
+def bump_scan(of: Scene, offsets: float = 0.0, seed: int = 0) -> Scan:
+    """Parallel sweeps over a bump of 8 mm in the middle of featureless material, with noise of 1 V.
+
+    The bump is 30 V high, ``offsets`` is the standard deviation of those of the sweeps, V.
+    """
+    rng, size = np.random.default_rng(seed), of.layout.size
+
+    def strain(states: np.ndarray, sweep: np.ndarray) -> np.ndarray:
+        bump = 30.0 * np.exp(-0.5 * np.sum(((states - 0.025) / 0.004) ** 2, axis=1))[:, None]
+        felt = bump * np.linspace(-1.0, 1.0, size) + rng.standard_normal((len(states), size))
+        return felt + offsets * rng.standard_normal((sweep.max() + 1, size))[sweep]
+
+    return raster(of, strain)
+
+
+def slides(of: Scene, x: np.ndarray, strains: Sequence[np.ndarray]) -> Scan:
+    """Sweeps along positions x (n,) on one axis, with the strains (n, C) of each."""
+    sweep = np.repeat(np.arange(len(strains)), len(x))
+    states = np.tile(x, len(strains))[:, None]
+    return Scan(states, np.concatenate(strains), sweep, of.axis_names, of.phalanx_names, of.layout.counts)
