@@ -8,7 +8,6 @@ prepared, so that a recorder has time to stop.
 from __future__ import annotations
 
 import json
-import math
 import threading
 import time
 import traceback
@@ -17,17 +16,20 @@ import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
-from tactile_localizer.ros.base.qos import LATCHED
+from tactile_localizer.ros.base.qos import LATCHED, STRAIN
 from tactile_localizer.sim.can_cells import CanLoadCells, Faults
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
@@ -70,6 +72,11 @@ PARAMETERS = (
 _CELL_PHASE = 0.37
 """Delay of the load cells relative to the poses, in load cell periods."""
 _BUS_NOISE = 5 << 30
+_MOST_UNPUBLISHED = 32
+"""Most cycles in the queue of the driver, a tenth of what it holds."""
+_PATIENCE_S = 1.0
+"""Time to wait for strain of a driver that has published some, s."""
+_POLL_S = 0.001
 
 
 class SimulatorNode(ManagedNode):
@@ -86,6 +93,7 @@ class SimulatorNode(ManagedNode):
         """Create the rig, publishers and services, and open the bus."""
         parameters, seed = self.parameters, self.parameters["seed"]
         self._speed = parameters["speed"]
+        self._time_s = 0.0  # simulated; stands still while the node is inactive
         self._rig = Rig(
             parameters["feature"], seed, parameters["sweep_speed_mps"], parameters["load_cell_rate_hz"]
         )
@@ -98,21 +106,19 @@ class SimulatorNode(ManagedNode):
         self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
         self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
         self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", LATCHED)
-        self.create_service(Trigger, "~/prepare", self._on_prepare)
-        self.create_service(Trigger, "~/sweep", self._on_sweep)
+        group = MutuallyExclusiveCallbackGroup()  # one motion after the other, while strain is counted
+        self.create_service(Trigger, "~/prepare", self._on_prepare, callback_group=group)
+        self.create_service(Trigger, "~/sweep", self._on_sweep, callback_group=group)
 
     def activate(self) -> None:
         """Start simulated time."""
-        self._origin_s = time.monotonic()
+        self._sent = self._published = self._ignored = 0
+        self.create_subscription(StrainVectors, "strain", self._on_strain, STRAIN, raw=True)
         self._stop.clear()
         thread = threading.Thread(target=self._run, name="simulated hand", daemon=True)
         thread.start()
         self.defer(thread.join)
         self.defer(self._stop.set)
-
-    def _now_s(self) -> float:
-        """Simulated time, s."""
-        return self._speed * (time.monotonic() - self._origin_s)
 
     def _run(self) -> None:
         try:
@@ -122,23 +128,49 @@ class SimulatorNode(ManagedNode):
                 self.get_logger().fatal(traceback.format_exc())
 
     def _publish_until_stopped(self) -> None:
-        pose_period = 1 / (self._speed * self.parameters["pose_rate_hz"])
-        cell_period = 1 / (self._speed * self.parameters["load_cell_rate_hz"])
-        pose_due = time.monotonic()
-        cell_due = pose_due + _CELL_PHASE * cell_period
+        """Read the rig at the times of poses and samples, none of which is left out.
+
+        When this process is late by more than a sample, or the driver is, simulated time stands still.
+        """
+        pose_period_s = 1 / self.parameters["pose_rate_hz"]
+        cell_period_s = 1 / self.parameters["load_cell_rate_hz"]
+        pose_s, cell_s = self._time_s, self._time_s + _CELL_PHASE * cell_period_s
+        origin_s = time.monotonic() - self._time_s / self._speed
         active = None
-        while not self._stop.wait(max(0.0, min(pose_due, cell_due) - time.monotonic())):
+        while True:
+            now_s = min(pose_s, cell_s)
+            late_s = time.monotonic() - (origin_s + now_s / self._speed)
+            if self._stop.wait(max(0.0, -late_s)):
+                return
+            origin_s += max(0.0, late_s - cell_period_s / self._speed)
             with self._lock:
-                reading = self._rig.read(self._now_s())
-            if time.monotonic() >= cell_due:
+                self._time_s = now_s
+                reading = self._rig.read(now_s)
+            if now_s == cell_s:
                 self._send(reading)
-                cell_due = _next_due(cell_due, cell_period)
-            if time.monotonic() >= pose_due:
+                self._wait_for_driver()
+                cell_s += cell_period_s
+            if now_s == pose_s:
                 self._publish(reading)
-                pose_due = _next_due(pose_due, pose_period)
+                pose_s += pose_period_s
             if active != (reading.phase is Phase.SWEEPING):
                 active = reading.phase is Phase.SWEEPING
                 self._active.publish(Bool(data=active))
+
+    def _on_strain(self, message: bytes) -> None:
+        self._published += 1
+
+    def _wait_for_driver(self) -> None:
+        """Wait until a driver has published most cycles that were sent, if it publishes any."""
+        self._sent = max(self._sent + 1, self._published)
+        until_s = time.monotonic() + _PATIENCE_S
+        while self._published != self._ignored and self._sent - self._published > _MOST_UNPUBLISHED:
+            if time.monotonic() > until_s:
+                self._ignored = self._published
+            if self._stop.wait(_POLL_S):
+                return
+        if self._published == self._ignored:
+            self._sent = self._published
 
     def _send(self, reading: Reading) -> None:
         try:
@@ -152,26 +184,31 @@ class SimulatorNode(ManagedNode):
         if reading.truth is not None:
             self._truth.publish(_pose(stamp, self.parameters["material_frame_id"], reading.truth))
 
-    def _on_prepare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _on_prepare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Respond when the fingers are closed at the start of the next sweep."""
         with self._lock:
-            reading = self._rig.read(self._now_s())
+            reading = self._rig.read(self._time_s)
             if reading.phase is Phase.SWEEPING:
                 response.message = "expected a hand at rest, it is sweeping"
                 return response
-            sweep = self._rig.prepare(MODES[self.parameters["mode"]], self._now_s())
+            sweep = self._rig.prepare(MODES[self.parameters["mode"]], self._time_s)
             self._number = sweep.number
-        self._stop.wait((self._rig.ready_s - self._now_s()) / self._speed)
+        await run_in_thread(self, self._wait_until_ready)
         return self._respond(response)
 
-    def _on_sweep(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _wait_until_ready(self) -> None:
+        while (left_s := self._rig.ready_s - self._time_s) > 0:
+            if self._stop.wait(left_s / self._speed):
+                return
+
+    async def _on_sweep(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Respond when the palm starts to move; prepare the sweep first if it is not prepared."""
         with self._lock:
-            phase = self._rig.read(self._now_s()).phase
-        if phase is not Phase.READY and not self._on_prepare(request, response).success:
+            phase = self._rig.read(self._time_s).phase
+        if phase is not Phase.READY and not (await self._on_prepare(request, response)).success:
             return response
         with self._lock:
-            self._rig.start(self._now_s())
+            self._rig.start(self._time_s)
         return self._respond(response)
 
     def _respond(self, response: Trigger.Response) -> Trigger.Response:
@@ -190,11 +227,6 @@ class SimulatorNode(ManagedNode):
     def _read_faults(self) -> Faults:
         names = ("drop", "garbage", "silent", "faulty")
         return Faults(*(self.parameters[f"fault.{name}"] for name in names))
-
-
-def _next_due(due: float, period: float) -> float:
-    """The next tick in the future; ticks that were missed are skipped instead of sent in a burst."""
-    return due + period * max(1, math.ceil((time.monotonic() - due) / period))
 
 
 def _pose(stamp: Time, frame_id: str, position: np.ndarray) -> PoseStamped:

@@ -62,6 +62,7 @@ class CanLoadCells:
         CanError
             The bus does not accept the frames.
         """
+        frames: list[can.Message] = []
         for phalanx, name in enumerate(self._protocol.phalanges):
             if name in faults.silent:
                 continue
@@ -69,10 +70,12 @@ class CanLoadCells:
             status = int(name in faults.faulty)
             for frame in self._protocol.encode(phalanx, voltages, self._sequence, status):
                 if self._rng.random() >= faults.drop:
-                    self._put(frame)
+                    frames.append(frame)
                 if self._rng.random() < faults.garbage:
-                    self._put(self._garbage(frame))
+                    frames.append(self._garbage(frame))
         self._sequence += 1
+        for frame in frames:  # one after the other, so that they are close together on the bus
+            self._put(frame)
 
     def _put(self, frame: can.Message) -> None:
         try:
