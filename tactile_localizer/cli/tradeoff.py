@@ -34,7 +34,7 @@ from tactile_localizer.offline.tradeoff import (
     trade,
 )
 
-_NOTE = """
+_NOTE = """\
 Mean error from contact to the feature's end, and its difference to that of {reference} on the same sweeps \
 with the 95 % confidence interval; coverage of the 95 % region there; sweeps right at their end, and ever \
 converged to a wrong position, of {sweeps}; processor time of one thread for a measurement update (median) \
