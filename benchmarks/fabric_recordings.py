@@ -18,7 +18,7 @@ import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv.columns import load_naming
+from tactile_localizer.io.csv.columns import load_naming, naming_from_pairs
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -237,7 +237,8 @@ def load_sweep(path: Path, speed: float) -> Sweep:
     """
     scene = Scene(path.stem, (Axis("x", -1e3, 1e3),), _PHALANGES)
     naming = load_naming(resource_path("config/import/fabric_slide.yaml"))
-    (sweep,) = read_csv(path, scene, replace(naming, speed={"x": 1e-3 * abs(speed)})).sweeps
+    naming = naming_from_pairs([f"x=timestamp*{1e-6 * abs(speed):.9g}"], naming)
+    (sweep,) = read_csv(path, scene, naming).sweeps
     valid = np.isfinite(sweep.strain).all(axis=1)
     return Sweep(sweep.stamp_ns[valid], sweep.position[valid, 0], sweep.strain[valid])
 

@@ -41,10 +41,8 @@ def given_or_shipped(path: str | Path, folder: str) -> Path:
     path : only a plain name, such as ``linen.yaml``, is searched in the package
     folder : folder of such files in the package, such as ``config/scenes``
     """
-    path = Path(path).expanduser()
-    if path.exists() or path.parent != Path():
-        return path
     try:
-        return resource_path(Path(folder, path))
-    except FileNotFoundError:
-        return path
+        path = Path(path).expanduser()
+        return path if path.parent != Path() or path.exists() else resource_path(Path(folder, path))
+    except (OSError, RuntimeError):  # none is shipped, the name is too long, no such user
+        return Path(path)

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from tactile_localizer.errors import SceneError
-from tactile_localizer.io.scene_file import load_scene, save_scene, scene_from_dict, scene_to_dict
+from tactile_localizer.io.scene_file import load_scene, save_scene, scene_from_dict
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 GOOD: dict[str, Any] = {
@@ -47,7 +47,10 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
         {"axes": {"x": {"bounds": [0, 1], "unit": "m"}}},
         "axis x: expected one of bounds, motion_std, got 'unit'",
     ),
-    "no axis": ({"axes": {}, "phalanges": ["index"], "feature": None}, "expected one to three axes, got 0"),
+    "no axis": (
+        {"axes": {}, "phalanges": {"index": None}, "feature": None},
+        "expected one to three axes, got 0",
+    ),
     "no phalanx": ({"phalanges": {}}, "scene strip: expected at least one phalanx"),
     "an offset on an axis that is not there": (
         {"phalanges": {"index": {"offset": {"y": 0.1}}}},
@@ -77,17 +80,19 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
         {"axes": {"x": {"bounds": [0, 1e-9]}}},
         "axis x: expected bounds .* at least 1e-06",
     ),
-    "phalanges without names": (
-        {"phalanges": [["index"]]},
-        "phalanges: expected text of 1 to 100 printable",
+    "phalanges without offsets": ({"phalanges": ["index"]}, "phalanges: expected a mapping, got"),
+    "more phalanges than a hand has": (
+        {"phalanges": {f"p{n}": None for n in range(101)}},
+        "expected at most 100",
     ),
-    "a phalanx twice": ({"phalanges": ["index", "index"]}, "phalanges: expected each name once"),
-    "more phalanges than a hand has": ({"phalanges": [f"p{n}" for n in range(101)]}, "expected at most 100"),
     "a number in quotes": (
         {"axes": {"x": {"bounds": [0, "0.1"]}}},
         "axis x bounds: expected a finite number, got '0.1'; remove the quotes",
     ),
-    "a name with a control character": ({"phalanges": ["a\x00"]}, "expected text of 1 to 100 printable"),
+    "a name with a control character": (
+        {"phalanges": {"a\x00": None}},
+        "expected text of 1 to 100 printable",
+    ),
     "a name that is a list": ({"name": [1]}, "scene name: expected text"),
     "a width that is a word": (
         {"measurement": {"position_std": "wide"}},
@@ -139,14 +144,6 @@ def test_a_write_error_names_the_file(tmp_path: Path) -> None:
         save_scene(scene_from_dict(GOOD), tmp_path / "none" / "scene.yaml")
 
 
-def test_phalanges_may_be_a_list_of_names() -> None:
-    content = {**GOOD, "phalanges": ["index", "middle"], "axes": {"x": {"bounds": [0, 0.1]}}}
-    scene = scene_from_dict(content)
-    assert scene.phalanx_names == ("index", "middle")
-    assert scene.axes[0].upper == 0.1
-    assert scene_to_dict(scene)["phalanges"]["index"] == {"offset": {"x": 0.0}}
-
-
 def test_numbers_may_have_an_exponent_and_a_full_turn_wraps(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(
@@ -191,7 +188,7 @@ def test_invalid_model_parameters_are_refused_on_reading(
 ) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(
-        "axes: {x: {bounds: [0, 1]}, y: {bounds: [0, 1]}}\nphalanges: [index]\n"
+        "axes: {x: {bounds: [0, 1]}, y: {bounds: [0, 1]}}\nphalanges: {index: }\n"
         f"measurement: {{{measurement}}}"
     )
     with pytest.raises(SceneError, match=f"{path}: {reason}"):

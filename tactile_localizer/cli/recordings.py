@@ -112,7 +112,7 @@ def read_recordings(args: argparse.Namespace, scene: Scene, paths: Sequence[str]
     tables = [path for path in paths if not is_scan(Path(path))]
     read = [read_recording(path, scene) for path in paths if path not in tables]
     if tables:
-        naming = naming_from_arguments(args, scene, imported_columns(args.scan))
+        naming = naming_from_arguments(args, imported_columns(args.scan))
         read.append(read_csv(tables, scene, naming, poses=args.poses, max_gap_s=args.max_gap))
     return join(read), True
 

@@ -34,19 +34,13 @@ def load_configuration(source: str | Path | None = None, **overrides: Any) -> Co
     ParameterError
         No such file or preset, an unknown name, or an invalid value.
     """
-    values = {} if source is None else _read(source)
-    values |= {name: value for name, value in overrides.items() if value is not None}
-    return Configuration.from_mapping(values)
+    given = {name: value for name, value in overrides.items() if value is not None}
 
+    def convert(content: Any) -> Configuration:
+        return Configuration.from_mapping({**mapping(content or {}, "configuration"), **given})
 
-def _read(source: str | Path) -> dict[str, Any]:
-    name = f"{source}.yaml" if str(source) in PRESETS else source
-    path = given_or_shipped(name, "config/presets")
+    if source is None:
+        return convert({})
+    path = given_or_shipped(f"{source}.yaml" if str(source) in PRESETS else source, "config/presets")
     what = f"a configuration file or one of {', '.join(PRESETS)}"
-    return load_yaml(path, what, ParameterError, _checked)
-
-
-def _checked(content: Any) -> dict[str, Any]:
-    values = dict(mapping({} if content is None else content, "configuration"))
-    Configuration.from_mapping(values)
-    return values
+    return load_yaml(path, what, ParameterError, convert)

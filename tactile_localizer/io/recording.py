@@ -55,16 +55,6 @@ class RecordedSweep:
     strain_unit: str = "V"
 
     @property
-    def started_ns(self) -> int:
-        """Stamp of the first sample, ns; 0 without samples."""
-        return int(self.stamp_ns[0]) if len(self) else 0
-
-    @property
-    def ended_ns(self) -> int:
-        """Stamp of the last sample, ns; 0 without samples."""
-        return int(self.stamp_ns[-1]) if len(self) else 0
-
-    @property
     def contact(self) -> tuple[int, int]:
         """First and last sample in contact with a feature; -1: no contact."""
         if self.felt is None or not self.felt.any():
@@ -77,17 +67,9 @@ class RecordedSweep:
 
     def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
         """A subset of the samples, (n,) bool or a slice, as a separate sweep."""
-        return replace(
-            self,
-            number=number,
-            gaps=gaps,
-            stamp_ns=self.stamp_ns[rows],
-            position=self.position[rows],
-            strain=self.strain[rows],
-            status=self.status[rows],
-            truth=None if self.truth is None else self.truth[rows],
-            felt=None if self.felt is None else self.felt[rows],
-        )
+        names = ("stamp_ns", "position", "strain", "status", "truth", "felt")
+        arrays = {name: values[rows] for name in names if (values := getattr(self, name)) is not None}
+        return replace(self, number=number, gaps=gaps, **arrays)
 
 
 @dataclass(frozen=True)

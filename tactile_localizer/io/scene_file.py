@@ -12,18 +12,12 @@ import yaml
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.parameters import ModelParameters
-from tactile_localizer.errors import ParameterError, SceneError
+from tactile_localizer.errors import ParameterError, ScanError, SceneError
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import whole_number
 from tactile_localizer.resources import resource_path
-from tactile_localizer.scene import (
-    DEFAULT_MOTION_STD,
-    Axis,
-    Phalanx,
-    Region,
-    Scene,
-)
+from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Region, Scene
 
 _MAX_NAME_CHARACTERS = 100
 
@@ -40,6 +34,19 @@ def load_scene(path: str | Path) -> Scene:
     """
     shipped = sorted(file.name for file in resource_path("config/scenes").iterdir())
     return load_yaml(path, f"a scene file or one of {', '.join(shipped)}", SceneError, scene_from_dict)
+
+
+def require_same_scene(found: Mapping[str, Any], expected: Mapping[str, Any], where: str) -> None:
+    """Require that two scenes, in their YAML form, are the same.
+
+    Raises
+    ------
+    ScanError
+        They differ; the message begins with ``where`` and names the difference.
+    """
+    for name in _KEYS:
+        if found.get(name) != expected.get(name):
+            raise ScanError(f"{where}: expected the {name} {expected.get(name)}, found {found.get(name)}")
 
 
 def save_scene(scene: Scene, path: str | Path) -> None:
@@ -76,81 +83,66 @@ def scene_from_dict(content: Any) -> Scene:
 
 def _scene(content: Any) -> Scene:
     top = mapping(content, "scene", _KEYS)
-    axes = tuple(_axis(name, value) for name, value in mapping(top.get("axes"), "axes").items())
+    axes = tuple(_axis(str(name), value) for name, value in mapping(top.get("axes"), "axes").items())
     names = tuple(axis.name for axis in axes)
-    raw = top.get("phalanges")
-    if isinstance(raw, list):
-        raw = dict.fromkeys(_names(raw, "phalanges"))
-    phalanges = tuple(
-        _phalanx(_name(name, "phalanx"), value, names) for name, value in mapping(raw, "phalanges").items()
-    )
+    phalanges = mapping(top.get("phalanges"), "phalanges").items()
+    feature = None
+    if top.get("feature") is not None:
+        entry = mapping(top["feature"], "feature", names)
+        limits = [_interval(entry.get(name, [-math.inf, math.inf]), f"feature {name}") for name in names]
+        feature = Region(tuple(low for low, _ in limits), tuple(high for _, high in limits))
     return Scene(
         name=_name(top.get("name", "scene"), "scene name"),
         axes=axes,
-        phalanges=phalanges,
-        feature=_region(top["feature"], names) if top.get("feature") is not None else None,
+        phalanges=tuple(_phalanx(_name(name, "phalanx"), value, names) for name, value in phalanges),
+        feature=feature,
         measurement=dict(mapping(top.get("measurement") or {}, "measurement")),
     )
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """YAML form of a scene, made of plain mappings, lists and numbers."""
-    names = scene.axis_names
+    axes = {axis.name: [float(axis.lower), float(axis.upper)] for axis in scene.axes}
     content: dict[str, Any] = {
         "name": scene.name,
         "axes": {
-            axis.name: {
-                "bounds": [float(axis.lower), float(axis.upper)],
-                "motion_std": float(axis.motion_std),
-            }
+            axis.name: {"bounds": axes[axis.name], "motion_std": float(axis.motion_std)}
             for axis in scene.axes
         },
-        "phalanges": {phalanx.name: _phalanx_to_dict(phalanx, names) for phalanx in scene.phalanges},
+        "phalanges": {
+            each.name: {
+                "offset": dict(zip(axes, map(float, each.offset), strict=True)),
+                **({"channels": each.channels} if each.channels != DEFAULT_CHANNELS else {}),
+            }
+            for each in scene.phalanges
+        },
     }
     if scene.feature is not None:
-        content["feature"] = {
-            name: [float(low), float(high)]
-            for name, low, high in zip(names, scene.feature.lower, scene.feature.upper, strict=True)
-            if math.isfinite(low) or math.isfinite(high)
-        }
-    if scene.measurement:
-        content["measurement"] = dict(scene.measurement)
-    return content
-
-
-def _phalanx_to_dict(phalanx: Phalanx, axes: tuple[str, ...]) -> dict[str, Any]:
-    content: dict[str, Any] = {"offset": dict(zip(axes, map(float, phalanx.offset), strict=True))}
-    return content if phalanx.channels == DEFAULT_CHANNELS else {**content, "channels": phalanx.channels}
+        limits = zip(axes, scene.feature.lower, scene.feature.upper, strict=True)
+        finite = [each for each in limits if math.isfinite(each[1]) or math.isfinite(each[2])]
+        content["feature"] = {name: [float(low), float(high)] for name, low, high in finite}
+    return content | ({"measurement": dict(scene.measurement)} if scene.measurement else {})
 
 
 def _name(value: Any, what: str) -> str:
     # A number in YAML is accepted as a name.
     text = "" if isinstance(value, bool | list | Mapping) else str(value)
     if not 1 <= len(text) <= _MAX_NAME_CHARACTERS or not text.isprintable():
-        raise SceneError(
-            f"{what}: expected text of 1 to {_MAX_NAME_CHARACTERS} printable characters, "
-            f"got {reprlib.repr(value)}"
-        )
+        expected = f"text of 1 to {_MAX_NAME_CHARACTERS} printable characters"
+        raise SceneError(f"{what}: expected {expected}, got {reprlib.repr(value)}")
     return text
 
 
-def _names(values: list[Any], what: str) -> list[str]:
-    names = [_name(value, what) for value in values]
-    if len(set(names)) < len(names):
-        raise SceneError(f"{what}: expected each name once, got {reprlib.repr(names)}")
-    return names
-
-
-def _interval(value: Any, what: str) -> tuple[float, float]:
+def _interval(value: Any, what: str) -> list[Any]:
     if not isinstance(value, list) or len(value) != 2:
         raise SceneError(f"{what}: expected [lower, upper], got {reprlib.repr(value)}")
-    return value[0], value[1]
+    return value
 
 
-def _axis(name: Any, value: Any) -> Axis:
+def _axis(name: str, value: Any) -> Axis:
     entry = mapping(value, f"axis {name}", ("bounds", "motion_std"))
-    lower, upper = _interval(entry.get("bounds"), f"axis {name} bounds")
-    return Axis(str(name), lower, upper, entry.get("motion_std", DEFAULT_MOTION_STD))
+    bounds = _interval(entry.get("bounds"), f"axis {name} bounds")
+    return Axis(name, bounds[0], bounds[1], entry.get("motion_std", DEFAULT_MOTION_STD))
 
 
 def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
@@ -158,11 +150,3 @@ def _phalanx(name: str, value: Any, axes: tuple[str, ...]) -> Phalanx:
     offset = mapping(entry.get("offset") or {}, f"phalanx {name} offset", axes)
     channels = whole_number(entry.get("channels", DEFAULT_CHANNELS), f"phalanx {name} channels")
     return Phalanx(name, tuple(offset.get(axis, 0.0) for axis in axes), channels)
-
-
-def _region(value: Any, axes: tuple[str, ...]) -> Region:
-    entry = mapping(value, "feature", axes)
-    limits = [
-        _interval(entry[axis], f"feature {axis}") if axis in entry else (-math.inf, math.inf) for axis in axes
-    ]
-    return Region(tuple(low for low, _ in limits), tuple(high for _, high in limits))

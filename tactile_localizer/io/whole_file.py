@@ -1,11 +1,28 @@
-"""Atomic writing of files: a file appears, or replaces the old one, only when it is complete."""
+"""Files as a whole: reading of regular files only, and writing that appears only when it is complete."""
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
+
+
+def open_file(path: str | Path) -> BinaryIO:
+    """Open a regular file for reading; a pipe or a device could block or never end.
+
+    Raises
+    ------
+    OSError
+        There is no such file, or it is something else.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():
+        found = "a directory" if path.is_dir() else "no regular file"
+        raise OSError(errno.EINVAL, f"found {found}", str(path))
+    return path.open("rb")
 
 
 @contextmanager
@@ -32,5 +49,5 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             raise type(error)(error.errno, error.strerror, str(path)) from None
         raise
     finally:
-        with suppress(FileNotFoundError, NotADirectoryError):
+        with suppress(OSError):  # it was renamed, or could not be made
             unfinished.unlink()

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import yaml
 
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.io.whole_file import open_file
 
 MAX_FILE_BYTES = 64 * 1024
 """Largest file that is read; a scene of five phalanges has about 1,500 bytes."""
@@ -61,19 +62,14 @@ def load_yaml(
     TactileLocalizerError
         As ``error``: the file is missing, cannot be read, is not YAML, is too large, or cannot be converted.
     """
-    path = Path(path)
     try:
-        if path.exists() and not path.is_file():  # reading a pipe would wait for ever
-            raise error(f"{path}: expected {what}, found {'a directory' if path.is_dir() else 'no file'}")
-        with path.open("rb") as file:
+        with open_file(path) as file:
             content = file.read(MAX_FILE_BYTES + 1)
         text = content.decode("utf-8-sig")
     except FileNotFoundError:
         raise error(f"{path}: expected {what}, found none") from None
-    except UnicodeDecodeError:
-        raise error(f"{path}: expected {what}, could not read it: not UTF-8") from None
     except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or "invalid path"
+        reason = getattr(problem, "strerror", None) or "not UTF-8, or an invalid path"
         raise error(f"{str(path)[:80]}: expected {what}, could not read it: {reason}") from None
     if len(content) > MAX_FILE_BYTES:
         raise error(f"{path}: expected {what} of at most {MAX_FILE_BYTES // 1024} kB, found a larger file")

@@ -229,7 +229,14 @@ def test_fabric_is_localized_globally(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     files = [str(data_dir / "fabric_slide" / f"{material}_F250_V10mmps_{repeat}.csv") for repeat in range(3)]
-    reading = ["--columns", "fabric_slide.yaml", "--speed", "0.01", "--scene", f"{material.lower()}.yaml"]
+    reading = [
+        "--columns",
+        "fabric_slide.yaml",
+        "--column",
+        "x=timestamp*1e-5",
+        "--scene",
+        f"{material.lower()}.yaml",
+    ]
     assert main(["import", "csv", *files[:2], *reading, "-o", "bump_scan"]) == 0
     # A quarter of the strains, which is quicker and not easier.
     Path("sparse.yaml").write_text("update_distance: 0.002\n")

@@ -19,7 +19,7 @@ def there_and_back(stamp_ms):
 
 def contents(path):
     store = ScanFolder(path)
-    sweeps = [(s.number, len(s), s.started_ns, s.ended_ns, s.gaps, s.skipped) for s in store.sweeps()]
+    sweeps = [(s.number, len(s), *s.stamp_ns[[0, -1]].tolist(), s.gaps, s.skipped) for s in store.sweeps()]
     return store.scene, sweeps, store.load(), store.recording()
 
 

@@ -232,7 +232,7 @@ def foreign_scan(files, tmp_path):
 def scan_of_another_scene(files, tmp_path):
     other = Scene("other", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
     ScanWriter(files["scan_file"], other).close()
-    return files, "bump_scan: expected axes x 0 to 0.05, y"
+    return files, "bump_scan: expected the name "
 
 
 def folder_that_cannot_be_made(files, tmp_path):
@@ -240,14 +240,6 @@ def folder_that_cannot_be_made(files, tmp_path):
         **files,
         "scan_file": tmp_path / "scene.yaml" / "bump_scan",
     }, "expected a folder that can be written"
-
-
-def damaged_scan(files, tmp_path):
-    with ScanWriter(files["scan_file"], SCENE) as writer:
-        writer.append(writer.begin_sweep(), np.arange(9), np.full((9, 2), 0.02), np.zeros((9, 16)))
-    file = files["scan_file"] / "sweep_0001.npz"
-    file.write_bytes(file.read_bytes()[:-100])
-    return files, "sweep_0001.npz: damaged"
 
 
 def short_material_pose(files, tmp_path):
@@ -262,7 +254,6 @@ def short_material_pose(files, tmp_path):
         foreign_scan,
         scan_of_another_scene,
         folder_that_cannot_be_made,
-        damaged_scan,
         short_material_pose,
     ],
     ids=lambda spoil: spoil.__name__,

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.resources import resource_path
-
-_STORAGE = (".mcap", ".db3")
 
 MESSAGES = ("StrainVectors", "ScanStatus", "Posterior")
 
@@ -47,7 +44,7 @@ class BagMessages:
 
     by_topic: dict[str, list[Any]] = field(default_factory=dict)
     topics: dict[str, str] = field(default_factory=dict)
-    invalid: dict[str, tuple[int, str]] = field(default_factory=dict)
+    invalid: dict[str, list[Any]] = field(default_factory=dict)
 
     def notes(self) -> list[str]:
         """One line per topic with invalid messages."""
@@ -72,52 +69,37 @@ def read_messages(path: str | Path, wanted: Mapping[str, Wanted]) -> BagMessages
     """
     path = Path(path)
     found = BagMessages()
-    files = sorted(path.iterdir()) if path.is_dir() else [path]
-    if not any(
-        _STORAGE[0] in file.suffixes or _STORAGE[1] in file.suffixes for file in files if file.exists()
-    ):
+    files = path.iterdir() if path.is_dir() else [path]
+    if not any({".mcap", ".db3"} & set(file.suffixes) for file in files if file.is_file()):
         raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), found none")
     try:
         with AnyReader([path], default_typestore=typestore()) as reader:
             found.topics.update({each.topic: each.msgtype for each in reader.connections})
             connections = [each for each in reader.connections if each.topic in wanted]
+            expected: Counter[str] = Counter()
             for each in connections:
+                expected[each.topic] += each.msgcount
                 if each.msgtype != wanted[each.topic].kind:
-                    raise ScanError(
-                        f"{path} topic {each.topic}: expected {wanted[each.topic].kind}, found {each.msgtype}"
-                    )
-            read: Counter[str] = Counter()
+                    kind = wanted[each.topic].kind
+                    raise ScanError(f"{path} topic {each.topic}: expected {kind}, found {each.msgtype}")
             for connection, received_ns, raw in reader.messages(connections) if connections else ():
                 topic = connection.topic
-                read[topic] += 1
+                expected[topic] -= 1
                 try:
                     message = reader.deserialize(raw, connection.msgtype)
                     value = wanted[topic].convert(message, received_ns)
+                    found.by_topic.setdefault(topic, []).extend(() if value is None else (value,))
                 except SceneError:
                     raise
                 except Exception as error:  # rosbags raises many types of exceptions on damaged bytes
-                    count, reason = found.invalid.get(topic, (0, _one_line(error)))
-                    found.invalid[topic] = count + 1, reason
-                    continue
-                if value is not None:
-                    found.by_topic.setdefault(topic, []).append(value)
-            _require_all(path, connections, read)
+                    found.invalid.setdefault(topic, [0, _one_line(error)])[0] += 1
+            if missing := {topic: count for topic, count in expected.items() if count}:
+                raise ValueError(f"could not read so many messages of its topics: {missing}")
     except (ScanError, SceneError):
         raise
     except Exception as error:  # as above
         raise ScanError(f"{path}: expected a readable bag, {_one_line(error)} ({_repair(path)})") from None
     return found
-
-
-def _require_all(path: Path, connections: Sequence[Connection], read: Mapping[str, int]) -> None:
-    """Require as many messages as the bag says that it holds; rosbags ignores what it cannot find."""
-    for connection in connections:
-        expected = sum(each.msgcount for each in connections if each.topic == connection.topic)
-        if read[connection.topic] != expected:
-            raise ScanError(
-                f"{path} topic {connection.topic}: expected {expected} messages, could read "
-                f"{read[connection.topic]} ({_repair(path)})"
-            )
 
 
 def typestore() -> Typestore:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,14 @@ from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError
-from tactile_localizer.io.bags.reader import BagMessages, Wanted, read_messages
+from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.bags.sweeps import (
+    TOPICS,
     WHOLE_BAG,
     Span,
-    active_spans,
     change_of_activity,
     change_of_status,
-    localization_spans,
+    localized_spans,
     moving_spans,
     spans,
     stamp_of,
@@ -32,36 +31,12 @@ from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
 
-_POSE = "geometry_msgs/msg/PoseStamped"
-
-
-@dataclass(frozen=True)
-class BagTopics:
-    """Topics of a bag.
-
-    Parameters
-    ----------
-    strain : ``StrainVectors``
-    pose : ``PoseStamped``, measured palm pose
-    truth : ``PoseStamped``, true palm pose; optional
-    status : ``ScanStatus`` of the mapping node, which delimits sweeps; optional
-    posterior : ``Posterior`` of the filter node, which shows global localizations; optional
-    active : ``Bool``, true during a sweep; optional
-    """
-
-    strain: str = "/strain"
-    pose: str = "/palm_pose"
-    truth: str = "/simulator/ground_truth"
-    status: str = "/mapping/status"
-    posterior: str = "/filter/posterior"
-    active: str = "/simulator/sweep_active"
-
 
 def read_bag(
     path: str | Path,
     scene: Scene,
     *,
-    topics: BagTopics | None = None,
+    topics: Mapping[str, str] | None = None,
     frame: PalmFrame | None = None,
     max_gap_s: float = DEFAULT_MAX_GAP_S,
     by_status: bool = True,
@@ -74,14 +49,14 @@ def read_bag(
     ----------
     path : directory or file, SQLite or MCAP
     scene : axes and phalanges to read
-    topics : default: the topics of this package's nodes
+    topics : those with other names than in :data:`~tactile_localizer.io.bags.sweeps.TOPICS`
     frame : frames in which palm poses are accepted; default: ``material``, and ``base_link`` untransformed
     max_gap_s : longest gap between poses that is interpolated, s
     by_status : if true, take the sweeps from the mapping node's status; if false, those of the localization:
-        while ``topics.active`` is true, or else from each global localization in the filter node's posterior.
-        A bag without these topics is one sweep
+        while the topic ``active`` is true, or else from each global localization in the filter node's
+        posterior. A bag without these topics is one sweep
     detector : detects the sweeps in the motion instead
-    adapter : converts messages of other types to strain, in place of ``topics.strain``
+    adapter : converts messages of other types to strain, in place of the topic ``strain``
 
     Returns
     -------
@@ -96,25 +71,20 @@ def read_bag(
     SceneError
         The messages or the adapter lack a phalanx of the scene, or have other channels for it.
     """
-    names = {name: f"/{topic.lstrip('/')}" for name, topic in vars(topics or BagTopics()).items()}
+    default = {name: topic for name, (topic, _) in TOPICS.items()}
+    names = {name: f"/{topic.lstrip('/')}" for name, topic in {**default, **(topics or {})}.items()}
     frame = frame or PalmFrame(scene.axes, reference_frame="base_link")
-    wanted = {
-        names["pose"]: Wanted(_POSE, _pose),
-        names["truth"]: Wanted(_POSE, _pose),
-        names["status"]: Wanted("tactile_localizer/msg/ScanStatus", change_of_status),
-        names["posterior"]: Wanted("tactile_localizer/msg/Posterior", travel_of),
-        names["active"]: Wanted("std_msgs/msg/Bool", change_of_activity),
-    }
-    if adapter is None:
-        wanted[names["strain"]] = _strain(scene)
-    else:
-        names["strain"] = f"/{adapter.sources[0].topic.lstrip('/')}"
-        wanted |= _adapted(adapter, scene)
-    messages = read_messages(path, wanted)
+    strains = _strain(scene, names["strain"]) if adapter is None else _adapted(adapter, scene)
+    names["strain"] = next(iter(strains))
+    wanted = {names[name]: each for name, each in _OTHERS.items()}
+    if len(wanted | strains) < len(_OTHERS) + len(strains):
+        raise ScanError(f"topics: expected different ones, got {', '.join([*names.values(), *strains])}")
+    messages = read_messages(path, wanted | strains)
     found = {name: messages.by_topic.get(topic, []) for name, topic in names.items()}
     for name in ("strain", "pose"):
         if not found[name]:
-            raise ScanError(f"{path}: expected messages of {names[name]}, found {_topics(messages)}")
+            there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
+            raise ScanError(f"{path}: expected messages of {names[name]}, found {there or 'no topics'}")
     notes = messages.notes()
     stamp_ns, strain, status = map(np.array, zip(*found["strain"], strict=True))
     rows = in_order(stamp_ns, "strain vectors", notes, 0)
@@ -126,15 +96,12 @@ def read_bag(
 
     position, has_position = palm_positions("pose")
     truth = palm_positions("truth")[0] if found["truth"] else None
-    sweeps = [WHOLE_BAG]
     if detector is not None:
         sweeps = moving_spans(detector, stamp_ns[has_position], position[has_position])
-    elif by_status and found["status"]:
-        sweeps = spans(found["status"])
-    elif not by_status and found["active"]:
-        sweeps = active_spans(found["active"], found["posterior"])
-    elif not by_status and found["posterior"]:
-        sweeps = localization_spans(found["posterior"])
+    elif by_status:
+        sweeps = spans(found["status"]) if found["status"] else [WHOLE_BAG]
+    else:
+        sweeps = localized_spans(found["active"], found["posterior"])
     samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
     return Recording(
         str(path),
@@ -154,6 +121,16 @@ def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
     """Frame, stamp (ns), position and quaternion of a ``PoseStamped``."""
     p, q = message.pose.position, message.pose.orientation
     return message.header.frame_id, stamp_of(message), (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+
+
+_OTHERS = {
+    "pose": Wanted("geometry_msgs/msg/PoseStamped", _pose),
+    "truth": Wanted("geometry_msgs/msg/PoseStamped", _pose),
+    "status": Wanted("tactile_localizer/msg/ScanStatus", change_of_status),
+    "posterior": Wanted("tactile_localizer/msg/Posterior", travel_of),
+    "active": Wanted("std_msgs/msg/Bool", change_of_activity),
+}
+"""Messages by the names of their topics, but for the strain."""
 
 
 def _positions(
@@ -177,17 +154,17 @@ def _positions(
     return stamp_ns[rows], position[rows]
 
 
-def _strain(scene: Scene) -> Wanted:
+def _strain(scene: Scene, topic: str) -> dict[str, Wanted]:
     """``StrainVectors`` reduced to the phalanges of a scene."""
     reader = StrainReader(scene)
 
     def convert(message: Any, received_ns: int) -> StrainVector:
         return StrainVector(stamp_of(message), *reader.read(message))
 
-    return Wanted("tactile_localizer/msg/StrainVectors", convert)
+    return {topic: Wanted("tactile_localizer/msg/StrainVectors", convert)}
 
 
-def _adapted(adapter: StrainAdapter, scene: Scene) -> Mapping[str, Wanted]:
+def _adapted(adapter: StrainAdapter, scene: Scene) -> dict[str, Wanted]:
     """Topics of an adapter, whose messages become strain vectors of the scene's phalanges."""
     rows = scene.rows(adapter.phalanges)
     channels = scene.channels(adapter.phalanges, adapter.layout.counts)
@@ -201,7 +178,3 @@ def _adapted(adapter: StrainAdapter, scene: Scene) -> Mapping[str, Wanted]:
         f"/{topic.lstrip('/')}": Wanted(kind, partial(convert, topic))
         for topic, kind in adapter.topics.items()
     }
-
-
-def _topics(messages: BagMessages) -> str:
-    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items())) or "no topics"

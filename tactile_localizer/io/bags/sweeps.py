@@ -1,4 +1,4 @@
-"""Boundaries of the sweeps in a bag, from the messages of a node or from the motion."""
+"""Topics of a bag, and boundaries of its sweeps, from the messages of a node or from the motion."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
+
+TOPICS = {
+    "strain": ("/strain", "strain vectors"),
+    "pose": ("/palm_pose", "measured palm poses"),
+    "truth": ("/simulator/ground_truth", "true palm poses"),
+    "status": ("/mapping/status", "status of the mapping node, for its sweeps"),
+    "posterior": ("/filter/posterior", "posterior of the filter node, for global localizations"),
+    "active": ("/simulator/sweep_active", "whether a sweep is in progress, for the localized sweeps"),
+}
+"""Default topics and their content by name; a bag must have the first two."""
 
 _END_NS = 2**63 - 1
 """A stamp later than that of any sample, ns: the largest 64-bit integer."""
@@ -83,15 +93,16 @@ def spans(changes: Sequence[Change]) -> list[Span]:
     ]
 
 
-def localization_spans(travels: Sequence[Travel]) -> list[Span]:
-    """Sweeps between global localizations, which reset the travelled distance to zero."""
+def localized_spans(changes: Sequence[Change], travels: Sequence[Travel]) -> list[Span]:
+    """Sweeps that the filter localized, numbered from 1.
+
+    They are those while a ``Bool`` is true, after the filter has begun; without such messages, they begin at
+    its global localizations, which reset the travelled distance to zero; without either, all is one.
+    """
+    if changes:
+        first_ns = travels[0].stamp_ns if travels else -1
+        localized = [span for span in spans(changes) if span.until_ns > first_ns]
+        return [Span(number, span.after_ns, span.until_ns) for number, span in enumerate(localized, 1)]
     resets = [after for before, after in pairwise(travels) if after.travel_m == 0.0 < before.travel_m]
-    begun = [Change(each.stamp_ns - 1, number) for number, each in enumerate([travels[0], *resets], 1)]
-    return spans(begun)
-
-
-def active_spans(changes: Sequence[Change], travels: Sequence[Travel]) -> list[Span]:
-    """Sweeps while a ``Bool`` is true, numbered from 1; of those, the ones that the filter localized."""
-    first_ns = travels[0].stamp_ns if travels else -1
-    localized = [span for span in spans(changes) if span.until_ns > first_ns]
-    return [Span(number, span.after_ns, span.until_ns) for number, span in enumerate(localized, 1)]
+    begun = [Change(each.stamp_ns - 1, number) for number, each in enumerate([*travels[:1], *resets], 1)]
+    return spans(begun) or [WHOLE_BAG]

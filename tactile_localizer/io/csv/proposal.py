@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.io.csv.columns import ColumnNaming, channel_names, missing_column, phalanges_in
+from tactile_localizer.io.csv.columns import ColumnNaming, missing_column, phalanges_in
 from tactile_localizer.io.csv.recording import read_csv, read_rows
 from tactile_localizer.scene import (
     AXIS_NAMES,
@@ -19,16 +19,8 @@ from tactile_localizer.scene import (
     Scene,
 )
 
-MARGIN_M = 0.005
-"""Added to the recorded positions on each side, m: docs/essentials.md recommends 2 to 5 mm."""
-
 _LONGEST_M = 3.0
 """Longest plausible range of positions on material, m (judgement)."""
-
-_UNLIKELY = " (positions in mm? --column x=NAME*0.001)"
-
-_MARGIN_RAD = 0.1
-"""The same on yaw, rad."""
 
 
 def propose_scene(
@@ -40,7 +32,7 @@ def propose_scene(
     ----------
     name : of the scene
     paths : CSV files with the strain
-    naming : columns with other than the standard names, and constant speeds
+    naming : columns with other than the standard names
     poses : CSV files with the positions, if they are separate
 
     Returns
@@ -54,47 +46,39 @@ def propose_scene(
     ScanError
         A file cannot be read.
     """
-    header = _header(paths[0])
-    beside = _header(poses[0]) if poses else header
-    known = {*naming.columns, *naming.speed, *beside}
-    axes = [axis for axis in AXIS_NAMES if axis in known]
+    path, beside = Path(paths[0]), Path((*poses, *paths)[0])
+    header, places = (next(read_rows(each), (0, []))[1] for each in (path, beside))
+    axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *places}]
     if not axes:
-        raise missing_column(Path((*poses, *paths)[0]), beside, "x", naming, None)
+        raise missing_column(beside, places, "x", naming, None)
     counts = phalanges_in(header, naming)
     if not counts:
-        raise missing_column(Path(paths[0]), header, "finger", naming, None)
-    offset = (0.0,) * len(axes)
-    phalanges = tuple(Phalanx(phalanx, offset, count) for phalanx, count in counts.items())
+        raise missing_column(path, header, "finger", naming, None)
+    phalanges = tuple(Phalanx(phalanx, (0.0,) * len(axes), count) for phalanx, count in counts.items())
     largest = {axis: math.pi if axis == "yaw" else LARGEST_POSITION for axis in axes}
     anywhere = Scene(name, tuple(Axis(axis, -largest[axis], largest[axis]) for axis in axes), phalanges)
     recording = read_csv(paths, anywhere, naming, poses=poses)
     position = np.concatenate([sweep.position for sweep in recording.sweeps])
-    assumptions = [_origin(phalanx, naming) for phalanx in phalanges]
+    columns = {each.name: naming.of(each.name, each.channels).names for each in phalanges}
+    assumptions = [
+        f"phalanx {finger}: {len(found)} channels, {found[0]} to {found[-1]}"
+        for finger, found in columns.items()
+    ]
     bounded = []
-    for axis, low, high in zip(
-        axes, position.min(axis=0).tolist(), position.max(axis=0).tolist(), strict=True
-    ):
-        margin = _MARGIN_RAD if axis == "yaw" else MARGIN_M
+    for axis, low, high in zip(axes, position.min(0).tolist(), position.max(0).tolist(), strict=True):
+        # docs/essentials.md recommends 2 to 5 mm on each side.
+        margin, unit, factor = (0.1, "rad", 1.0) if axis == "yaw" else (0.005, "mm", 1e3)
         lower, upper = round(low - margin, 4), round(high + margin, 4)
         bounded.append(Axis(axis, max(lower, -largest[axis]), min(upper, largest[axis])))
-        unit, factor = ("rad", 1.0) if axis == "yaw" else ("mm", 1e3)
-        source = f"{naming.speed[axis]:g} m/s from 0" if axis in naming.speed else "recorded"
-        assumptions.append(
-            f"bounds of {axis}: {factor * low:.1f} to {factor * high:.1f} {unit} ({source}), "
-            f"and {factor * margin:g} {unit} on each side{_UNLIKELY * (high - low > _LONGEST_M)}"
+        unlikely = (
+            " (positions in mm? --column x=NAME*0.001)" if high - low > _LONGEST_M and axis != "yaw" else ""
         )
-    assumptions.append(
-        f"motion_std: {DEFAULT_MOTION_STD:g}, an error of {DEFAULT_MOTION_STD * 1e3:g} mm per metre"
-    )
-    assumptions.append("offset of every phalanx: 0; it matters where the hand turns, or another hand is used")
-    return Scene(name, tuple(bounded), phalanges), assumptions
-
-
-def _origin(phalanx: Phalanx, naming: ColumnNaming) -> str:
-    standard = channel_names(phalanx.name, phalanx.channels)
-    columns = naming.columns[phalanx.name].names if phalanx.name in naming.columns else standard
-    return f"phalanx {phalanx.name}: {phalanx.channels} channels, {columns[0]} to {columns[-1]}"
-
-
-def _header(path: str) -> list[str]:
-    return next(read_rows(Path(path)), (0, []))[1]
+        assumptions.append(
+            f"bounds of {axis}: {factor * low:.1f} to {factor * high:.1f} {unit} (recorded), "
+            f"and {factor * margin:g} {unit} on each side{unlikely}"
+        )
+    return Scene(name, tuple(bounded), phalanges), [
+        *assumptions,
+        f"motion_std: {DEFAULT_MOTION_STD:g}, an error of {DEFAULT_MOTION_STD * 1e3:g} mm per metre",
+        "offset of every phalanx: 0; it matters where the hand turns, or another hand is used",
+    ]

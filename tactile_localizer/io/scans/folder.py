@@ -4,18 +4,17 @@
 
     bump_scan/
       scene.yaml             scene as scanned
-      sweep_0001.npz         a complete sweep
-      sweep_0002.recording   the sweep in progress
-      calibration.json       learned from the sweeps
-      history.jsonl          one line per import, recording and change
-      dropped/               sweeps moved here are not used
+      sweep_0001.npy     a sweep, complete or in progress
+      calibration.json   learned from the sweeps
+      history.jsonl      one line per import and recording
+      dropped/           sweeps moved here are not used
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import re
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -25,14 +24,16 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan, scan_of
-from tactile_localizer.io.scans.sweep_files import read_recording, read_sweep, sweep_number
+from tactile_localizer.io.scans.sweep_files import read_sweep
 from tactile_localizer.io.scene_file import load_scene
+from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.scene import Scene
 
-HISTORY, DROPPED = "history.jsonl", "dropped"
-COMPLETE, IN_PROGRESS = ".npz", ".recording"
+_log = logging.getLogger(__name__)
 
-_SWEEP_FILE = re.compile(r"sweep_\d+(\.npz|\.recording)")
+HISTORY, DROPPED = "history.jsonl", "dropped"
+
+_SWEEP_FILE = re.compile(r"sweep_([0-9]{1,9})\.npy")
 
 
 class ScanFolder:
@@ -57,7 +58,7 @@ class ScanFolder:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         if not is_scan(self.path):
-            raise ScanError(f"{self.path}: expected a scan folder, found {_kind(self.path)}")
+            raise ScanError(f"{self.path}: expected a scan folder, found none (with a {SCENE})")
         self.scene = load_scene(self.path / SCENE)
 
     def sweeps(self) -> list[RecordedSweep]:
@@ -66,35 +67,52 @@ class ScanFolder:
         Raises
         ------
         ScanError
-            A sweep is damaged or belongs to another scene, two sweeps hold the same pairs, or they are in
-            different units; the message names the sweep.
+            There are files of sweeps, and none can be used.
         """
-        sweeps, damaged = [], []
-        for file in self.sweep_files():
+        return self.read()[0]
+
+    def read(self) -> tuple[list[RecordedSweep], list[str]]:
+        """The :meth:`sweeps`, and one line for each file that is not used, or not completely.
+
+        Such a file is damaged, misnamed, or of another scene or unit than the sweeps before it, or it holds
+        the same pairs as one of them: the map would take the second for a repetition without noise.
+
+        Raises
+        ------
+        ScanError
+            As :meth:`sweeps`.
+        """
+        files, unused = self.files()
+        sweeps: list[RecordedSweep] = []
+        known: dict[int, int] = {}
+        for number, file in files.items():
             try:
-                sweeps.append(self._read(file))
+                sweep, damaged = read_sweep(file, number, self.scene)
+                require_new(sweep, known, str(file))
+                if sweeps and sweep.strain_unit != (unit := sweeps[0].strain_unit):
+                    raise ScanError(f"{file}: expected strain in {unit}, found {sweep.strain_unit}")
             except ScanError as error:
-                damaged.append((file, error))
-        if damaged:
-            names = ", ".join(file.name for file, _ in damaged[:8]) + (", ..." if len(damaged) > 8 else "")
-            raise ScanError(
-                f"{damaged[0][1]}; the other {len(sweeps)} sweeps are intact: move {names} "
-                f"to {self.path / DROPPED} to use them"
-            )
-        require_distinct(sweeps, f"{self.path}: expected every sweep once", f"move one to {DROPPED}/")
-        if len(units := sorted({sweep.strain_unit for sweep in sweeps})) > 1:
-            raise ScanError(f"{self.path}: expected one unit of the strain, found {' and '.join(units)}")
-        return sweeps
+                unused.append(f"{error}; the sweep is not used")
+                continue
+            sweeps.append(sweep)
+            if damaged:
+                unused.append(f"{file}: {damaged} of {len(sweep) + damaged} pairs are damaged and not used")
+        if unused and not sweeps:
+            raise ScanError(f"{unused[0]}, nor is any other")
+        return sweeps, unused
 
     def load(self) -> Scan:
-        """The pairs of all sweeps, in the order of the sweeps.
+        """The pairs of all sweeps, in the order of the sweeps; a warning is logged for each unused file.
 
         Raises
         ------
         ScanError
             As :meth:`sweeps`, or there are no pairs.
         """
-        return scan_of(self.recording(), self.scene)
+        recording = self.recording()
+        for note in recording.notes:
+            _log.warning("%s", note)
+        return scan_of(recording, self.scene)
 
     def recording(self, scene: Scene | None = None) -> Recording:
         """The same pairs as a recording, by sweep and with their stamps; empty sweeps are left out.
@@ -113,6 +131,7 @@ class ScanFolder:
         own, scene = self.scene, scene or self.scene
         axes, phalanges = scene.columns(own.axis_names), scene.rows(own.phalanx_names)
         channels = scene.channels(own.phalanx_names, own.layout.counts)
+        found, unused = self.read()
         sweeps = tuple(
             replace(
                 sweep,
@@ -120,88 +139,66 @@ class ScanFolder:
                 strain=sweep.strain[:, channels],
                 status=sweep.status[:, phalanges],
             )
-            for sweep in self.sweeps()
+            for sweep in found
             if len(sweep)
         )
-        return Recording(str(self.path), sweeps)
+        return Recording(str(self.path), sweeps, tuple(unused))
 
     def history(self) -> list[dict[str, Any]]:
         """The entries of the history, oldest first: ``at`` (ISO 8601, UTC), ``what``, and details."""
-        entries = []
-        try:
-            lines = (self.path / HISTORY).read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError:
-            lines = []
-        for line in lines:
-            try:
-                entry = json.loads(line)
-                entries.append({"at": str(entry.pop("at")), "what": str(entry.pop("what")), **entry})
-            except (ValueError, RecursionError, LookupError, AttributeError, TypeError):
-                entries.append({"at": "", "what": f"unreadable line {line[:40]!r}"})
+        entries: list[dict[str, Any]] = []
+        with suppress(OSError), open_file(self.path / HISTORY) as file:
+            for line in file.read().decode("utf-8", errors="replace").splitlines():
+                entry = {"at": "", "what": f"unreadable line {line[:40]!r}"}
+                with suppress(ValueError, RecursionError, TypeError):
+                    entry |= json.loads(line)
+                entries.append(entry)
         return entries
 
-    def dropped_files(self) -> list[Path]:
-        """Files of the sweeps that were dropped."""
-        return self.sweep_files(DROPPED)
+    def files(self, folder: str = "") -> tuple[dict[int, Path], list[str]]:
+        """Files of the sweeps by number, ascending, and a line for each that is misnamed.
 
-    def sweep_files(self, folder: str = "") -> list[Path]:
-        """Files of the sweeps in the order of their numbers; ``folder`` is that of the dropped sweeps.
-
-        A sweep of which there are both is complete: its recording was not removed yet.
+        Parameters
+        ----------
+        folder : :data:`DROPPED` for the sweeps that were dropped
 
         Raises
         ------
         ScanError
-            The folder cannot be listed, or an npz is not named as a sweep.
+            The folder cannot be listed.
         """
         place = self.path / folder
         try:
-            names = sorted(entry.name for entry in place.iterdir()) if place.exists() else []
+            found = sorted(place.iterdir()) if place.exists() else []
         except OSError as error:
             raise ScanError(f"{place}: could not be read, {error.strerror}") from None
         files: dict[int, Path] = {}
-        for name in reversed(names):  # sweep_0001.npz replaces sweep_0001.recording
-            if _SWEEP_FILE.fullmatch(name):
-                number = sweep_number(place / name)
-                if number in files and files[number].suffix == Path(name).suffix:
-                    raise ScanError(f"{place / name}: expected one file of sweep {number}, found another")
-                files[number] = place / name
-            elif name.endswith(COMPLETE) and not name.startswith("."):
-                raise ScanError(f"{place / name}: expected a name like sweep_0001{COMPLETE}")
-        return [files[number] for number in sorted(files)]
-
-    def _read(self, file: Path) -> RecordedSweep:
-        try:
-            if file.suffix == IN_PROGRESS:
-                with suppress(FileNotFoundError):  # completed in the meantime
-                    return read_recording(file, self.scene)
-            return read_sweep(file.with_suffix(COMPLETE), self.scene)
-        except OSError as error:
-            raise ScanError(f"{file}: could not be read, {error.strerror}") from None
+        misnamed = []
+        for file in found:
+            match = _SWEEP_FILE.fullmatch(file.name)
+            if match and int(match[1]) not in files:
+                files[int(match[1])] = file
+            elif file.name.startswith("sweep_"):
+                misnamed.append(f"{file}: expected a name like sweep_0001.npy, of one sweep; it is not used")
+        return dict(sorted(files.items())), misnamed
 
 
-def require_distinct(sweeps: Sequence[RecordedSweep], expected: str, advice: str) -> None:
-    """Require that no two sweeps hold the same positions and strains, as when a recording is given twice.
+def require_new(sweep: RecordedSweep, known: dict[int, int], where: str) -> None:
+    """Require that a sweep does not hold the pairs of another one, as when a recording is given twice.
 
-    The map would take the second for a repetition without noise.
+    Parameters
+    ----------
+    sweep : the sweep
+    known : numbers of the sweeps before by their pairs, to which this one is added
+    where : begin of the message
 
     Raises
     ------
     ScanError
-        Two sweeps are equal.
+        Another sweep has the same positions and strains.
     """
-    first: dict[int, int] = {}
-    for sweep in sweeps:
-        pairs = hash((sweep.position.tobytes(), sweep.strain.tobytes()))
-        if len(sweep) and first.setdefault(pairs, sweep.number) != sweep.number:
-            twin = first[pairs]
-            raise ScanError(f"{expected}, found sweep {sweep.number} equal to sweep {twin}; {advice}")
-
-
-def _kind(path: Path) -> str:
-    try:
-        if not path.exists():
-            return "none"
-        return f"a folder without {SCENE}" if path.is_dir() else "a file"
-    except (OSError, ValueError) as error:
-        return getattr(error, "strerror", "") or str(error)
+    pairs = hash((sweep.position.tobytes(), sweep.strain.tobytes()))
+    if len(sweep) and (twin := known.setdefault(pairs, sweep.number)) != sweep.number:
+        raise ScanError(
+            f"{where}: expected every sweep once, found sweep {sweep.number} equal to sweep {twin}"
+        )

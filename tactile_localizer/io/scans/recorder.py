@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -22,18 +21,6 @@ StrainSample = tuple[np.ndarray, np.ndarray]
 
 _BEFORE_ALL_NS = -1
 """A stamp earlier than that of any sample, ns."""
-
-_BATCH = 256
-"""Pairs collected before they are screened and passed on together: 0.26 s at 1 kHz."""
-
-
-@dataclass
-class _Span:
-    """Samples of a sweep: after ``after_ns`` up to ``until_ns`` (``None``: not known yet)."""
-
-    sweep: OpenSweep
-    after_ns: int
-    until_ns: int | None = None
 
 
 class SweepRecorder:
@@ -67,28 +54,27 @@ class SweepRecorder:
         self.store = store
         known = store.sweeps()
         self.sweeps, self.pairs = len(known), sum(map(len, known))
-        self.gaps = 0
-        self.skipped = 0
+        self.number = store.last_number
+        self.gaps = self.skipped = 0
+        for sweep in known:
+            coverage.add(sweep.position)
         self._detector = detector
         self._coverage = coverage
-        self._spans: deque[_Span] = deque()  # not completed yet, of which the last may be active
         self._on_change = on_change
-        self.number = store.last_number
+        self._incomplete: deque[OpenSweep] = deque()  # of which the last may be active
         self._detected = 0
         self._newest_ns = _BEFORE_ALL_NS
         self._batch: list[Pair[StrainSample]] = []
-        for sweep in known:
-            coverage.add(sweep.position)
 
     @property
     def is_active(self) -> bool:
         """Whether a sweep is open."""
-        return bool(self._spans) and self._spans[-1].until_ns is None
+        return bool(self._incomplete) and self._incomplete[-1].until_ns is None
 
     @property
     def incomplete(self) -> int | None:
         """Number of the oldest sweep that is not complete, because samples wait for poses or it is open."""
-        return self._spans[0].sweep.number if self._spans else None
+        return self._incomplete[0].number if self._incomplete else None
 
     def start(self, after_ns: int) -> int:
         """Open a sweep of the samples with stamps later than ``after_ns``; returns its number.
@@ -100,10 +86,9 @@ class SweepRecorder:
         """
         if self.is_active:
             raise ScanError(f"start sweep: expected no active sweep, found sweep {self.number}")
-        span = _Span(self.store.begin_sweep(), after_ns)
-        self.number = span.sweep.number
+        self._incomplete.append(self.store.begin_sweep(after_ns))
+        self.number = self._incomplete[-1].number
         self.sweeps += 1
-        self._spans.append(span)
         self._on_change(after_ns)
         return self.number
 
@@ -117,7 +102,7 @@ class SweepRecorder:
         """
         if not self.is_active:
             raise ScanError("end sweep: expected an active sweep, found none")
-        self._spans[-1].until_ns = until_ns
+        self._incomplete[-1].until_ns = until_ns
         self._on_change(until_ns)
         return self.number
 
@@ -134,14 +119,9 @@ class SweepRecorder:
         ScanError
             The scan cannot be written. The sweep is abandoned; pairs already written are kept.
         """
-        try:
+        with self._abandoning():
             for pair in pairs:
                 self._place(pair)
-            if len(self._batch) >= _BATCH:
-                self._flush()
-        except ScanError:
-            self._abandon()
-            raise
 
     def settle(self, waiting_ns: int | None) -> None:
         """Write the pairs, and finish each closed sweep of which no sample waits for its pose.
@@ -157,12 +137,9 @@ class SweepRecorder:
         ScanError
             The scan cannot be written. The sweep is abandoned; pairs already written are kept.
         """
-        try:
+        with self._abandoning():
             self._finish_before(math.inf if waiting_ns is None else waiting_ns)
             self._flush()
-        except ScanError:
-            self._abandon()
-            raise
 
     def close(self) -> None:
         """End every sweep, without waiting for further poses.
@@ -183,10 +160,10 @@ class SweepRecorder:
         if self._detector is not None and pair.position is not None:
             self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
         self._finish_before(pair.stamp_ns)
-        if self._spans and pair.stamp_ns > self._spans[0].after_ns:
+        if self._incomplete and pair.stamp_ns > self._incomplete[0].after_ns:
             if pair.position is None:
                 self.gaps += 1
-                self._spans[0].sweep.gaps += 1
+                self._incomplete[0].gaps += 1
             else:
                 self._batch.append(pair)
 
@@ -214,11 +191,11 @@ class SweepRecorder:
             return
         stamp_ns = np.array([pair.stamp_ns for pair in self._batch], dtype=np.int64)
         states = np.array([pair.position for pair in self._batch])
-        strain = np.array([pair.measurement[0] for pair in self._batch])
-        status = np.array([pair.measurement[1] for pair in self._batch])
+        strain, status = (np.array(each) for each in zip(*(p.measurement for p in self._batch), strict=True))
         self._batch = []
+        sweep = self._incomplete[0]
         keep = screen(self.store.scene, states, strain, status) == USABLE
-        pairs, sweep = int(np.count_nonzero(keep)), self._spans[0].sweep
+        pairs = int(np.count_nonzero(keep))
         self.skipped += len(keep) - pairs
         sweep.skipped += len(keep) - pairs
         if pairs:
@@ -228,12 +205,17 @@ class SweepRecorder:
 
     def _finish_before(self, stamp_ns: float) -> None:
         """Complete the sweeps that ended before ``stamp_ns``."""
-        while self._spans and (until_ns := self._spans[0].until_ns) is not None and until_ns < stamp_ns:
+        while self._incomplete and (until := self._incomplete[0].until_ns) is not None and until < stamp_ns:
             self._flush()
-            self.store.end_sweep(self._spans.popleft().sweep)
+            self.store.end_sweep(self._incomplete.popleft())
 
-    def _abandon(self) -> None:
-        spans, self._spans, self._batch, self._detected = self._spans, deque(), [], 0
-        for span in spans:
-            with contextlib.suppress(ScanError):
-                self.store.end_sweep(span.sweep)
+    @contextmanager
+    def _abandoning(self) -> Iterator[None]:
+        """Context whose failure to write ends all sweeps."""
+        try:
+            yield
+        except ScanError:
+            sweeps, self._incomplete, self._batch, self._detected = self._incomplete, deque(), [], 0
+            for sweep in sweeps:
+                self.store.abandon_sweep(sweep)
+            raise

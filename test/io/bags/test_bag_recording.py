@@ -26,7 +26,7 @@ from support.notes import counts
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io.bags.recording import BagTopics, read_bag
+from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -105,7 +105,7 @@ def test_noise_in_the_middle_of_a_bag_is_refused(tmp_path, place):
     begin = round(place * len(content))
     content[begin : begin + 4096] = np.random.default_rng(0).bytes(4096)
     file.write_bytes(bytes(content))
-    with pytest.raises(ScanError, match=r"expected (a readable bag|\d+ messages).*mcap recover"):
+    with pytest.raises(ScanError, match=r"expected a readable bag.*mcap recover"):
         read_bag(bag, SCENE)
 
 
@@ -194,7 +194,7 @@ def test_a_topic_of_another_type_is_refused(tmp_path):
     with pytest.raises(
         ScanError, match="topic /palm_pose: expected tactile_localizer/msg/StrainVectors, found geo"
     ):
-        read_bag(whole(tmp_path / "bag"), SCENE, topics=BagTopics(strain="palm_pose", pose="other"))
+        read_bag(whole(tmp_path / "bag"), SCENE, topics={"strain": "palm_pose", "pose": "other"})
 
 
 def test_topics_and_frames_are_configurable(tmp_path):
@@ -204,10 +204,10 @@ def test_topics_and_frames_are_configurable(tmp_path):
     ]
     bag = write_bag(tmp_path / "bag", happened)
     frame = PalmFrame(SCENE.axes, reference_frame="robot", material_pose=[-0.01, 0, 0, 0, 0, 0])
-    sweep = read_bag(bag, SCENE, topics=BagTopics(strain="strain", pose="palm_pose"), frame=frame).sweeps[0]
+    sweep = read_bag(bag, SCENE, topics={"strain": "strain", "pose": "palm_pose"}, frame=frame).sweeps[0]
     np.testing.assert_allclose(sweep.position[0], [x_at(20) + 0.01, 0.02], atol=1e-12)
     with pytest.raises(ScanError, match=r"expected messages of /felt, found /palm_pose \(geometry_msgs"):
-        read_bag(bag, SCENE, topics=BagTopics(strain="/felt"))
+        read_bag(bag, SCENE, topics={"strain": "/felt"})
 
 
 def foreign_file(path):
