@@ -58,6 +58,10 @@ def localizer(recorded, **options):
     return tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan", **options)
 
 
+def build(recorded, **choices):
+    localizer(recorded, configuration=Configuration(**choices))
+
+
 def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
     localizer(recorded).update(stamp_ns, np.array(position), np.array(strain))
 
@@ -65,8 +69,12 @@ def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
 @pytest.mark.parametrize(
     ("mistake", "message"),
     [
-        (lambda folder: localizer(folder, configuration=Configuration(model="os:system")), "os:system"),
-        (lambda folder: localizer(folder, configuration=Configuration(model="none:Model")), "none:Model"),
+        (
+            lambda folder: build(folder, model="os:system"),
+            "'os:system': expected a class system in os",
+        ),
+        (lambda folder: build(folder, model="os:Hill"), "'os:Hill': expected a class Hill in os, found None"),
+        (lambda folder: build(folder, model="none:Model"), "model 'none:Model': .*PYTHONPATH"),
         (lambda folder: localizer(folder, seed=-1), "seed: expected at least 0, got -1"),
         (lambda folder: Configuration(particles="5"), "particles: expected a .*number, got '5'"),
         (lambda folder: update(folder, stamp_ns=None), "stamp_ns: expected .* got None"),

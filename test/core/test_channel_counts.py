@@ -8,7 +8,6 @@ from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
-from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
@@ -37,9 +36,3 @@ def test_every_model_localizes_with_any_channels(counts, model):
         felt = strain_at(truth[None], of.layout.size)[0]
         estimate = localizer.update(n * 10**7, truth + 3.0, felt, present)
     assert np.linalg.norm(estimate.mean - truth) < 0.002
-
-
-def test_maps_have_the_channels_of_each_phalanx():
-    of = scene()
-    tactile_map = make_map(scan(np.random.default_rng(0), of, 800), of)
-    assert [tactile_map.phalanx(name).shape[-1] for name in of.phalanx_names] == [19, 6, 1]

@@ -122,18 +122,6 @@ def test_on_a_faint_map_neither_smooth_nor_other_material_converges(material: in
         assert not any(e.converged for e in fed(faint, noise + (felt if material else felt.mean(axis=0))))
 
 
-def test_duplicate_pairs_change_nothing() -> None:
-    scan, felt = cloth_scan(2), strain(way(0.1, 0.04), 1, 5)
-    twice = scan.select(np.repeat(np.arange(len(scan)), 2))
-    np.testing.assert_allclose(off(fed(build(twice), felt), 0.1), off(fed(build(scan), felt), 0.1), atol=1e-9)
-
-
-def test_a_channel_that_never_changes_does_not_matter() -> None:
-    scan, felt = cloth_scan(), strain(way(0.1), 1, 5)
-    scan.strain[:, 2] = felt[:, 2] = 0.7
-    assert_found(build(scan), felt, 0.1)
-
-
 def test_strains_a_million_widths_from_the_map_converge_nowhere(localizer: Localizer) -> None:
     far = 1e6 * NOISE_V * np.random.default_rng(10).standard_normal((80, 16))
     estimates = fed(localizer, strain(way(0.05, 0.04), 1, 5) + far)

@@ -132,29 +132,18 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
     """Featureless material under one phalanx of two channels, at yaws 0.01 rad apart; variances are one."""
     layout, zeros = ChannelLayout((2,)), np.zeros(2)
     noise = NoiseModel(layout, zeros, np.eye(2), np.zeros(1), np.full(2, level_variance), TURNING)
-    strain_map = StrainMap(
-        YAWS[:1],
-        np.full(1, 0.01),
-        (41,),
-        np.zeros((41, 1, 2), np.float32),
-        np.ones((41, 1, 1), np.float32),
-        np.zeros((41, 1), np.float32),
-        1.0,
-        TURNING[None],
-        np.outer(YAWS, TURNING),
-    )
+    lattice, same = (YAWS[:1], np.full(1, 0.01), (41,)), np.zeros((41, 1, 2), np.float32)
+    tables = same, np.ones((41, 1, 1), np.float32), same[..., 0]
+    strain_map = StrainMap(*lattice, *tables, 1.0, TURNING[None], np.outer(YAWS, TURNING))
     return SweepMixture(noise, strain_map, Drift(np.inf, 1.0, np.full(2, level_variance)), 0.002)
 
 
 def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[Likelihoods, Any]:
     """Likelihoods of what featureless material feels like at a yaw, and the trend after it."""
-    states, log_weights = YAWS[:, None], np.log(weights)
-    nodes, expected = model.expected(np.concatenate([states, states]))
-    places = np.concatenate([states, states])
-    start = model.drift.start(len(places))
-    innovation, trend = model.innovation(
-        start, yaw * TURNING, places, expected, log_weights, 0.0005, information=1.0
-    )
+    places, log_weights = np.tile(YAWS, 2)[:, None], np.log(weights)
+    nodes, expected = model.expected(places)
+    start, felt = model.drift.start(len(places)), yaw * TURNING
+    innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
     return model.evaluate(nodes, log_weights, innovation, np.ones(1, bool)), trend
 
 

@@ -1,13 +1,12 @@
 """Extremes that must be right: one test for each row of the table in docs/numerics.md."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 from support.models import step
-from support.scans import SIDE, scan, scene, strain_at
+from support.scans import SIDE, raster, scan, scene, strain_at
 
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import build_localizer
@@ -171,30 +170,22 @@ def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(model, volts
     np.testing.assert_allclose(other + 16 * math.log(volts), plain, atol=0.02)
 
 
-def long_sheet(length: float, bound: float) -> tuple[Scan, Scene, Callable[[np.ndarray], np.ndarray]]:
-    """A sheet with three lines of a length, felt everywhere, and its strain at places (n, 2); bounds in m."""
+@pytest.mark.parametrize(("length", "bound"), [(2.0, 2.1), (0.06, 30.0)])
+def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
+    """Of three lines on material that is felt everywhere."""
     rng = np.random.default_rng(0)
     waves, phases = rng.normal(0.0, 300.0, (2, 8, 6)), rng.uniform(0.0, 6.0, (8, 6))
 
-    def strain(places: np.ndarray) -> np.ndarray:
-        return 0.02 * np.sin(np.tensordot(places, waves, 1) + phases).sum(axis=2)
+    def strain(places: np.ndarray, _: np.ndarray | None = None) -> np.ndarray:
+        clean = 0.02 * np.sin(np.tensordot(places, waves, 1) + phases).sum(axis=2)
+        return clean + rng.normal(0.0, 0.002, clean.shape)
 
-    along, lines = np.arange(0.0, length, 0.0005), np.arange(3) * 0.0025
-    places = np.array([(x, y) for y in lines for x in along])
-    felt = strain(places) + rng.normal(0.0, 0.002, (len(places), 8))
-    axes = Axis("x", -bound, bound, 0.0035), Axis("y", -bound, bound, 0.002)
-    sheet = Scene("sheet", axes, (Phalanx("index", (0.0, 0.0)),))
-    return (
-        Scan(places, felt, np.repeat(np.arange(3), len(along)), ("x", "y"), ("index",)),
-        sheet,
-        strain,
-    )
+    def sheet(lower: float, x: float, y: float) -> Scene:
+        axes = Axis("x", lower, x, 0.0035), Axis("y", lower, y, 0.002)
+        return Scene("sheet", axes, (Phalanx("index", (0.0, 0.0)),))
 
-
-@pytest.mark.parametrize(("length", "bound"), [(2.0, 2.1), (0.06, 30.0)])
-def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
-    made, sheet, strain = long_sheet(length, bound)
-    localizer = build_localizer(made, sheet, Configuration(), np.random.default_rng(0))
+    made = raster(sheet(0.0, length, 0.006), strain, first=0.0)
+    localizer = build_localizer(made, sheet(-bound, bound, bound), Configuration(), rng)
     assert len(localizer.hypotheses()[0]) < 1e6 * (length + 0.1) * (0.005 + 0.1)
     start = np.array([0.2 * length, 0.0038])
     for index in range(40):

@@ -20,16 +20,6 @@ def lines(noise: float = 0.05, volts: float = 1.0, pairs: int = 240) -> Scan:
     return Scan(np.stack([x, y], 1), volts * strain, np.repeat(np.arange(5), pairs), ("x", "y"), ("index",))
 
 
-@pytest.mark.parametrize("pairs", [1, 50])
-def test_a_single_sweep_has_positive_widths(pairs: int) -> None:
-    scan = lines()
-    chosen = choose_kernel_widths(
-        scan.select(scan.sweep == 2).select(np.arange(pairs)), SCENE, ModelParameters()
-    )
-    assert (chosen.position_std > 0).all()
-    assert (chosen.strain_std > 0).all()
-
-
 def test_widths_follow_the_distance_of_the_lines_and_the_noise() -> None:
     quiet, noisy = (choose_kernel_widths(lines(noise), SCENE, ModelParameters()) for noise in (0.05, 0.3))
     np.testing.assert_allclose(quiet.position_std, 0.8 * SPACING, rtol=0.01)

@@ -74,12 +74,5 @@ def test_resampling_is_unbiased(resample, count):
     assert stats.chi2.sf((error / spread) ** 2, df=1).min() > 1e-3 / drawn.sum()
 
 
-def test_systematic_resampling_keeps_heavy_particles():
-    weights = np.array([0.35, 0.25, 0.2, 0.2])
-    for seed in range(200):
-        ancestors = RESAMPLERS["systematic"](weights, 20, np.random.default_rng(seed))
-        assert np.bincount(ancestors, minlength=4).min() >= 3
-
-
 def test_a_representative_sample_is_in_proportion_to_the_weights():
     np.testing.assert_array_equal(representative([0.25, 0.0, 0.5, 0.25], 8), [0, 0, 2, 2, 2, 2, 3, 3])

@@ -38,10 +38,3 @@ def test_a_state_is_in_the_box_whose_centre_is_nearest(of: Scene, along: list[fl
     away = (away - np.rint(away)) * of.extent
     assert (np.abs(away) <= 0.5 * references.pitch + 1e-9).all()
     np.testing.assert_array_equal(references.index(references.states), np.arange(len(references)))
-
-
-@every_scene
-def test_states_beyond_the_bounds_are_in_some_box(of: Scene) -> None:
-    references = References(of)
-    index = references.index(np.array([of.lower - 10.0 * of.extent, of.upper + 10.0 * of.extent]))
-    assert ((index >= 0) & (index < len(references))).all()

@@ -22,12 +22,6 @@ def interpolated(axes, poses, *stamps_ms):
     return interpolate_poses(axes, pose_ns, positions, np.array(stamps_ms) * MS)[0]
 
 
-def test_positions_are_interpolated_linearly():
-    axes = (*AXES, Axis("y", 0.0, 1.0))
-    poses = [(1.00, (0.1, 0.5)), (1.04, (0.3, 0.1))]
-    np.testing.assert_allclose(interpolated(axes, poses, 1010), [[0.15, 0.4]])
-
-
 def test_yaw_follows_the_shortest_arc_near_its_bounds():
     poses = [(1.0, (3.1,)), (1.1, (-3.1,))]
     yaw, beyond = Axis("yaw", -math.pi, math.pi), Axis("yaw", 3.0, 3.5)
@@ -74,13 +68,6 @@ def test_a_strain_vector_waits_for_the_pose_that_follows_it():
     assert pose(pairing, 120, 0.3) == [(115, 0.25)]
     assert pairing.waiting_ns is None
     assert pairing.newest_input_ns == pairing.newest_pose_ns == 120 * MS
-
-
-def test_a_gap_in_the_poses_gives_no_position():
-    pairing = Pairing(AXES, max_gap_s=0.05)
-    pose(pairing, 100, 0.1)
-    strain(pairing, 120)
-    assert pose(pairing, 200, 0.2) == [(120, None)]
 
 
 def test_patience_is_measured_by_stamps():

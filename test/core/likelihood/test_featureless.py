@@ -93,18 +93,14 @@ def test_the_region_of_a_turned_phalanx_wraps():
         )
 
 
-def test_a_scene_without_a_region_is_refused():
-    plain = Scene("plain", SCENE.axes, SCENE.phalanges)
-    with pytest.raises(SceneError, match="scene plain: expected a feature region for the model featureless"):
-        model(scene=plain)
-
-
 @pytest.mark.parametrize(
-    ("region", "side"), [(Region((-1, -1), (1, 1)), "inside"), (Region((0.5, 0), (0.6, 1)), "outside")]
+    ("region", "message"),
+    [
+        (None, "scene plain: expected a feature region for the model featureless"),
+        (Region((-1, -1), (1, 1)), "phalanx index on both sides of the feature region, all are inside"),
+        (Region((0.5, 0), (0.6, 1)), "phalanx index on both sides of the feature region, all are outside"),
+    ],
 )
-def test_a_region_without_both_sides_is_refused(region, side):
-    scene = Scene("plain", SCENE.axes, SCENE.phalanges, region)
-    with pytest.raises(
-        SceneError, match=f"phalanx index on both sides of the feature region, all are {side}"
-    ):
-        model(scene=scene)
+def test_a_scene_without_a_region_that_divides_it_is_refused(region, message):
+    with pytest.raises(SceneError, match=message):
+        model(scene=Scene("plain", SCENE.axes, SCENE.phalanges, region))

@@ -118,17 +118,6 @@ def test_uncertainty_of_the_level_widens_every_density() -> None:
         assert (np.asarray(other) > one).all()
 
 
-def test_the_first_strain_of_a_sweep_of_unknown_level_is_as_likely_everywhere() -> None:
-    model = mixture((3, 5))
-    model.drift = Drift(0.01, 1.0, np.full(8, np.inf))
-    nodes, expected = model.expected(np.tile(STATES, (2, 1)))
-    start = model.drift.start(len(nodes))
-    innovation, _ = model.drift.update(start, np.ones(8), expected, 0.0005, 1.0)
-    found = model.evaluate(nodes, np.full(NODES, -np.log(NODES)), innovation, np.ones(2, bool))
-    assert np.ptp(found.states) < 1e-3
-    assert np.ptp(found.references) < 1e-3
-
-
 def test_material_felt_everywhere_is_never_featureless_or_unknown() -> None:
     found = evaluated(mixture((3,), featureless=None), np.zeros(3))
     assert found.featureless == found.unknown == -np.inf

@@ -75,12 +75,6 @@ def test_rest_ends_a_sweep():
     assert found[-1] == 2
 
 
-def test_a_hand_at_rest_is_in_no_sweep():
-    rng = np.random.default_rng(1)
-    positions = 0.02 + rng.normal(0, 0.0002, (60 * RATE, 2))
-    assert not numbers(SweepDetector(AXES), positions).any()
-
-
 def test_numbering_continues_after_a_reset():
     detector = SweepDetector(AXES, one_way=True)
     numbers(detector, path((0, 0), (0.03, 0)), start_s=100.0)

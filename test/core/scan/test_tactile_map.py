@@ -48,11 +48,6 @@ def test_nodes_far_from_all_sweeps_have_no_value():
     assert not covered[(y > 0.01) & (y < 0.03)].any()
 
 
-def test_returns_on_the_same_line_leave_no_holes():
-    scan = raster(np.repeat(np.arange(0, 0.0401, 0.0025), 2))
-    assert make_map(scan, SQUARE).covered.all()
-
-
 def test_the_background_of_a_phalanx_is_subtracted():
     scan = raster(np.arange(0, 0.0401, 0.0025), value=lambda s: 5.0 + (s[:, 0] > 0.045))
     tactile_map = make_map(scan, SQUARE)

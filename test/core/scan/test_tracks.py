@@ -102,12 +102,6 @@ def test_interpolation_across_the_wrap_of_yaw() -> None:
     assert expected.distance[0] == pytest.approx(0.05 * 0.02, abs=1e-6)
 
 
-def test_a_single_track_is_its_own_expectation() -> None:
-    track = tracks_of(lines(), PLANE)[3]
-    expected = expectation([track], PLANE, track.positions, 0.0, 3)
-    np.testing.assert_allclose(expected.mean[:, 0], track.strain)
-
-
 @pytest.mark.parametrize("dimension", [1, 2])
 def test_interpolation_in_parts_gives_the_same_result(
     monkeypatch: pytest.MonkeyPatch, dimension: int
