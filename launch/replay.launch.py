@@ -1,38 +1,38 @@
-"""Replay of a bag through the live filter, in the time of the bag.
+"""Replay of a bag through the filter, in the time of the bag.
 
-    ros2 launch tactile_localizer replay.launch.py bag:=bag scan_file:=bump_scan rate:=2.0 loop:=true
+    ros2 launch tactile_localizer replay.launch.py bag:=bag scan_file:=bump_scan rate:=2.0
 
-`tactile-localizer replay` does the same without ROS, as fast as possible.
+`tactile-localizer replay` does the same without ROS, as fast as possible, and prints figures.
 """
 
 from pathlib import Path
 
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.substitutions import LaunchConfiguration, PythonExpression
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import SetParameter
+from launch_ros.event_handlers import OnStateTransition
 
-from launch import LaunchDescription
-from tactile_localizer.ros import launching
-from tactile_localizer.ros.replay_node import PARAMETERS
+from launch import LaunchDescription, actions
+
+WITHOUT = ".*/filter/(?!initial_pose).*|/diagnostics|/clock"
+"""Topics of the bag that would be published twice."""
 
 
 def generate_launch_description():
-    """The filter in simulated time; once it is active, the bag."""
-    rate, loop = LaunchConfiguration("rate"), LaunchConfiguration("loop")
-    # A pose may be late by the patience divided by the rate; a loop must be longer than twice the patience.
-    patience = PythonExpression(["max(1.0, float('", rate, "')) if '", loop, "'.lower() == 'true' else 60.0"])
-    filter_arguments = {"use_sim_time": "true", "autostart": "true", "queue_depth": "10000"}
+    """The filter in simulated time, and the bag once it is active."""
+    bag, rate = LaunchConfiguration("bag"), LaunchConfiguration("rate")
+    localize = str(Path(__file__).with_name("localize.launch.py"))
+    files = {"scan_file": LaunchConfiguration("scan_file")}
+    # The player does not wait for subscribers; its default of 40 Hz is coarse for the clock of a filter.
+    command = ["ros2", "bag", "play", bag, "--clock", "200", "--rate", rate, "--delay", "3"]
+    play = actions.ExecuteProcess(cmd=[*command, "--exclude-regex", WITHOUT], on_exit=actions.Shutdown())
     return LaunchDescription(
         [
-            *launching.COMMON,
-            DeclareLaunchArgument("rate", default_value="1.0", description="Speed relative to the recording"),
-            *launching.node("replay", PARAMETERS, ("bag", "rate", "loop")),
-            DeclareLaunchArgument(
-                "patience_s",
-                default_value=patience,
-                description="Time, measured in stamps, that a strain vector waits for a late pose [s]",
-            ),
-            IncludeLaunchDescription(
-                str(Path(__file__).with_name("localize.launch.py")), launch_arguments=filter_arguments.items()
-            ),
+            actions.DeclareLaunchArgument("bag", description="Bag to play"),
+            actions.DeclareLaunchArgument("rate", default_value="1.0", description="Speed of the replay"),
+            SetParameter("use_sim_time", True),
+            SetParameter("queue_depth", 10_000),
+            SetParameter("patience_s", 60.0),  # a pose that is 0.1 s late is 1 s late by its stamp at rate 10
+            actions.RegisterEventHandler(OnStateTransition(goal_state="active", entities=[play])),
+            actions.IncludeLaunchDescription(localize, launch_arguments=files.items()),
         ]
     )

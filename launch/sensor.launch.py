@@ -1,41 +1,33 @@
 """The source of strain: the driver of the load cells, or the adapter of another tactile sensor.
 
-ros2 launch tactile_localizer sensor.launch.py channel:=can0
-ros2 launch tactile_localizer sensor.launch.py sensor:=adapter adapter_file:=wrench.yaml
+ros2 launch tactile_localizer sensor.launch.py params_file:=hand.yaml
 """
 
+from pathlib import Path
+
 from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode
+from launch_ros.parameter_descriptions import ParameterFile
 
 from launch import LaunchDescription
-from tactile_localizer.ros import adapter_node, launching
-from tactile_localizer.ros.driver_parameters import PARAMETERS as DRIVER
 
 
 def generate_launch_description():
     """Driver or adapter."""
-    buses = ("interface", "channel", "bus_options", "dbc", "phalanges")
+    shipped = str(Path(__file__).parents[1] / "config" / "robot.yaml")
+    sensor, sensors = LaunchConfiguration("sensor"), ["driver", "adapter"]
     return LaunchDescription(
         [
-            *launching.COMMON,
-            DeclareLaunchArgument(
-                "sensor",
-                default_value="driver",
-                choices=("driver", "adapter"),
-                description="Source of strain: load cells on a CAN bus, or messages of another sensor",
-            ),
-            *launching.node(
-                "driver",
-                DRIVER,
-                buses,
-                IfCondition(EqualsSubstitution(LaunchConfiguration("sensor"), "driver")),
-            ),
-            *launching.node(
-                "adapter",
-                adapter_node.PARAMETERS,
-                ("adapter_file",),
-                IfCondition(EqualsSubstitution(LaunchConfiguration("sensor"), "adapter")),
+            DeclareLaunchArgument("sensor", default_value="driver", choices=sensors, description="Its node"),
+            DeclareLaunchArgument("namespace", default_value="", description="Of the node"),
+            DeclareLaunchArgument("params_file", default_value=shipped, description="Parameter file"),
+            LifecycleNode(
+                package="tactile_localizer",
+                executable=[sensor, "_node"],
+                name=sensor,
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[ParameterFile(LaunchConfiguration("params_file"))],
             ),
         ]
     )

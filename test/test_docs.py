@@ -61,9 +61,11 @@ def test_ros_commands_name_existing_nodes_and_files(page: Path) -> None:
         line = " ".join(words)
         if verb == "launch":
             own = page.parent / words[0]
-            declared = nodes + (own if own.is_file() else ROOT / "launch" / words[1]).read_text()
-            named = re.findall(r"(\w+?)(?:_params)?:=", line)
-            assert [name for name in named if f'"{name}"' not in declared] == [], line
+            files = [own] if own.is_file() else [ROOT / "launch" / words[1]]
+            assert files[0].is_file(), line
+            declared = "".join(path.read_text() for path in (*files, *(ROOT / "launch").iterdir()))
+            named = re.findall(r"(\w+):=", line)
+            assert [name for name in named if f'Argument("{name}"' not in declared] == [], line
         elif verb == "run":
             assert (ROOT / "scripts" / words[1]).exists(), line
             declared = parameters.partition(f"## {words[1]}")[2].partition("\n## ")[0]

@@ -3,10 +3,8 @@
 ros2 launch managed_bringup.launch.py scan_file:=bump_scan
 """
 
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch_ros.actions import Node, SetParameter
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
@@ -15,7 +13,6 @@ from launch import LaunchDescription
 def generate_launch_description():
     """Nodes that wait for the manager, and the manager."""
     bringup = [FindPackageShare("tactile_localizer"), "/launch/bringup.launch.py"]
-    arguments = {"autostart": "false", "scan_file": LaunchConfiguration("scan_file")}
     manager = Node(
         package="nav2_lifecycle_manager",
         executable="lifecycle_manager",
@@ -31,10 +28,7 @@ def generate_launch_description():
     )
     return LaunchDescription(
         [
-            DeclareLaunchArgument("scan_file", description="Scan file: the map"),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(bringup), launch_arguments=arguments.items()
-            ),
+            GroupAction([SetParameter("autostart", False), IncludeLaunchDescription(bringup)]),
             manager,
         ]
     )

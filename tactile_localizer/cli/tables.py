@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import fill
-
-_WIDTH = 80
-"""Length of a note's lines, characters."""
 
 
 def print_table(
@@ -27,4 +23,4 @@ def print_table(
         ]
         print("  ".join(cells).rstrip())
     if note:
-        print(f"\n{fill(note, _WIDTH)}")
+        print(note)

@@ -53,7 +53,7 @@ def build_localizer(
     """
     say = progress or _silent
     scene = _scanned(scan, scene)
-    say("learning the noise", 0.0)
+    say("building the map", 0.0)
     learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
     if calibration is None:
         say("calibrating on held-out sweeps", 0.2)

@@ -63,14 +63,14 @@ class Nodes:
         self._running: dict[Path, subprocess.Popen[bytes]] = {}
 
     def start(self, name: str, parameters: Mapping[str, Any]) -> None:
-        """Start the executable ``{name}_node`` with its shipped parameter file, and other parameters.
+        """Start the executable ``{name}_node`` with the parameters of the simulated hand, and others.
 
         Raises
         ------
         LiveError
             The workspace is not built, or not sourced.
         """
-        log, file = self._folder / f"{name}.log", resource_path(f"config/{name}.yaml")
+        log, file = self._folder / f"{name}.log", resource_path("config/simulator.yaml")
         with log.open("wb") as output:
             self._running[log] = subprocess.Popen(
                 node_command(f"{name}_node", parameters, [file]),

@@ -5,8 +5,7 @@ Publishes ``~/posterior`` for each strain vector, with ``~/pose``, ``~/converged
 ``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` resets it to uniform,
 ``~/load_scan`` replaces the map.
 
-If strain or poses stop, the last estimate is repeated and marked as stale; it is never extrapolated. A node
-that is late skips to the newest strain: a measurement update is due only after a distance, not per strain.
+If strain or poses stop, the last estimate is repeated and marked as stale; it is never extrapolated.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.qos import QoSProfile
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.factory import Progress, build_localizer, convergence_criteria
@@ -45,7 +43,6 @@ from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.ros.publishers.estimates import EstimatePublisher, standard_deviations
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.publishers.material_transform import MaterialBroadcaster
-from tactile_localizer.ros.subscriptions.draining import Topic
 from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
@@ -112,7 +109,7 @@ class FilterNode(ManagedNode):
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = FilterDiagnostics(self._health)
         self._report_progress = ProgressReporter(self, self._health, "map")
-        self._inputs = TactileInputs(self, self._on_pairs, may_skip=True)
+        self._inputs = TactileInputs(self, self._on_pairs)
         self._material = None
         if parameters["publish_tf"]:
             frames = parameters["reference_frame"], parameters["material_frame"]
@@ -127,12 +124,22 @@ class FilterNode(ManagedNode):
         """Subscribe to the inputs; the belief is uniform."""
         self._activations += 1
         self._start(self._loaded)
-        self._inputs.subscribe(
-            Topic(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, QoSProfile(depth=10))
-        )
+        self.defer(self._log_counts)
+        self._inputs.subscribe()
+        self.create_subscription(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, 10)
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
         self.create_timer(_WATCH_PERIOD_S, self._watch)
         self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+
+    def _log_counts(self) -> None:
+        """Log what became of the strain since the map was loaded."""
+        received, counts = self._inputs.received["strain"], self._online.counts
+        without = counts.gaps + self._inputs.pairing.waiting
+        # At the end of the process nothing can be published: a logger that /rosout does not know.
+        rclpy.logging.get_logger(f"{self.get_logger().name}.strain").info(
+            f"{received} strain vectors received, {counts.updated + counts.moved} posteriors, "
+            f"{without} without a pose, {self._inputs.lost} lost in transport"
+        )
 
     @property
     def _localizer(self) -> Localizer:

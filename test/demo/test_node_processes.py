@@ -43,7 +43,7 @@ def test_all_processes_are_stopped(executables, tmp_path):
         log = tmp_path / "filter.log"
         wait_until(lambda: "started" in log.read_text(), "its line")
         nodes.check()
-        assert "config/filter.yaml', '-p', 'seed:=7', '-p', 'model:=\"off\"']" in log.read_text()
+        assert "config/simulator.yaml', '-p', 'seed:=7', '-p', 'model:=\"off\"']" in log.read_text()
     assert children(os.getpid()) == before
 
 

@@ -1,36 +1,78 @@
-"""The launch files, read by the real launch system."""
+"""The launch files in launch files of others, read by the real launch system."""
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support.probe import Probe
+from support.scenarios import Place
 
-LAUNCH_FILES = sorted((Path(__file__).parents[2] / "launch").glob("*.launch.py"))
+launch_pytest = pytest.importorskip(
+    "launch_pytest", reason="launch_pytest is not installed: only a ROS 2 distribution has it"
+)
 
-# Not "launch": the source tree's own launch/ would pass for it.
-pytest.importorskip("launch_ros", reason="launch_ros is not installed: only a ROS 2 distribution has it")
+from launch.actions import GroupAction, IncludeLaunchDescription  # noqa: E402
+from launch.launch_description_sources import PythonLaunchDescriptionSource  # noqa: E402
+from launch_pytest.actions import ReadyToTest  # noqa: E402
+from launch_ros.actions import Node, PushRosNamespace, SetParameter, SetRemap  # noqa: E402
 
+from launch import LaunchContext, LaunchDescription  # noqa: E402
 
-def description_of(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location(path.name.removesuffix(".launch.py"), path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.generate_launch_description()
+pytestmark = pytest.mark.ros
 
-
-@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
-def test_every_argument_is_described(path: Path) -> None:
-    arguments = description_of(path).get_launch_arguments()
-    assert [argument.name for argument in arguments if argument.description == "no description given"] == []
-    assert {"namespace", "strain_topic", "pose_topic", "use_sim_time"} <= {one.name for one in arguments}
+ROOT = Path(__file__).parents[2]
 
 
-def test_the_lifecycle_manager_example_activates_the_nodes() -> None:
-    path = Path(__file__).parents[2] / "examples/lifecycle_manager/managed_bringup.launch.py"
-    assert description_of(path).get_launch_arguments()[0].name == "scan_file"
-    assert '"node_names": ["driver", "filter"]' in path.read_text()
+@launch_pytest.fixture
+def two_hands(place: Place, monkeypatch: Any) -> Any:
+    """Two filters in the launch file of an integrator: one by actions of launch_ros, one by arguments."""
+    monkeypatch.setenv("ROS_HOME", str(place.folder))
+    localize, scan = str(ROOT / "launch/localize.launch.py"), {"scan_file": str(place.scan_file)}
+    left = [
+        PushRosNamespace("left"),
+        SetRemap("palm_pose", "/left_arm/pose"),
+        SetRemap("strain", "/left_hand/strain"),
+        SetParameter("use_sim_time", True),
+        SetParameter("stale_timeout_s", 2.0),
+        SetParameter("queue_depth", 1000),
+        IncludeLaunchDescription(localize, launch_arguments=scan.items()),
+    ]
+    right = scan | {"namespace": "right", "pose_topic": "/right_arm/pose"}
+    return LaunchDescription(
+        [
+            GroupAction(left, scoped=True, forwarding=False),
+            IncludeLaunchDescription(localize, launch_arguments=right.items()),
+            ReadyToTest(),
+        ]
+    )
+
+
+@pytest.mark.launch(fixture=two_hands)
+def test_what_an_integrator_sets_is_used(two_hands: Any, probe: Probe) -> None:
+    from rcl_interfaces.srv import GetParameters
+
+    names = ("use_sim_time", "stale_timeout_s", "queue_depth")
+
+    def values(hand: str) -> list[Any]:
+        request = GetParameters.Request(names=names)
+        simulated, timeout, depth = probe.call(GetParameters, f"{hand}/filter/get_parameters", request).values
+        return [simulated.bool_value, timeout.double_value, depth.integer_value]
+
+    assert values("left") == [True, 2.0, 1000]
+    assert values("right") == [False, 0.5, 100]
+
+    def subscribed(topic: str) -> list[str]:
+        return [info.node_namespace for info in probe.node.get_subscriptions_info_by_topic(topic)]
+
+    probe.until(lambda: subscribed("/right/strain"), "both filters", 60.0)
+    probe.until(lambda: subscribed("/left_hand/strain"), "both filters", 60.0)
+    assert subscribed("/left_arm/pose") == ["/left"]
+    assert subscribed("/right_arm/pose") == ["/right"]
+
+
+def test_the_lifecycle_manager_example_is_read() -> None:
+    example = ROOT / "examples/lifecycle_manager/managed_bringup.launch.py"
+    entities = PythonLaunchDescriptionSource(str(example)).get_launch_description(LaunchContext()).entities
+    assert [type(entity) for entity in entities] == [GroupAction, Node]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.probe import Probe
 from support.processes import Process
-from support.scenarios import SCENARIOS, Place, Scenario, ros2_bag
+from support.scenarios import SCENARIOS, Place, Scenario
 
 launch_pytest = pytest.importorskip(
     "launch_pytest", reason="launch_pytest is not installed: only a ROS 2 distribution has it"
@@ -30,16 +29,15 @@ FOLDER = Path(__file__).parents[2] / "launch"
 def launched(request: Any, place: Place, process: Any, monkeypatch: Any) -> Any:
     """Start the launch files of a scenario, and substitutes for hardware as processes."""
     monkeypatch.setenv("ROS_HOME", str(place.folder))
-    monkeypatch.setenv("PATH", f"{Path(ros2_bag()).parent}{os.pathsep}{os.environ['PATH']}")
     scenario: Scenario = request.param
     actions = []
     for started in scenario.started(place):
         if started.launch_file:
             source = PythonLaunchDescriptionSource(str(FOLDER / started.launch_file))
-            arguments = started.launch_arguments()
+            arguments = started.launch_arguments(place.folder)
             actions.append(IncludeLaunchDescription(source, launch_arguments=arguments))
         else:
-            for command in started.commands():
+            for command in started.commands(place.folder):
                 hardware: Process = process(command)
                 assert hardware.running
     return LaunchDescription([*actions, ReadyToTest()]), scenario

@@ -88,6 +88,7 @@ def test_live_posteriors_equal_offline_estimates(start, scan_file):
     assert {tuple(m.axes) for m in received} == {("x", "y")}
     assert {m.header.frame_id for m in received} == {"material"}
     assert node.process.stop() == 0
+    assert "150 strain vectors received, 150 posteriors, 0 without a pose, 0 lost" in node.process.output
     assert "Traceback" not in node.process.output
 
 
@@ -212,14 +213,3 @@ def test_a_scene_with_another_phalanx_is_rejected(refusal, scan_file, tmp_path):
     save_scene(scene, tmp_path / "scene.yaml")
     (line,) = refusal("filter_node", {"scan_file": scan_file, "scene_file": tmp_path / "scene.yaml", **CELL})
     assert "phalanx 'ring' of scene 'bump': expected one of index, middle" in line
-
-
-def test_the_shipped_parameter_file_has_the_defaults():
-    import yaml
-
-    from tactile_localizer.resources import resource_path
-    from tactile_localizer.ros.filter_parameters import PARAMETERS
-
-    shipped = yaml.safe_load(resource_path("config/filter.yaml").read_text())["/**"]["ros__parameters"]
-    defaults = {parameter.name: parameter.default for parameter in PARAMETERS}
-    assert shipped == {name: defaults[name] for name in shipped}

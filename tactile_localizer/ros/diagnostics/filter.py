@@ -73,7 +73,6 @@ class FilterDiagnostics:
         losses = self._losses.describe(
             {
                 "strain vectors lost in transport": inputs.lost,
-                "strain vectors skipped, the node was late": inputs.skipped,
                 "strain vectors without a pose": counts["gaps"],
                 "strain vectors without a phalanx with status OK": counts["unusable"],
                 "strain vectors that are not finite": counts["rejected"],
@@ -89,7 +88,6 @@ class FilterDiagnostics:
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
             **{f"invalid_{topic}": inputs.invalid[topic] for topic in TOPICS},
             "lost": inputs.lost,
-            "skipped": inputs.skipped,
             "waiting": pairing.waiting,
             "late": pairing.late,
             "backward_jumps": pairing.resets,

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.synchronization import (
@@ -25,9 +26,7 @@ from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
-from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import to_ns
-from tactile_localizer.ros.subscriptions.draining import Topic, subscribe
 from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 from tactile_localizer.scene import Axis, Scene
 
@@ -45,8 +44,16 @@ SYNCHRONIZATION = (
         0.0,
         60.0,
     ),
+    Parameter(
+        "queue_depth",
+        100,
+        "Messages of strain and of poses that wait while the node is busy; DDS drops older ones",
+        "",
+        1,
+        100_000,
+    ),
 )
-"""Synchronization of poses with strain vectors."""
+"""Queues, and synchronization of poses with strain vectors."""
 
 FRAMES = (
     Parameter(
@@ -79,7 +86,6 @@ class TactileInputs:
     ----------
     node : its parameters include :data:`SYNCHRONIZATION` and :data:`FRAMES`
     on_pairs : called with the pairs that a message completes, in the order of their stamps
-    may_skip : whether only the newest strain vector of a long backlog is used
 
     Attributes
     ----------
@@ -87,7 +93,6 @@ class TactileInputs:
     clock : estimate of the present time of the sender
     received, invalid : numbers of messages, and of invalid ones, by topic: ``strain`` and ``palm_pose``
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
-    skipped : number of strain vectors that were skipped because the node was late
 
     Raises
     ------
@@ -96,13 +101,8 @@ class TactileInputs:
         ``reference_frame`` is empty.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        on_pairs: Callable[[list[Pair[StrainSample]]], None],
-        may_skip: bool = False,
-    ) -> None:
-        self._node, self._on_pairs, self._may_skip = node, on_pairs, may_skip
+    def __init__(self, node: ManagedNode, on_pairs: Callable[[list[Pair[StrainSample]]], None]) -> None:
+        self._node, self._on_pairs = node, on_pairs
         self._lookup = self._tf_lookup()
         self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
 
@@ -118,16 +118,18 @@ class TactileInputs:
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
         self.problems: dict[str, str] = {}
-        self.skipped = 0
 
-    def subscribe(self, *others: Topic) -> None:
-        """Subscribe to strain and poses, and to topics that belong to them."""
-        poses = [Topic(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=100))]
-        if self._lookup is not None:
-            poses = self._lookup.topics()
-        on_skip = self._on_skip if self._may_skip else None
-        strain = Topic(StrainVectors, "strain", self._on_strain, STRAIN, on_skip)
-        subscribe(self._node, (strain, *poses, *others))
+    def subscribe(self) -> None:
+        """Subscribe to strain and poses."""
+        depth = self._node.parameters["queue_depth"]
+        overridden = QoSOverridingOptions((QoSPolicyKind.RELIABILITY,))
+        best_effort = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        subscribe = partial(self._node.create_subscription, qos_overriding_options=overridden)
+        subscribe(StrainVectors, "strain", self._on_strain, best_effort)
+        if self._lookup is None:
+            subscribe(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=depth))
+        else:
+            self._lookup.subscribe(self._node)
 
     @property
     def lost(self) -> int:
@@ -185,10 +187,6 @@ class TactileInputs:
             message.header.stamp,
             lambda stamp_ns: self.pairing.add_pose(stamp_ns, self.position(message)),
         )
-
-    def _on_skip(self, count: int) -> None:
-        self.skipped += count
-        self._reader.lost -= count  # the reader will count them, because their numbers are missing
 
     def _take(self, topic: str, stamp: Time, pair: Callable[[int], list[Pair[StrainSample]]]) -> None:
         """Pass on the pairs that a message completes, or reject it."""

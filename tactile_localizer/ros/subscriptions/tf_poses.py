@@ -10,13 +10,13 @@ from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
 from tactile_localizer.core.geometry.synchronization import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.ros.base.parameters import import_optional
-from tactile_localizer.ros.subscriptions.draining import Topic
 
 _TF = QoSProfile(depth=100)
 _TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -59,12 +59,10 @@ class PalmLookup:
         self._newest_ns = 0
         self._buffer = self._tf2.Buffer()
 
-    def topics(self) -> list[Topic]:
-        """The topics to subscribe to."""
-        return [
-            Topic(self._message, "/tf", self._on_transforms, _TF),
-            Topic(self._message, "/tf_static", self._on_static_transforms, _TF_STATIC),
-        ]
+    def subscribe(self, node: Node) -> None:
+        """Receive the transforms with subscriptions of a node."""
+        node.create_subscription(self._message, "/tf", self._on_transforms, _TF)
+        node.create_subscription(self._message, "/tf_static", self._on_static_transforms, _TF_STATIC)
 
     def look_up(self, stamp_ns: int) -> None:
         """Look up the pose at the stamp of a strain vector, now or when its transform arrives."""

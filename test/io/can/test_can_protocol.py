@@ -176,7 +176,7 @@ def test_the_documented_example_is_a_dbc(tmp_path: Path) -> None:
     begin = text.index('VERSION ""')
     path = write(tmp_path / "own.dbc", text[begin : text.index("```", begin)])
     hand = LoadCellProtocol(path, ["index"])
-    strain = np.array([-3.0, 2.5])
+    strain = np.linspace(-3, 3, 8).round(4)
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, strain, sequence=0)), strain, atol=1e-9)
 
 

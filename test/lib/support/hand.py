@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from support.bags import MS, START
 
-DEEP_QUEUE = {"qos_overrides./strain.subscription.depth": 1000}
+DEEP_QUEUE = {"queue_depth": 1000}
 """Parameter with which a starved node loses no strain."""
 
 

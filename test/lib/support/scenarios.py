@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-import shutil
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from support.probe import Probe
 from support.processes import node_command
-from support.sweeps import START_NS, SlidingHand, set_stamp, stamp_of, unseen_sweep
+from support.sweeps import START_NS, SlidingHand, set_stamp, unseen_sweep
 
 from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.resources import resource_path
 
-BIN = Path(__file__).parents[1] / "bin"
 STRAIN, POSE = "tactile_localizer/msg/StrainVectors", "geometry_msgs/msg/PoseStamped"
 
-_BUS = ("interface", "channel", "bus_options")
-_TOPICS = {"strain": "strain_topic", "palm_pose": "pose_topic"}
-_ACCEPTED = {
-    "simulator": (*_BUS, "feature", "speed", "mode"),
-    "driver": (*_BUS, "dbc", "phalanges", "autostart"),
-    "mapping": ("scan_file", "scene_file"),
-    "filter": ("scan_file", "scene_file", "scan_directory", "use_sim_time", "autostart"),
-    "adapter": ("adapter_file",),
-    "replay": ("bag", "rate", "loop"),
-}
+_OF_NODES = {"simulator": ("mode",), "mapping": ("scan_file", "scene_file"), "filter": ("scan_file",)}
 """Launch arguments that become parameters of each node."""
+
+_SIMULATED = yaml.safe_load(resource_path("config/simulator.yaml").read_text())["/**/simulator"][
+    "ros__parameters"
+]
+"""Parameters of the simulated hand."""
+
+_SPEED = 2.0
+"""Simulated seconds per second of a hand that shares the machine with another one."""
 
 
 @dataclass(frozen=True)
@@ -41,32 +39,41 @@ class Started:
     ----------
     launch_file : launch file of the nodes; empty for nodes that substitute hardware
     nodes : names of the nodes
-    arguments : launch arguments; ``namespace``, ``strain_topic``, ``pose_topic`` and parameters of the nodes
+    arguments : launch arguments, without the parameter file
+    parameters : contents of the parameter file: parameters by node
     """
 
     launch_file: str
     nodes: Sequence[str]
     arguments: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
-    def launch_arguments(self) -> list[tuple[str, str]]:
-        """The arguments as pairs of name and text."""
-        return [(name, str(value)) for name, value in self.arguments.items()]
+    def launch_arguments(self, folder: Path) -> list[tuple[str, str]]:
+        """The arguments as pairs of name and text; the parameter file is written into a folder."""
+        arguments = {**self.arguments, "params_file": self._params_file(folder)}
+        return [(name, str(value)) for name, value in arguments.items()]
 
-    def commands(self) -> list[list[str]]:
+    def commands(self, folder: Path) -> list[list[str]]:
         """The command lines that are equivalent to the launch file."""
         given = self.arguments
-        remapped = {topic: given[argument] for topic, argument in _TOPICS.items() if argument in given}
-        files = {node: resource_path("config") / f"{node}.yaml" for node in self.nodes}
         return [
             node_command(
                 f"{node}_node",
-                {name: given[name] for name in _ACCEPTED[node] if name in given},
-                remapped,
+                {name: given[name] for name in _OF_NODES.get(node, ()) if name in given},
+                {"palm_pose": given["pose_topic"]} if "pose_topic" in given else None,
                 f"/{given['namespace']}" if "namespace" in given else None,
-                [file] if file.is_file() else [],
+                [self._params_file(folder)],
             )
-            for node, file in files.items()
+            for node in self.nodes
         ]
+
+    def _params_file(self, folder: Path) -> Path:
+        file = folder / f"{self.arguments.get('namespace', 'hand')}{len(self.nodes)}.yaml"
+        content = {f"/**/{node}": {"ros__parameters": dict(own)} for node, own in self.parameters.items()}
+        file.write_text(
+            json.dumps(content) if content else "", encoding="utf-8"
+        )  # JSON is YAML without aliases
+        return file
 
 
 @dataclass(frozen=True)
@@ -94,13 +101,9 @@ class Scenario:
     check: Callable[[Probe, Place], None]
 
 
-def _simulated(place: Place) -> Sequence[Started]:
-    return [Started("simulate.launch.py", ("simulator", "driver"), place.buses[0])]
-
-
-def _hardware(place: Place, **arguments: Any) -> Started:
+def _hardware(place: Place) -> Started:
     """Simulated load cells and arm."""
-    return Started("", ("simulator",), place.buses[0] | arguments)
+    return Started("", ("simulator",), parameters={"simulator": _SIMULATED | place.buses[0]})
 
 
 def _check_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
@@ -122,7 +125,7 @@ def _scanning(place: Place) -> Sequence[Started]:
     files = {"scan_file": place.folder / "new_scan", "scene_file": resource_path("config/scenes/bump.yaml")}
     return [
         _hardware(place),
-        Started("scan.launch.py", ("driver", "mapping"), {**files, **place.buses[0]}),
+        Started("scan.launch.py", ("driver", "mapping"), files, {"driver": place.buses[0]}),
     ]
 
 
@@ -140,8 +143,8 @@ def _check_a_recorded_sweep(probe: Probe, place: Place) -> None:
 
 
 def _localizing(place: Place) -> Sequence[Started]:
-    arguments = {"scan_file": place.scan_file, **place.buses[0]}
-    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments)]
+    arguments, parameters = {"scan_file": place.scan_file}, {"driver": place.buses[0]}
+    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments, parameters)]
 
 
 def _check_posteriors(probe: Probe, place: Place, namespace: str = "") -> None:
@@ -162,7 +165,8 @@ def _two_hands(place: Place) -> Sequence[Started]:
         Started(
             "simulate.launch.py",
             ("simulator", "driver", "filter"),
-            {"namespace": hand, "mode": "localize", "scan_file": place.scan_file, "speed": 2.0, **bus},
+            {"namespace": hand, "mode": "localize", "scan_file": place.scan_file},
+            {"simulator": _SIMULATED | {"speed": _SPEED, **bus}, "driver": bus},
         )
         for hand, bus in zip(("left", "right"), place.buses, strict=True)
     ]
@@ -179,8 +183,7 @@ def _check_two_hands(probe: Probe, place: Place) -> None:
 
 
 def _remapped(place: Place) -> Sequence[Started]:
-    topics = {"strain_topic": "touch", "pose_topic": "arm/tool_pose"}
-    arguments = {"scan_file": place.scan_file, "namespace": "hand", **topics}
+    arguments = {"scan_file": place.scan_file, "namespace": "hand", "pose_topic": "arm/tool_pose"}
     return [Started("localize.launch.py", ("filter",), arguments)]
 
 
@@ -188,7 +191,7 @@ def _check_remapped_topics(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, "hand/filter/posterior", 1000)
-    hand = SlidingHand(probe, unseen_sweep(), topics=("hand/touch", "hand/arm/tool_pose"))
+    hand = SlidingHand(probe, unseen_sweep(), topics=("hand/strain", "hand/arm/tool_pose"))
     probe.until(lambda: probe.node.count_publishers("hand/filter/posterior"), "the filter")
     probe.until(lambda: hand.slide(1) or posteriors, "the first posterior")
     hand.slide(40)
@@ -196,8 +199,9 @@ def _check_remapped_topics(probe: Probe, place: Place) -> None:
 
 
 def _managed(place: Place) -> Sequence[Started]:
-    arguments = {"scan_file": place.scan_file, "autostart": False}
-    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments | place.buses[0])]
+    parameters = {"driver": {"autostart": False, **place.buses[0]}, "filter": {"autostart": False}}
+    arguments = {"scan_file": place.scan_file}
+    return [_hardware(place), Started("bringup.launch.py", ("driver", "filter"), arguments, parameters)]
 
 
 def _check_posteriors_after_activation(probe: Probe, place: Place) -> None:
@@ -218,7 +222,8 @@ def _check_posteriors_after_activation(probe: Probe, place: Place) -> None:
 def _adapted(place: Place) -> Sequence[Started]:
     file = place.folder / "wrench.yaml"
     file.write_text("phalanges: {index: {topic: /fingertip, type: geometry_msgs/msg/WrenchStamped}}")
-    return [Started("sensor.launch.py", ("adapter",), {"sensor": "adapter", "adapter_file": file})]
+    parameters = {"adapter": {"adapter_file": str(file)}}
+    return [Started("sensor.launch.py", ("adapter",), {"sensor": "adapter"}, parameters)]
 
 
 def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
@@ -231,18 +236,6 @@ def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
     wrenches = probe.publisher(WrenchStamped, "fingertip")
     probe.until(lambda: wrenches.publish(WrenchStamped()) or strains, "strain of the fingertip")
     assert list(strains[-1].channels) == [6]
-
-
-def _replaying(place: Place) -> Sequence[Started]:
-    bag = write_sweep_bag(place.folder / "bag")
-    arguments = {"scan_file": place.scan_file, "bag": bag, "rate": 3.0, "loop": True, "use_sim_time": True}
-    return [Started("replay.launch.py", ("filter", "replay"), arguments)]
-
-
-def ros2_bag() -> str:
-    """The ``ros2`` command with ``bag play``: that of the distribution, or a substitute."""
-    verbs = {entry.name for entry in entry_points(group="ros2cli.command")}
-    return (shutil.which("ros2") if "bag" in verbs else None) or str(BIN / "ros2")
 
 
 def write_sweep_bag(path: Path) -> Path:
@@ -267,27 +260,13 @@ def write_sweep_bag(path: Path) -> Path:
     return path
 
 
-def _check_a_looping_bag(probe: Probe, place: Place) -> None:
-    from tactile_localizer.msg import Posterior
-
-    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
-    probe.until(lambda: posteriors and posteriors[-1].travel > 0.03, "the bag's sweep", 60.0)
-    assert posteriors[-1].converged, posteriors[-1].reason
-    assert START_NS <= stamp_of(posteriors[-1]) < START_NS + 60 * 10**9, "stamps of the bag"
-    posteriors.clear()
-    probe.until(lambda: posteriors and 0.0 < posteriors[-1].travel < 0.01, "the restart of the bag")
-    probe.until(lambda: posteriors[-1].travel > 0.03, "the repeated sweep")
-
-
 SCENARIOS = (
-    Scenario("simulated hand and driver", _simulated, _check_strain_and_poses),
     Scenario("scan", _scanning, _check_a_recorded_sweep),
     Scenario("localize", _localizing, _check_posteriors),
     Scenario("two hands", _two_hands, _check_two_hands),
     Scenario("remapped topics", _remapped, _check_remapped_topics),
     Scenario("lifecycle manager", _managed, _check_posteriors_after_activation),
     Scenario("another sensor", _adapted, _check_strain_of_an_adapter),
-    Scenario("looping bag", _replaying, _check_a_looping_bag),
 )
 
 

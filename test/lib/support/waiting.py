@@ -86,6 +86,11 @@ def has_ended(pid: int) -> bool:
         return True
 
 
+def wait_for_import(pid: int, package: str) -> None:
+    """Wait until a process has loaded a compiled module of a Python package."""
+    wait_until(lambda: f"/{package}/" in Path(f"/proc/{pid}/maps").read_text(), f"import {package}")
+
+
 def _family() -> list[int]:
     """This process and its descendants."""
     family = [os.getpid()]

@@ -1,0 +1,120 @@
+"""Load of the live filter node: processor time, posteriors, and their delay at a rate of the strain.
+
+    scripts/in_env python benchmarks/live.py [--rate HZ] [--seconds S]     # as root: chrt -f 5 before it
+
+Starts the installed filter on a simulated scan of the bump and publishes sweeps to it, forward and backward,
+with poses at 100 Hz. Prints the fraction of a core that the filter takes, the fraction of strain vectors that
+got a posterior, and how long after the strain it was published, ms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from simulated import recording_of, shipped_scene
+
+from tactile_localizer.demo.nodes import node_command, own_domain
+from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.msg import Posterior, StrainVectors
+from tactile_localizer.ros.base.qos import STRAIN
+from tactile_localizer.ros.conversions import fill, from_ns, to_ns
+from tactile_localizer.sim import simulate_scan
+
+_POSE_RATE_HZ = 100.0
+
+
+class Hand:
+    """Publishes strain and poses of a simulated hand, and measures what the filter makes of them."""
+
+    def __init__(self) -> None:
+        self._node = rclpy.create_node("hand")
+        self._node.create_subscription(Posterior, "filter/posterior", self._on_posterior, 1000)
+        self._strains = self._node.create_publisher(StrainVectors, "strain", STRAIN)
+        self._poses = self._node.create_publisher(PoseStamped, "palm_pose", 100)
+        self._message = StrainVectors(phalanges=["index", "middle"])
+        self.delays_ms: list[float] = []
+
+    def _on_posterior(self, message: Posterior) -> None:
+        if not message.stale:
+            self.delays_ms.append(1e-6 * (time.time_ns() - to_ns(message.header.stamp)))
+
+    def send_pose(self, x: float, y: float) -> None:
+        """Publish a pose, stamped now."""
+        pose = PoseStamped()
+        pose.header.frame_id, pose.header.stamp = "material", from_ns(time.time_ns())
+        pose.pose.position.x, pose.pose.position.y = x, y
+        self._poses.publish(pose)
+
+    def send_strain(self, strain: np.ndarray, number: int) -> None:
+        """Publish a strain vector with its number, stamped now."""
+        status, numbers = np.zeros(2, np.uint8), np.full(2, number, np.uint32)
+        fill(self._message, time.time_ns(), strain, status, numbers)
+        self._strains.publish(self._message)
+
+    def receive_until(self, time_s: float) -> None:
+        """Receive posteriors until a time of the monotonic clock."""
+        while (left_s := time_s - time.monotonic()) > 0:
+            rclpy.spin_once(self._node, timeout_sec=left_s)
+
+
+def measure(hand: Hand, filter_node: subprocess.Popen[bytes], rate_hz: float, seconds: float) -> str:
+    """The figures of one run, in a line."""
+    while not hand.delays_ms:
+        assert filter_node.poll() is None
+        hand.send_pose(0.0, 0.0)
+        hand.send_strain(np.zeros(16), 0)
+        hand.send_pose(0.0, 0.0)
+        hand.receive_until(time.monotonic() + 0.1)
+    sweep = simulate_scan("bump", 1, "test", sweeps=1, rate=rate_hz)
+    forth = np.arange(len(sweep))
+    samples = np.resize(np.concatenate([forth, forth[::-1]]), round(seconds * rate_hz))
+    hand.delays_ms.clear()
+    began_s, used_s = time.monotonic(), _processor_s(filter_node.pid)
+    for number, sample in enumerate(samples):
+        hand.receive_until(began_s + number / rate_hz)
+        hand.send_strain(sweep.strain[sample], number + 1)
+        if number % max(1, round(rate_hz / _POSE_RATE_HZ)) == 0:
+            hand.send_pose(*map(float, sweep.odometry[sample]))
+    load = (_processor_s(filter_node.pid) - used_s) / (time.monotonic() - began_s)
+    hand.receive_until(time.monotonic() + 1.0)
+    median_ms, late_ms = np.quantile(hand.delays_ms, [0.5, 0.99])
+    answered = len(hand.delays_ms) / len(samples)
+    return f"{rate_hz:g} Hz: {load:.3f} of a core, {answered:.1%} answered, {median_ms:.1f}, {late_ms:.1f} ms"
+
+
+def _processor_s(pid: int) -> float:
+    """Processor time of a process so far, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description="Load of the live filter node.")
+    parser.add_argument("--rate", type=float, nargs="+", default=[100.0, 1000.0], metavar="HZ")
+    parser.add_argument("--seconds", type=float, default=30.0)
+    given = parser.parse_args()
+    with own_domain(), tempfile.TemporaryDirectory() as name:
+        rclpy.init()
+        path = Path(name, "bump_scan")
+        with ScanWriter(path, shipped_scene("bump")) as writer:
+            for sweep in recording_of(simulate_scan("bump", 1)).sweeps:
+                writer.add(sweep)
+        hand = Hand()
+        for rate_hz in given.rate:
+            hand.delays_ms.clear()
+            with subprocess.Popen(node_command("filter_node", {"scan_file": path})) as filter_node:
+                print(measure(hand, filter_node, rate_hz, given.seconds), flush=True)
+                filter_node.terminate()
+
+
+if __name__ == "__main__":
+    main()
