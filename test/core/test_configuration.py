@@ -13,10 +13,6 @@ def test_defaults_of_an_empty_mapping() -> None:
     assert Configuration.from_mapping({}) == Configuration()
 
 
-def test_whole_numbers_are_numbers() -> None:
-    assert Configuration.from_mapping({"update_distance": 1}).update_distance == 1.0
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [

@@ -46,8 +46,3 @@ def test_a_displacement_in_yaw_takes_the_shortest_arc(before, turn):
     after = (before + turn + math.pi) % (2 * math.pi) - math.pi
     step = model.displacement(np.array([0.0, 0.0, before]), np.array([0.001, 0.0, after]))
     np.testing.assert_allclose(step, [0.001, 0.0, turn], atol=1e-9)
-
-
-def test_yaw_of_less_than_a_full_turn_does_not_wrap():
-    step = MotionModel(scene(3)).displacement(np.array([0.0, 0.0, -0.4]), np.array([0.0, 0.0, 0.45]))
-    assert step[2] == pytest.approx(0.85)

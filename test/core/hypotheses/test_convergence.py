@@ -25,6 +25,7 @@ HOLDS = (1.0, 0.999, 0.0)
 
 
 def test_a_probability_held_over_the_distance_is_converged() -> None:
+    assert after(*[HOLDS] * 1000, travel=0.0).state is State.SEARCHING, "a hand at rest"
     assert after(HOLDS).state is State.SEARCHING
     assert after(HOLDS).reason == "not converged: held over 1.0 of 2.0 mm"
     assert after(HOLDS, HOLDS).state is State.CONVERGED
@@ -33,13 +34,6 @@ def test_a_probability_held_over_the_distance_is_converged() -> None:
 
 def test_an_interruption_begins_the_distance_anew() -> None:
     assert after(HOLDS, (0.5, 1.0, 0.0), HOLDS).state is State.SEARCHING
-
-
-def test_at_rest_nothing_is_held() -> None:
-    convergence = Convergence(CRITERIA)
-    for _ in range(1000):
-        convergence.update(1.0, 1.0, 0.0, 0.0)
-    assert convergence.state is State.SEARCHING
 
 
 @pytest.mark.parametrize(

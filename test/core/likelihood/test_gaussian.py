@@ -49,14 +49,6 @@ def test_independent_phalanges_multiply(k):
     np.testing.assert_allclose(together[near], sum(apart)[near], atol=0.05)
 
 
-def test_gaussian_drops_an_absent_phalanx():
-    made, present = scan(np.random.default_rng(1), scene(), 200), np.array([True, False])
-    model, measured = Gaussian(made, scene(), 8), made.strain[10].copy()
-    before = model.log_likelihood(made.states, measured, present)
-    measured[8:] = np.nan
-    np.testing.assert_array_equal(model.log_likelihood(made.states, measured, present), before)
-
-
 def test_fewer_than_one_neighbour_is_refused():
     with pytest.raises(ParameterError, match="neighbours: expected at least 1, got 0"):
         Gaussian(scan(np.random.default_rng(1), scene(), 200), scene(), 0)

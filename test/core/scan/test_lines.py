@@ -6,7 +6,7 @@ from support.scans import raster
 
 from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, neighbours
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import tracks_of
+from tactile_localizer.core.scan.tracks import Track, tracks_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SIDE, SPACING = 0.03, 0.003
@@ -25,18 +25,8 @@ def test_line_spacing() -> None:
 
 @pytest.mark.parametrize("passes", [2, 3])
 def test_repeated_lines_do_not_reduce_the_spacing(passes: int) -> None:
-    once = lines()
-    states = [once.states + np.array([0.0, 0.0001 * number]) for number in range(passes)]
-    sweep = [once.sweep + 100 * number for number in range(passes)]
-    scan = Scan(
-        np.concatenate(states),
-        np.tile(once.strain, (passes, 1)),
-        np.concatenate(sweep),
-        ("x", "y"),
-        ("index",),
-        (2,),
-    )
-    tracks = tracks_of(scan, PLANE)
+    once, aside = tracks_of(lines(), PLANE), np.array([0.0, 0.0001])
+    tracks = [Track(track.positions + n * aside, track.strain) for n in range(passes) for track in once]
     assert line_spacing(tracks, PLANE) == pytest.approx(SPACING, rel=0.1)
     count = len(tracks) // passes
     own, beside = neighbours(tracks, PLANE, 0)

@@ -8,7 +8,7 @@ from support.sweeps import scene_of, unseen_sweep
 
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.scene import Axis
-from tactile_localizer.sim import SimulatedSweep, simulate_scan
+from tactile_localizer.sim import simulate_scan
 
 ALL = np.ones(2, dtype=bool)
 
@@ -18,19 +18,15 @@ def known() -> ScanRange:
     return ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene_of())
 
 
-@pytest.fixture(scope="module")
-def sweep() -> SimulatedSweep:
-    return unseen_sweep()
-
-
-def test_a_new_sweep_is_within_the_range(known: ScanRange, sweep: SimulatedSweep) -> None:
+def test_a_new_sweep_is_within_the_range(known: ScanRange) -> None:
+    sweep = unseen_sweep()
     assert not known.strains_outside(sweep.strain, ALL).any()
     assert not known.positions_outside(sweep.odometry, sweep.odometry[0]).any()
     assert describe_misfit(0.0, 0.0) == ""
 
 
-def test_an_absent_phalanx_does_not_count(known: ScanRange, sweep: SimulatedSweep) -> None:
-    strain = sweep.strain.copy()
+def test_an_absent_phalanx_does_not_count(known: ScanRange) -> None:
+    strain = unseen_sweep().strain
     strain[:, :8] = 5.0
     assert known.strains_outside(strain, ALL).all()
     assert not known.strains_outside(strain, np.array([False, True])).any()
@@ -39,12 +35,9 @@ def test_an_absent_phalanx_does_not_count(known: ScanRange, sweep: SimulatedSwee
 
 
 def test_a_full_turn_axis_has_no_range() -> None:
-    scene = scene_of()
-    scene = dataclasses.replace(
-        scene, axes=(Axis("x", 0.0, 0.05), Axis("yaw", -np.pi, np.pi)), feature=None, measurement={}
-    )
-    flat = simulate_scan("bump", seed=1).to_scan()
-    known = ScanRange.of(flat, scene)
+    axes = Axis("x", 0.0, 0.05), Axis("yaw", -np.pi, np.pi)
+    scene = dataclasses.replace(scene_of(), axes=axes, feature=None, measurement={})
+    known = ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene)
     assert not known.positions_outside(np.array([0.01, 40.0]), np.zeros(2))
     assert known.positions_outside(np.array([0.06, 0.0]), np.zeros(2))
 

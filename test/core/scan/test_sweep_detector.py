@@ -75,14 +75,6 @@ def test_rest_ends_a_sweep():
     assert found[-1] == 2
 
 
-def test_numbering_continues_after_a_reset():
-    detector = SweepDetector(AXES, one_way=True)
-    numbers(detector, path((0, 0), (0.03, 0)), start_s=100.0)
-    detector.reset()
-    found = numbers(detector, path((0.03, 0), (0, 0)))
-    assert found[-1] == 2
-
-
 def test_sweeps_of_a_scene_with_yaw_alone():
     detector = SweepDetector((Axis("yaw", -1.0, 1.0),), reversal_m=0.05)
     turn = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, 0, 100)])[:, None]

@@ -56,14 +56,6 @@ def test_linear_strains_are_interpolated_exactly() -> None:
     np.testing.assert_allclose(expected.mean[:, 0], sloping(places), rtol=1e-9)
 
 
-def test_component_priors_sum_to_one() -> None:
-    expected = expectation(tracks_of(lines(), PLANE), PLANE, inside(200), SPACING, 3)
-    np.testing.assert_allclose(np.exp(expected.log_prior).sum(axis=1), 1.0)
-    assert (expected.interpolation_error >= 0.0).all()
-    assert ((expected.noise >= 0.5) & (expected.noise <= 1.0)).all()
-    assert (expected.distance <= SPACING / 2 + 1e-9).all()
-
-
 @given(st.permutations(range(10)))
 def test_the_order_of_the_sweeps_is_irrelevant(order: list[int]) -> None:
     scan = lines(0.0005)
