@@ -6,7 +6,7 @@ The public names (:data:`__all__`) are imported from here and need no ROS::
 
     scan, scene = load_scan("bump_scan")
     localizer = make_localizer(scan, scene, seed=1, scan_file="bump_scan")
-    for sweep in read_recording("test.csv", scene).sweeps:
+    for sweep in read_recording("test.csv.gz", scene).sweeps:
         localizer.reset()
         for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.position, sweep.strain):
             estimate = localizer.update(stamp_ns, position, strain)

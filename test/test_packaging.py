@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
@@ -83,6 +84,18 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
     assert ros <= declared
     by_name = {"tf2_msgs"}  # imported where a parameter asks for tf
     assert {name for name in declared if name and name.endswith(("_msgs", "_srvs"))} <= ros | by_name
+
+
+def test_hooks_and_checks_have_the_same_formatter() -> None:
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    pinned = {repo["repo"]: repo["rev"] for repo in hooks}["https://github.com/astral-sh/ruff-pre-commit"]
+    assert f"ruff=={pinned.lstrip('v')}" in requirements("dev.txt")
+
+
+def test_forms_and_workflows_are_valid_yaml() -> None:
+    files = [*(ROOT / ".github").rglob("*.yml"), ROOT / "CITATION.cff"]
+    assert {file.name for file in files} > {"ci.yml", "bug.yml", "CITATION.cff"}
+    assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
 
 
 def test_every_requirement_has_a_lower_and_an_upper_bound() -> None:

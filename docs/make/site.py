@@ -9,8 +9,7 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
 PAGES = (
-    "README.md",
-    "CONTRIBUTING.md",
+    "*.md",
     "docs/*.md",
     "docs/images/*",
     "docs/make/site.css",
