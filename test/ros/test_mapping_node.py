@@ -178,7 +178,7 @@ def test_a_full_disk_is_survived(node_process, probe, files):
     limit = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (100, limit[1]))
     probe.until(lambda: hand.slide(50) or not hand.statuses[-1].sweep_active, "the end of the sweep")
-    process.wait_for_line("could not write")
+    process.wait_for_line("could not be written")
     assert "Traceback" not in process.output
     assert not hand.service("start_sweep").success
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limit)

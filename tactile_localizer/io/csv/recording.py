@@ -86,36 +86,32 @@ def _read_file(
     strains = {each.name: naming.of(each.name, each.channels) for each in scene.phalanges}
     wanted = strains if pose_path else {**axes, **strains}
     table, lost = _read_table(path, scene, naming, "stamp_s", wanted, notes)
-    stamp_ns = table["stamp_s"]
+    stamp_ns, label = table["stamp_s"], table["sweep"]
     found = np.ones(len(stamp_ns), dtype=bool)
+    begun = np.flatnonzero(np.diff(label, prepend=-1))
     if pose_path is not None:
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses, _ = _read_table(pose_path, scene, naming, stamp, axes, notes)
         pose_ns, places = poses[stamp], np.hstack([poses[name] for name in axes])
         rows = in_order(pose_ns, f"rows of {pose_path}", notes)
-        places, found = interpolate_poses(scene.axes, pose_ns[rows], places[rows], stamp_ns, max_gap_s)
-        table |= zip(axes, places.T[:, :, None], strict=True)
+        position, found = interpolate_poses(scene.axes, pose_ns[rows], places[rows], stamp_ns, max_gap_s)
+    else:
+        position = np.hstack([table[name] for name in axes])
+        timed = [each.names == column.names for each in axes.values()]  # a constant speed
+        position[:, timed] -= np.repeat(position[begun][:, timed], np.diff([*begun, len(label)]), axis=0)
+        position = near_bounds(scene.axes, position)
+    strain = np.hstack([table[name] for name in strains])
+    strain[~np.isfinite(strain)] = math.nan
+    status = missing_status(strain, scene.layout)
+    felt = table[_FELT][:, 0] > 0.0 if _FELT in table else None
+    unit = naming.strain_unit
+    samples = RecordedSweep(0, stamp_ns, position, strain, status, felt=felt, strain_unit=unit)
     sweeps, kept = [], 0
-    for number in dict.fromkeys(table["sweep"].tolist()):
-        rows = np.flatnonzero(table["sweep"] == number)
+    for number in label[begun].tolist():
+        rows = np.flatnonzero(label == number)
         rows = rows[in_order(stamp_ns[rows], f"rows of {path}", notes)]
         kept += len(rows)
-        own = {name: values[rows] for name, values in table.items()}
-        for name, each in axes.items():
-            if each.names == column.names:  # a constant speed
-                own[name] = own[name] - own[name][0]
-        strain = np.hstack([own[name] for name in strains])
-        strain[~np.isfinite(strain)] = math.nan
-        sweep = RecordedSweep(
-            number,
-            own["stamp_s"],
-            near_bounds(scene.axes, np.hstack([own[name] for name in axes])),
-            strain,
-            missing_status(strain, scene.layout),
-            felt=own[_FELT][:, 0] > 0.0 if _FELT in own else None,
-            strain_unit=naming.strain_unit,
-        )
-        sweeps.append(sweep.part(found[rows], number, gaps=int(np.sum(~found[rows]))))
+        sweeps.append(samples.part(rows[found[rows]], number, gaps=int(np.sum(~found[rows]))))
     period_s = 1e-9 * float(np.median(np.abs(np.diff(stamp_ns)))) if len(stamp_ns) > 1 else _PERIOD_S[0]
     if not _PERIOD_S[0] <= period_s <= _PERIOD_S[1]:
         notes.append(f"{path}: the stamps are {period_s:.3g} s apart{_in_other_unit('stamp_s', column)}")

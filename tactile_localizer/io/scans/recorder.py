@@ -14,7 +14,8 @@ from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import USABLE, screen
-from tactile_localizer.io.scans.writer import OpenSweep, ScanWriter
+from tactile_localizer.io.scans.sweep_files import OpenSweep
+from tactile_localizer.io.scans.writer import ScanWriter
 
 StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""
@@ -200,14 +201,14 @@ class SweepRecorder:
         sweep.skipped += len(keep) - pairs
         if pairs:
             self._coverage.add(states[keep])
-            self.store.append(sweep, stamp_ns[keep], states[keep], strain[keep])
+            sweep.append(stamp_ns[keep], states[keep], strain[keep])
             self.pairs += pairs
 
     def _finish_before(self, stamp_ns: float) -> None:
         """Complete the sweeps that ended before ``stamp_ns``."""
         while self._incomplete and (until := self._incomplete[0].until_ns) is not None and until < stamp_ns:
             self._flush()
-            self.store.end_sweep(self._incomplete.popleft())
+            self._incomplete.popleft().end()
 
     @contextmanager
     def _abandoning(self) -> Iterator[None]:
@@ -215,7 +216,5 @@ class SweepRecorder:
         try:
             yield
         except ScanError:
-            sweeps, self._incomplete, self._batch, self._detected = self._incomplete, deque(), [], 0
-            for sweep in sweeps:
-                self.store.abandon_sweep(sweep)
+            self._incomplete, self._batch, self._detected = deque(), [], 0
             raise

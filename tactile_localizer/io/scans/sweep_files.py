@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,33 +28,89 @@ from tactile_localizer.scene import Scene
 _END = b"\nsweep "
 
 
-def record_type(scene: Scene) -> np.dtype:
-    """Record of a pair: stamp, ns, position, strain and CRC-32."""
-    position, strain = ("position", "<f8", (scene.dimension,)), ("strain", "<f8", (scene.layout.size,))
-    return np.dtype([("stamp_ns", "<i8"), position, strain, ("crc", "<u4")])
+class OpenSweep:
+    """A sweep in progress, of the samples after ``after_ns`` up to ``until_ns``, stamps in ns.
+
+    Parameters
+    ----------
+    path : its file, which must not exist
+    number : its number
+    scene : of the scan
+    after_ns : stamp before the first sample
+
+    Attributes
+    ----------
+    until_ns : stamp of the last sample; ``None``: not known yet
+    gaps : strain samples without a pose close enough in time
+    skipped : strain samples that were missing, saturated or out of bounds
+    strain_unit : for display
+
+    Raises
+    ------
+    ScanError
+        The file exists or cannot be written.
+    """
+
+    def __init__(self, path: Path, number: int, scene: Scene, after_ns: int = -1) -> None:
+        self.number, self.after_ns = number, after_ns
+        self.until_ns: int | None = None
+        self.gaps = self.skipped = 0
+        self.strain_unit = "V"
+        self._scene, self._pairs = scene, 0
+        with writing(path):
+            self._file = path.open("xb", buffering=0)
+        self._write(_header(scene, 0))
+
+    def append(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
+        """Append pairs; they are on disk when the method returns.
+
+        Parameters
+        ----------
+        stamp_ns : (n,) int64 stamps, ns
+        position : (n, d) palm positions, m (yaw: rad), finite
+        strain : (n, C) strain voltages, V, finite
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written.
+        """
+        made = np.zeros(len(stamp_ns), _record_type(self._scene))
+        made["stamp_ns"], made["position"], made["strain"] = stamp_ns, position, strain
+        start = _checksum(self._scene)
+        made["crc"] = [zlib.crc32(record.tobytes()[:-4], start) for record in made]
+        self._write(made.tobytes())
+        self._pairs += len(made)
+
+    def end(self) -> None:
+        """Complete the sweep.
+
+        Raises
+        ------
+        ScanError
+            The file cannot be written. The sweep has ended early.
+        """
+        details = {"gaps": self.gaps, "skipped": self.skipped, "strain_unit": self.strain_unit}
+        text = json.dumps({**details, "scene": scene_to_dict(self._scene)}).encode()
+        with self._file:
+            self._write(_END + b"%08x %s\n" % (zlib.crc32(text), text))
+            self._file.seek(0)
+            self._write(_header(self._scene, self._pairs))
+
+    def _write(self, content: bytes) -> None:
+        with writing(Path(self._file.name)):
+            while content:
+                content = content[self._file.write(content) :]
+            os.fdatasync(self._file.fileno())
 
 
-def header_of(scene: Scene, pairs: int) -> bytes:
-    """Begin of the file, of the same length for any number of pairs."""
-    kind = np.lib.format.dtype_to_descr(record_type(scene))
-    begin = io.BytesIO()
-    np.lib.format.write_array_header_1_0(begin, {"descr": kind, "fortran_order": False, "shape": (pairs,)})
-    return begin.getvalue()
-
-
-def records_of(stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray, scene: Scene) -> bytes:
-    """Records of pairs: stamps (n,), ns, positions (n, d) and strains (n, C)."""
-    made = np.zeros(len(stamp_ns), record_type(scene))
-    made["stamp_ns"], made["position"], made["strain"] = stamp_ns, position, strain
-    start = _checksum(scene)
-    made["crc"] = [zlib.crc32(record.tobytes()[:-4], start) for record in made]
-    return made.tobytes()
-
-
-def end_of(scene: Scene, **details: Any) -> bytes:
-    """End of the file of a complete sweep: ``gaps``, ``skipped`` and ``strain_unit``."""
-    text = json.dumps({**details, "scene": scene_to_dict(scene)}).encode()
-    return _END + b"%08x %s\n" % (zlib.crc32(text), text)
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Context that turns errors of writing a file into a :class:`ScanError`."""
+    try:
+        yield
+    except OSError as error:
+        raise ScanError(f"{path}: could not be written, {error.strerror}") from None
 
 
 def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, int]:
@@ -64,14 +123,14 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     """
     try:
         with open_file(path) as file:
-            content = file.read()[len(header_of(scene, 0)) :]
+            content = file.read()[len(_header(scene, 0)) :]
     except OSError as error:
         raise ScanError(f"{path}: could not be read, {error.strerror}") from None
     body, mark, end = content.rpartition(_END)
     details = _details(end) if mark else {}
     if details:
         require_same_scene(details.pop("scene"), scene_to_dict(scene), str(path))
-    kind, start = record_type(scene), _checksum(scene)
+    kind, start = _record_type(scene), _checksum(scene)
     intact, at = [], 0
     records = memoryview(body if mark else content)
     while at + kind.itemsize <= len(records):
@@ -93,6 +152,19 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
         **details,
     )
     return sweep, damaged
+
+
+def _record_type(scene: Scene) -> np.dtype:
+    position, strain = ("position", "<f8", (scene.dimension,)), ("strain", "<f8", (scene.layout.size,))
+    return np.dtype([("stamp_ns", "<i8"), position, strain, ("crc", "<u4")])
+
+
+def _header(scene: Scene, pairs: int) -> bytes:
+    """Begin of the file, of the same length for any number of pairs."""
+    kind = np.lib.format.dtype_to_descr(_record_type(scene))
+    begin = io.BytesIO()
+    np.lib.format.write_array_header_1_0(begin, {"descr": kind, "fortran_order": False, "shape": (pairs,)})
+    return begin.getvalue()
 
 
 def _checksum(scene: Scene) -> int:

@@ -1,8 +1,11 @@
 """Bags are read whatever their storage; damaged ones are refused with the command that repairs them."""
 
 import dataclasses
+import os
 import sqlite3
 import zipfile
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,18 +53,10 @@ def ranges_ms(sweeps):
     return [tuple((sweep.stamp_ns[[0, -1]] - START) // MS) for sweep in sweeps]
 
 
-@pytest.mark.parametrize(
-    ("storage", "compression"),
-    [
-        ("mcap", "none"),
-        ("mcap", "storage"),
-        ("mcap", "message"),
-        ("mcap", "file"),
-        ("sqlite3", "none"),
-        ("sqlite3", "message"),
-        ("sqlite3", "file"),
-    ],
-)
+EVERY_STORAGE = [("mcap", "storage"), *product(("mcap", "sqlite3"), ("none", "message", "file"))]
+
+
+@pytest.mark.parametrize(("storage", "compression"), EVERY_STORAGE)
 def test_all_storages_give_the_same_recording(tmp_path, storage, compression):
     bag = whole(tmp_path / "bag", storage, compression)
     files = [bag] if compression != "none" else [bag, *bag.glob("*.mcap"), *bag.glob("*.db3")]
@@ -144,25 +139,27 @@ def test_sweeps_follow_global_localizations(tmp_path):
     assert len(read_bag(bag, SCENE).sweeps) == 1
 
 
-def test_bag_sweeps_are_detected_in_the_motion(tmp_path):
-    happened = [
-        (topic, ms, pose(ms, x=0.01 + 0.03 * abs(1000 - ms) / 1000) if topic == "palm_pose" else message)
-        for topic, ms, message in slide(0, 2000)
+def moved(happened, x=None, frame="material"):
+    """The same with other poses; ``x`` gives the position at a time in ms."""
+    return [
+        (topic, ms, pose(ms, frame, x and x(ms)) if topic == "palm_pose" else message)
+        for topic, ms, message in happened
     ]
-    sweeps = read_bag(write_bag(tmp_path / "bag", happened), SCENE, detector=SweepDetector(SCENE.axes)).sweeps
+
+
+def test_bag_sweeps_are_detected_in_the_motion(tmp_path):
+    detector = SweepDetector(SCENE.axes)
+    there_and_back = moved(slide(0, 2000), lambda ms: 0.01 + 0.03 * abs(1000 - ms) / 1000)
+    sweeps = read_bag(write_bag(tmp_path / "bag", there_and_back), SCENE, detector=detector).sweeps
     assert [sweep.number for sweep in sweeps] == [1, 2]
     assert abs((sweeps[1].stamp_ns[0] - START) // MS - 1000) < 100
 
 
-def test_a_resting_hand_makes_no_sweep(tmp_path):
-    happened = [
-        (topic, ms, pose(ms, x=0.01) if topic == "palm_pose" else message)
-        for topic, ms, message in slide(0, 200)
-    ]
-    detector = SweepDetector(SCENE.axes)
-    assert read_bag(write_bag(tmp_path / "bag", happened), SCENE, detector=detector).sweeps == ()
-    lost = [(topic, ms, pose(ms, frame="map") if topic == "palm_pose" else m) for topic, ms, m in happened]
-    assert read_bag(write_bag(tmp_path / "lost", lost), SCENE, detector=detector).sweeps == ()
+def test_a_hand_that_rests_or_is_not_seen_makes_no_sweep(tmp_path):
+    resting, lost = moved(slide(0, 200), lambda ms: 0.01), moved(slide(0, 200), frame="map")
+    for name, happened in (("resting", resting), ("lost", lost)):
+        bag = write_bag(tmp_path / name, happened)
+        assert read_bag(bag, SCENE, detector=SweepDetector(SCENE.axes)).sweeps == ()
 
 
 def test_sweeps_follow_an_activity_topic_after_the_filter_has_started(tmp_path):
@@ -198,11 +195,7 @@ def test_a_topic_of_another_type_is_refused(tmp_path):
 
 
 def test_topics_and_frames_are_configurable(tmp_path):
-    happened = [
-        ("palm_pose", ms, pose(ms, frame="robot")) if t == "palm_pose" else (t, ms, m)
-        for t, ms, m in slide(0, 200)
-    ]
-    bag = write_bag(tmp_path / "bag", happened)
+    bag = write_bag(tmp_path / "bag", moved(slide(0, 200), frame="robot"))
     frame = PalmFrame(SCENE.axes, reference_frame="robot", material_pose=[-0.01, 0, 0, 0, 0, 0])
     sweep = read_bag(bag, SCENE, topics={"strain": "strain", "pose": "palm_pose"}, frame=frame).sweeps[0]
     np.testing.assert_allclose(sweep.position[0], [x_at(20) + 0.01, 0.02], atol=1e-12)
@@ -210,47 +203,27 @@ def test_topics_and_frames_are_configurable(tmp_path):
         read_bag(bag, SCENE, topics={"strain": "/felt"})
 
 
-def foreign_file(path):
-    path = path.with_suffix(".mcap")
-    path.write_bytes(b"not a bag at all" * 100)
-    return path
-
-
-def zip_file(path):
-    with zipfile.ZipFile(path, "w") as file:
-        file.writestr("a", "b")
-    return path
-
-
 def foreign_database(path):
-    path = path.with_suffix(".db3")
     with sqlite3.connect(path) as connection:
         connection.execute("CREATE TABLE song (title TEXT)")
-    return path
-
-
-def empty_directory(path):
-    path.mkdir()
-    return path
-
-
-def empty_file(path):
-    path = path.with_suffix(".mcap")
-    path.touch()
-    return path
 
 
 @pytest.mark.parametrize(
-    "make",
-    [lambda path: path, foreign_file, zip_file, foreign_database, empty_directory, empty_file],
-    ids=["nothing", "foreign file", "zip file", "foreign database", "empty directory", "empty file"],
+    ("name", "make"),
+    [
+        ("none.mcap", lambda path: None),
+        ("empty.mcap", Path.touch),
+        ("text.mcap", lambda path: path.write_text("not a bag at all" * 100)),
+        ("pipe.mcap", os.mkfifo),
+        ("folder", Path.mkdir),
+        ("zip", lambda path: zipfile.ZipFile(path, "w").close()),
+        ("song.db3", foreign_database),
+    ],
 )
-def test_other_files_than_bags_are_refused(tmp_path, make):
-    path = make(tmp_path / "bag")
-    with pytest.raises(ScanError) as refusal:
-        read_bag(path, SCENE)
-    assert str(path) in str(refusal.value)
-    assert "expected" in str(refusal.value)
+def test_other_files_than_bags_are_refused(tmp_path, name, make):
+    make(tmp_path / name)
+    with pytest.raises(ScanError, match=rf"{tmp_path / name}: expected a (readable )?bag") as refusal:
+        read_bag(tmp_path / name, SCENE)
     assert "\n" not in str(refusal.value)
 
 

@@ -41,9 +41,9 @@ def write_until_killed(path, written):
         while True:
             sweep = writer.begin_sweep()
             for start in range(0, 100, 5):
-                writer.append(sweep, *numbered(1_000_000 * sweep.number + start, 5))
+                sweep.append(*numbered(1_000_000 * sweep.number + start, 5))
                 written.value += 5
-            writer.end_sweep(sweep)
+            sweep.end()
 
 
 def test_kill_9_at_ten_moments_loses_no_pair_that_was_written(path):
@@ -103,17 +103,18 @@ def test_a_second_writer_is_refused(path):
 def test_a_full_disk_keeps_what_was_written(path):
     writer = ScanWriter(path, SCENE)
     sweep = writer.begin_sweep()
-    writer.append(sweep, *numbered(0, 50))
+    sweep.append(*numbered(0, 50))
     with full_disk(5000):
-        with pytest.raises(ScanError, match="scan: could not write 50 pairs of sweep 5, "):
-            writer.append(sweep, *numbered(50, 50))
-        with pytest.raises(ScanError, match="scan: could not write sweep 5, File too large"):
-            writer.end_sweep(sweep)
+        with pytest.raises(ScanError, match=r"sweep_0005\.npy: could not be written, File too large"):
+            sweep.append(*numbered(50, 50))
+        with pytest.raises(ScanError, match=r"sweep_0005\.npy: could not be written, File too large"):
+            sweep.end()
     size = len(ScanFolder(path).sweeps()[-1])
     assert size >= 50
     following = writer.begin_sweep()
     assert following.number == sweep.number + 1
-    writer.append(following, *numbered(100, 7))
+    following.append(*numbered(100, 7))
+    following.end()
     writer.close()
     assert [(len(s), s.ending) for s in ScanFolder(path).sweeps()[-2:]] == [
         (size, "ended early"),

@@ -38,11 +38,12 @@ def record(path, sweeps=3, n=10, scene=SCENE):
 def test_a_recorded_scan_reads_back(tmp_path):
     with ScanWriter(tmp_path / "scan", SCENE) as writer:
         one, two = writer.begin_sweep(), writer.begin_sweep()
-        writer.append(two, *pairs(seed=3))
+        two.append(*pairs(seed=3))
         for seed in (1, 2):
-            writer.append(one, *pairs(seed=seed))
+            one.append(*pairs(seed=seed))
         one.gaps, one.skipped, one.strain_unit, two.strain_unit = 3, 4, "counts", "counts"
-        writer.end_sweep(one)
+        one.end()
+        two.end()
         writer.note("test", files=["a.csv"])
     scan = ScanFolder(tmp_path / "scan")
     first, second = scan.sweeps()
@@ -71,8 +72,10 @@ def test_numpy_reads_a_sweep(tmp_path):
 def test_readers_see_a_sweep_in_progress(tmp_path):
     scan = record(tmp_path / "scan", sweeps=1)
     with ScanWriter(scan.path, SCENE) as writer:
-        writer.append(writer.begin_sweep(), *pairs(5, seed=9))
+        sweep = writer.begin_sweep()
+        sweep.append(*pairs(5, seed=9))
         assert [(len(sweep), sweep.ending) for sweep in scan.sweeps()] == [(10, "ended"), (5, "ended early")]
+        sweep.end()
     assert scan.sweeps()[1].ending == "ended"
 
 
@@ -123,7 +126,7 @@ def of_another_scene(path):
 def of_another_scene_in_progress(path):
     scene = replace(SCENE, axes=(Axis("x", 0.0, 0.06), SCENE.axes[1]))
     with ScanWriter(path.parent / "other", scene) as writer:
-        writer.append(writer.begin_sweep(), *pairs(seed=8))
+        writer.begin_sweep().append(*pairs(seed=8))
         shutil.copy(path.parent / "other" / "sweep_0001.npy", path / "sweep_0009.npy")
     return "sweep_0009.npy: expected pairs of the scan's scene, found none that is intact"
 

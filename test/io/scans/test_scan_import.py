@@ -76,7 +76,7 @@ def test_import_on_a_full_disk_names_the_scan_and_leaves_nothing(tmp_path):
     recording = recording_of(sweep_of(1, [0.5] * 5000))
     with (
         full_disk(100_000),
-        pytest.raises(ScanError, match=r"/bump_scan: could not write sweep 1, File too") as e,
+        pytest.raises(ScanError, match=r"/bump_scan/sweep_0001.npy: could not be written, File too") as e,
     ):
         import_recording(recording, SCENE, tmp_path / "bump_scan", what="test", detail={})
     assert str(e.value).count("bump_scan") == 1
