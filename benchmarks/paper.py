@@ -32,7 +32,6 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep, replay
-from tactile_localizer.offline.tradeoff import BINS, bin_centres
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim import simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
@@ -66,6 +65,9 @@ METHODS = {
     **{model: replace(_PAPER_FILTER, model=model) for model in (GAUSSIAN, INDEPENDENT, SUM, FEATURELESS)},
     **{model + EXACT: Configuration(model=model, conditional=False) for model in (SUM, FEATURELESS)},
 }
+BINS = 40
+"""Bins along the sweeps in which errors and variances are averaged."""
+
 TENTH_INCH = 0.00254
 """m, the paper's mean error on contact."""
 
@@ -250,7 +252,8 @@ def false_alarms(rows: Sequence[Row], method: str) -> tuple[str, ...]:
 def paper_figure(rows: Sequence[Row], feature: str) -> Figure:
     """Fig. 5 and 8 of the paper on one feature."""
     figure = Figure(figsize=(13.0, 3.8), layout="constrained")
-    place = 1e3 * bin_centres(shipped_scene(feature), 0)
+    scene = shipped_scene(feature)
+    place = 1e3 * np.linspace(scene.lower[0], scene.upper[0], 2 * BINS + 1)[1::2]
     for plot, (title, (name, lines, label, scale)) in zip(
         figure.subplots(1, len(_FIGURES)), _FIGURES.items(), strict=True
     ):

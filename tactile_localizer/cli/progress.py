@@ -9,34 +9,19 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 LINE_EVERY_S = 10.0
-"""Time between two lines where standard error is no terminal, s."""
+"""Time between two lines where standard error is no terminal or rich is not installed, s."""
 
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
     """Context with a function that shows a description of the work and its completed fraction."""
     if not sys.stderr.isatty() or find_spec("rich") is None:
-        yield _Lines()
+        yield _lines()
         return
-    # These slow imports are needed on a terminal only.
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskID,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress, TaskID  # a slow import, needed on a terminal only
 
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True, markup=False, emoji=False)
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(console=Console(stderr=True), transient=True) as progress:
         tasks: dict[str, TaskID] = {}
 
         def show(text: str, fraction: float) -> None:
@@ -47,13 +32,14 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
         yield show
 
 
-class _Lines:
-    """Prints a line at most every :data:`LINE_EVERY_S`, so that short commands print none."""
+def _lines() -> Callable[[str, float], None]:
+    """A function that prints a line at most every :data:`LINE_EVERY_S`, so that short commands print none."""
+    printed_s = time.monotonic()
 
-    def __init__(self) -> None:
-        self._printed_s = time.monotonic()
-
-    def __call__(self, text: str, fraction: float) -> None:
-        if time.monotonic() - self._printed_s >= LINE_EVERY_S:
-            self._printed_s = time.monotonic()
+    def show(text: str, fraction: float) -> None:
+        nonlocal printed_s
+        if time.monotonic() - printed_s >= LINE_EVERY_S:
+            printed_s = time.monotonic()
             print(f"{text}: {fraction:.0%}", file=sys.stderr, flush=True)
+
+    return show

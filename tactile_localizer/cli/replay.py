@@ -28,7 +28,6 @@ from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import with_contact
-from tactile_localizer.offline.odometry import RECORDED
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
 from tactile_localizer.offline.verdict import judge
@@ -69,27 +68,28 @@ def run(args: argparse.Namespace) -> int:
         args.plot.parent.mkdir(parents=True, exist_ok=True)
         replay_figure(scene, sweeps).savefig(args.plot, dpi=120)
         print(args.plot)
-    for line in (*recording.notes, *_misfit(scan, scene, recording, odometry)):
+    for line in filter(None, (*recording.notes, _misfit(scan, scene, recording))):
         print(f"note: {printable(line)}")
     _print(document, args.scan)
     print(*verdict.notes, verdict, sep="\n")
     return 0 if verdict.success else 1
 
 
-def _misfit(scan: Scan, scene: Scene, recording: Recording, odometry: str) -> list[str]:
-    """A warning if strains or positions are outside the range of the scan."""
+def _misfit(scan: Scan, scene: Scene, recording: Recording) -> str:
+    """A warning if strains or positions are outside the range of the scan; empty otherwise."""
+    if not len(recording):
+        return ""
     bounds = ScanRange.of(scan, scene)
-    beyond, outside = [np.zeros(0, bool)], [np.zeros(0, bool)]
+    strains, positions = [], []
     for sweep in recording.sweeps:
-        beyond.append(bounds.strains_outside(sweep.strain, usable(sweep.status)))
-        if odometry == RECORDED:
-            outside.append(bounds.positions_outside(sweep.position, sweep.position[:1].sum(axis=0)))
-        elif sweep.truth is not None:
-            inside = (sweep.truth >= scene.lower) & (sweep.truth <= scene.upper)
-            outside.append(~(inside | scene.wraps).all(axis=1))
-    strains, positions = (np.concatenate(parts) for parts in (beyond, outside))
-    found = describe_misfit(float(strains.mean()), float(positions.mean())) if len(strains) else ""
-    return [found] if found else []
+        strains.append(bounds.strains_outside(sweep.strain, usable(sweep.status)))
+        if sweep.truth is None:
+            positions.append(bounds.positions_outside(sweep.position, sweep.position[:1].sum(axis=0)))
+        else:
+            outside = (sweep.truth < scene.lower) | (sweep.truth > scene.upper)
+            positions.append((outside & ~scene.wraps).any(axis=1))
+    fractions = [float(np.concatenate(parts).mean()) for parts in (strains, positions)]
+    return describe_misfit(*fractions)
 
 
 def _print(document: dict[str, Any], scan: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,65 +23,35 @@ from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, Simul
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the feature, the seed and the numbers of sweeps."""
-    parser.add_argument(
-        "feature",
-        choices=FEATURES,
-        help="feature in the material (none: featureless material; seam has no shipped scene)",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("out/simulate"),
-        metavar="DIR",
-        help="folder (default out/simulate)",
-    )
+    add, folder = parser.add_argument, Path("out/simulate")
+    add("feature", choices=FEATURES, help="feature in the material (none: featureless material)")
+    add("-o", "--output", type=Path, default=folder, metavar="DIR", help=f"folder (default {folder})")
     add_seed_argument(parser)
-    parser.add_argument(
-        "--train",
-        type=int,
-        default=TRAINING_SWEEPS,
-        metavar="N",
-        help=f"training sweeps (default {TRAINING_SWEEPS})",
-    )
-    parser.add_argument(
-        "--test", type=int, default=TEST_SWEEPS, metavar="N", help=f"test sweeps (default {TEST_SWEEPS})"
-    )
-    parser.add_argument(
-        "--channels",
-        type=int,
-        nargs=2,
-        default=(),
-        metavar="N",
-        help="channels of the two phalanges (default: 8 each); also writes scene.yaml",
-    )
-    parser.add_argument("--never-reach", action="store_true", help="end the test sweeps before the feature")
+    for kind, count in (("train", TRAINING_SWEEPS), ("test", TEST_SWEEPS)):
+        add(f"--{kind}", type=int, default=count, metavar="N", help=f"{kind} sweeps (default {count})")
+    text = "channels of the two phalanges (default: 8 each); also writes scene.yaml"
+    add("--channels", type=int, nargs=2, default=(), metavar="N", help=text)
+    add("--never-reach", action="store_true", help="end the test sweeps before the feature")
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the training sweeps with the arm's positions, and the test sweeps with the true ones."""
-    channels = tuple(args.channels)
-    train = simulate_scan(args.feature, args.seed, "train", sweeps=args.train, channels=channels)
-    test = simulate_scan(
-        args.feature,
-        args.seed,
-        "test",
-        sweeps=args.test,
-        reach_feature=not args.never_reach,
-        channels=channels,
-    )
+    options = {"seed": args.seed, "channels": tuple(args.channels)}
+    train = simulate_scan(args.feature, kind="train", sweeps=args.train, **options)
+    reach = not args.never_reach
+    test = simulate_scan(args.feature, kind="test", sweeps=args.test, reach_feature=reach, **options)
     for name, scan, position in (("train", train, train.odometry), ("test", test, test.truth)):
         path = args.output / f"{name}.csv"
         write_csv(path, scan, position)
         print(f"{path}: {len(scan.contact)} sweeps, {len(scan)} samples")
-    if channels:
+    if args.channels:
         path = args.output / "scene.yaml"
-        save_scene(_scene(args.feature, channels), path)
-        print(f"{path}: the scene, with {channels[0]} and {channels[1]} channels")
+        save_scene(_scene(args.feature, args.channels), path)
+        print(f"{path}: the scene, with {args.channels[0]} and {args.channels[1]} channels")
     return 0
 
 
-def _scene(feature: str, channels: tuple[int, ...]) -> Scene:
+def _scene(feature: str, channels: Sequence[int]) -> Scene:
     """The shipped scene of a feature (default: the bump) with other channels, without kernel widths."""
     name = feature if feature in SIMULATED_FEATURES else SIMULATED_FEATURES[0]
     shipped = load_scene(resource_path(f"config/scenes/{name}.yaml"))

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
+
+_WIDTH = 80
+"""Length of a note's lines, characters."""
 
 
 def print_table(
@@ -23,4 +27,4 @@ def print_table(
         ]
         print("  ".join(cells).rstrip())
     if note:
-        print(note)
+        print(f"\n{fill(note, _WIDTH)}")

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import yaml
 
 from tactile_localizer.cli.progress import progress_bars
@@ -32,11 +31,10 @@ from tactile_localizer.offline.tradeoff import (
     for_target,
     named_configuration,
     pareto_front,
-    sweep_axis,
     trade,
 )
 
-_NOTE = """
+_NOTE = """\
 Mean error from contact to the feature's end, and its difference to that of {reference} on the same sweeps \
 with the 95 % confidence interval; coverage of the 95 % region there; sweeps right at their end, and ever \
 converged to a wrong position, of {sweeps}; processor time of one thread for a measurement update (median) \
@@ -92,8 +90,7 @@ def run(args: argparse.Namespace) -> int:
     for name, reason in failed.items():
         print(f"{name}: not measured, {reason}")
     args.output.mkdir(parents=True, exist_ok=True)
-    truth = np.concatenate([sweep.truth for sweep in recording.sweeps if sweep.truth is not None])
-    tradeoff_figure(trades, scene, sweep_axis(scene, truth)).savefig(args.output / "tradeoff.png", dpi=120)
+    tradeoff_figure(trades).savefig(args.output / "tradeoff.png", dpi=120)
     rows = [_row(one, trades[0]) for one in trades]
     write_json(args.output / "tradeoff.json", {"candidates": rows, "not_measured": failed})
     print(f"{args.output}/tradeoff.png, tradeoff.json")

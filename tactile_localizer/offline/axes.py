@@ -68,12 +68,16 @@ def legend_below(figure: Figure, plot: Axes) -> None:
 
     Parameters
     ----------
-    figure : figure whose constrained layout leaves room for the legend (``"outside"`` needs matplotlib 3.7)
+    figure : figure with a constrained or compressed layout, which leaves room for the legend
     plot : plot with the entries
     """
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     handles, labels = plot.get_legend_handles_labels()
     if not handles:
         return
     strip = _LEGEND_INCH / figure.get_figheight()
-    figure.set_layout_engine("constrained", rect=(0.0, strip, 1.0, 1.0 - strip))
+    layout = figure.get_layout_engine()
+    assert isinstance(layout, ConstrainedLayoutEngine)
+    layout.set(rect=(0.0, strip, 1.0, 1.0 - strip))
     figure.legend(handles, labels, loc="lower center", ncol=len(handles), frameon=False)

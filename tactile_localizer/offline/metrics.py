@@ -14,9 +14,6 @@ from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
-INCH = 0.0254
-"""One inch, m."""
-
 MARKS = (0.0, 0.0025, 0.005, 0.01)
 """Travel after which the error is reported, m."""
 

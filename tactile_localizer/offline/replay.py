@@ -153,18 +153,22 @@ def _replayed_sweep(
     reference = sweep.position
     if sweep.truth is not None and np.isfinite(sweep.truth).all():
         reference = sweep.truth
+
+    def values(name: str) -> np.ndarray:
+        return np.array([getattr(estimate, name) for estimate in estimates])
+
     return ReplayedSweep(
         number=sweep.number,
         row=row,
         stamp_ns=sweep.stamp_ns[row],
-        mean=np.array([estimate.mean for estimate in estimates]).reshape(-1, d),
-        covariance=np.array([estimate.covariance for estimate in estimates]).reshape(-1, d, d),
+        mean=values("mean").reshape(-1, d),
+        covariance=values("covariance").reshape(-1, d, d),
         state=tuple(estimate.state for estimate in estimates),
-        probability=np.array([estimate.probability for estimate in estimates]),
-        on_map=np.array([estimate.on_map for estimate in estimates]),
-        log_marginal=np.array([estimate.log_marginal for estimate in estimates]),
-        updated=np.array([estimate.updated for estimate in estimates], dtype=bool),
         reason=tuple(estimate.reason for estimate in estimates),
+        probability=values("probability"),
+        on_map=values("on_map"),
+        log_marginal=values("log_marginal"),
+        updated=values("updated").astype(bool),
         truth=None if sweep.truth is None else sweep.truth[row],
         travel=travelled(scene, reference)[row],
         seconds=np.array(seconds),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -74,27 +74,23 @@ def replay_document(
 def updates(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Iterator[dict[str, Any]]:
     """Rows of all estimates of a replay."""
     for sweep in sweeps:
-        errors, yaw_errors, traces = position_error(scene, sweep), yaw_error(scene, sweep), sweep.trace
-        for i, stamp_ns in enumerate(sweep.stamp_ns.tolist()):
-            truth = None if sweep.truth is None else sweep.truth[i]
-            row: dict[str, Any] = {
-                "stamp_s": stamp_ns / 1e9,
-                "stamp_ns": stamp_ns,
-                "sweep": sweep.number,
-                "mean": sweep.mean[i],
-                "covariance": sweep.covariance[i],
-                "trace": traces[i],
-                "converged": sweep.converged[i],
-                "state": sweep.state[i].value,
-                "reason": sweep.reason[i],
-                "probability": sweep.probability[i],
-                "on_map": sweep.on_map[i],
-                "log_marginal": sweep.log_marginal[i],
-                "updated": sweep.updated[i],
-                "travel_m": sweep.travel[i],
-                "truth": truth if truth is not None and np.isfinite(truth).all() else None,
-                "error_m": errors[i],
-            }
-            if "yaw" in scene.axis_names:
-                row["error_rad"] = yaw_errors[i]
-            yield row
+        truth = np.full(sweep.mean.shape, np.nan) if sweep.truth is None else sweep.truth
+        columns: dict[str, Iterable[Any]] = {
+            "stamp_s": sweep.stamp_ns / 1e9,
+            "stamp_ns": sweep.stamp_ns,
+            "sweep": [sweep.number] * len(sweep),
+            "mean": sweep.mean,
+            "covariance": sweep.covariance,
+            "trace": sweep.trace,
+            "converged": sweep.converged,
+            "state": [state.value for state in sweep.state],
+            "travel_m": sweep.travel,
+            "truth": [row if np.isfinite(row).all() else None for row in truth],
+            "error_m": position_error(scene, sweep),
+        }
+        for name in ("reason", "probability", "on_map", "log_marginal", "updated"):
+            columns[name] = getattr(sweep, name)
+        if "yaw" in scene.axis_names:
+            columns["error_rad"] = yaw_error(scene, sweep)
+        for row in zip(*columns.values(), strict=True):
+            yield dict(zip(columns, row, strict=True))

@@ -20,19 +20,16 @@ from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.metrics import covered, position_error, timing, with_contact
-from tactile_localizer.offline.replay import Progress, ReplayedSweep, replay
+from tactile_localizer.offline.replay import Progress, replay
 from tactile_localizer.offline.verdict import Verdict, judge
 from tactile_localizer.scene import Scene
 
 DEFAULT = "default"
 """Name of the default configuration beside those of the presets."""
-
-BINS = 40
-"""Bins along the sweeps in which errors and variances are averaged."""
 
 _CLUSTER_TIMEOUT_S = 5
 
@@ -62,8 +59,6 @@ class Trade:
         none reaches contact. NaN where unknown
     coverage : fraction of the same estimates whose 95 % region contains the truth, mean over the sweeps
     verdict : verdict on the sweeps
-    error_along, trace_along : (BINS,) mean error, m, and trace of the covariance, m², in bins along the
-        sweep axis; NaN where no sweep has been
     update_us, update_p99_us : processor time of a measurement update, median and 99th percentile, µs
     us_per_mm : processor time per millimetre of travel, µs
     """
@@ -72,8 +67,6 @@ class Trade:
     errors: np.ndarray
     coverage: float
     verdict: Verdict
-    error_along: np.ndarray
-    trace_along: np.ndarray
     update_us: float
     update_p99_us: float
     us_per_mm: float
@@ -199,34 +192,27 @@ def _measure(
     try:
         localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
         sweeps = replay(localizer, recording, clock=time.thread_time)
-    except TactileLocalizerError as error:
-        return str(error)
-    has_contact = any(sweep.reaches_contact for sweep in sweeps)
-    kept = [sweep.on_contact if has_contact else np.ones(len(sweep), dtype=bool) for sweep in sweeps]
-    errors = [position_error(scene, sweep) for sweep in sweeps]
+    except Exception as error:  # of any kind, also of a user's model: the other candidates keep their rows
+        return f"{type(error).__name__}: {error}"
     times = timing(sweeps)
     if times["us_per_mm"] is None:
         return f"{recording.source}: expected sweeps with measurement updates, found none"
+    has_contact = any(sweep.reaches_contact for sweep in sweeps)
+    kept = [np.flatnonzero(sweep.on_contact | (not has_contact)) for sweep in sweeps]
+    errors, inside = (
+        [
+            values(scene, sweep)[rows].mean() if len(rows) else np.nan
+            for sweep, rows in zip(sweeps, kept, strict=True)
+        ]
+        for values in (position_error, covered)
+    )
     return Trade(
         candidate,
-        _means(errors, kept),
-        float(np.nanmean(_means([covered(scene, sweep) for sweep in sweeps], kept))),
+        np.array(errors),
+        float(np.nanmean(inside)),
         judge(scene, sweeps, configuration),
-        _along(scene, sweeps, errors),
-        _along(scene, sweeps, [sweep.trace for sweep in sweeps]),
         *(times[name] for name in ("update_median_us", "update_p99_us", "us_per_mm")),
     )
-
-
-def sweep_axis(scene: Scene, truth: np.ndarray) -> int:
-    """Index of the axis on which true positions (n, d) span most of the bounds."""
-    return int(np.argmax(np.ptp(truth, axis=0) / scene.extent))
-
-
-def bin_centres(scene: Scene, axis: int) -> np.ndarray:
-    """Centres of the bins along an axis, (BINS,) m."""
-    edges = np.linspace(scene.lower[axis], scene.upper[axis], BINS + 1)
-    return (edges[:-1] + edges[1:]) / 2
 
 
 def pareto_front(trades: Sequence[Trade]) -> list[Trade]:
@@ -240,24 +226,6 @@ def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
     """The fastest, among those with fewest wrong sweeps, of the trades within ``target_m`` of mean error."""
     accurate = (one for one in trades if one.error <= target_m)
     return min(accurate, key=lambda one: (one.verdict.wrong, one.us_per_mm, one.error), default=None)
-
-
-def _means(values: Sequence[np.ndarray], kept: Sequence[np.ndarray]) -> np.ndarray:
-    """Mean of the kept values of each sweep; NaN where none is kept."""
-    return np.array(
-        [own[keep].mean() if keep.any() else np.nan for own, keep in zip(values, kept, strict=True)]
-    )
-
-
-def _along(scene: Scene, sweeps: Sequence[ReplayedSweep], values: Sequence[np.ndarray]) -> np.ndarray:
-    """Means of values in the bins of the sweep axis, (BINS,)."""
-    truth = np.concatenate([sweep.truth for sweep in sweeps if sweep.truth is not None])
-    axis = sweep_axis(scene, truth)
-    index = np.floor((truth[:, axis] - scene.lower[axis]) / scene.extent[axis] * BINS)
-    within = (index >= 0) & (index < BINS)
-    count = np.bincount(index[within].astype(int), minlength=BINS)
-    total = np.bincount(index[within].astype(int), np.concatenate(values)[within], minlength=BINS)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 @contextmanager

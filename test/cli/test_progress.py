@@ -1,4 +1,4 @@
-"""Progress on terminals and in pipes."""
+"""Progress on terminals and elsewhere."""
 
 from __future__ import annotations
 
@@ -20,13 +20,16 @@ print("done")
 """
 
 
-def test_nothing_is_printed_into_a_pipe(capsys: pytest.CaptureFixture) -> None:
+def test_elsewhere_a_line_is_printed_now_and_then(monkeypatch, capsys: pytest.CaptureFixture) -> None:
+    now_s = 0.0
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now_s)
     with progress.progress_bars() as show:
-        show("sorting", 0.5)
-        show("sorting", 1.0)
+        for second in range(25):
+            now_s = float(second)
+            show("sorting", second / 25)
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err == ""
+    assert printed.err == "sorting: 40%\nsorting: 80%\n"
 
 
 def test_a_terminal_shows_a_transient_bar() -> None:

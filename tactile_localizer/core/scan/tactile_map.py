@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
@@ -85,6 +86,11 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     places = np.column_stack([places, np.tile(third, (len(places), 1))])
     found = expectation(tracks, scene, places, spacing)
     values = np.einsum("mk,mkc->mc", np.exp(found.log_prior), found.mean)
-    values[found.distance > max(1.5 * spacing, step, 2.0 * PITCH)] = math.nan
+    reach = max(1.5 * spacing, step, 2.0 * PITCH)
+    near = (found.distance <= reach).reshape(counts)
+    # Closed, because it has notches between the ends of two lines.
+    element, times = np.ones([3] * shown), math.ceil(reach / step)
+    near = binary_erosion(binary_dilation(near, element, times), element, times, border_value=1)
+    values[~near.ravel()] = math.nan
     background = np.median(scan.strain_on(scene), axis=0)
     return TactileMap(scene, grid, values.reshape(*counts, -1), background)

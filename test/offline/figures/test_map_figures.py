@@ -7,7 +7,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.offline.figures.tactile_map import DrawnScan, map_sheet, scan_figures
+from tactile_localizer.offline.figures.tactile_map import DrawnScan, scan_figures
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = Scene(
@@ -39,7 +39,8 @@ def test_a_scan_over_two_axes_has_a_sheet_for_each_phalanx(scan):
 
 def test_all_channels_share_one_symmetric_colour_scale(scan):
     tactile_map = make_map(scan, SCENE)
-    sheets = [map_sheet(DrawnScan(scan, SCENE), name) for name in ("index", "middle")]
+    figures = scan_figures(DrawnScan(scan, SCENE))
+    sheets = [figures["map_index"], figures["map_middle"]]
     drawn = [mesh for sheet in sheets for mesh in meshes(sheet)]
     sheets = [mesh for mesh in drawn if mesh.get_array().size == tactile_map.covered.size]
     assert len(sheets) == 16
@@ -61,7 +62,7 @@ def test_the_region_is_outlined_in_palm_coordinates(scan):
 
 
 def test_axes_have_millimetres_and_inches(scan):
-    figure = map_sheet(DrawnScan(scan, SCENE), "index")
+    figure = scan_figures(DrawnScan(scan, SCENE))["map_index"]
     labels = {plot.get_xlabel() for plot in figure.axes} | {
         child.get_xlabel() for plot in figure.axes for child in plot.child_axes
     }
