@@ -61,13 +61,13 @@ def _info(args: argparse.Namespace) -> int:
 
 def _plot(args: argparse.Namespace) -> int:
     # Importing matplotlib takes a second; no other action needs it.
-    from tactile_localizer.offline.figures.tactile_map import DrawnScan, scan_figures
+    from tactile_localizer.offline.figures.tactile_map import scan_figures
 
     folder = ScanFolder(args.scan)
-    drawn = DrawnScan(folder.load(), folder.scene, folder.sweeps()[0].strain_unit)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
-        for name, figure in scan_figures(drawn).items():
+        figures = scan_figures(folder.load(), folder.scene, folder.sweeps()[0].strain_unit)
+        for name, figure in figures.items():
             path = args.output / f"{name.replace('/', '_')}.png"
             figure.savefig(path, dpi=args.dpi)
             print(path)

@@ -117,19 +117,12 @@ def _describe(one: Trade) -> str:
 
 
 def _row(one: Trade, reference: Trade) -> dict[str, object]:
-    difference, half_width = one.difference(reference)
-    return {
-        "name": one.candidate.name,
+    """Entry of the JSON file; lengths in m, and a difference with half its confidence interval."""
+    return asdict(one) | {
+        "candidate": one.candidate.name,
         "configuration": one.candidate.changes,
-        "error_m": one.error,
-        "error_of_sweep_m": one.errors,
-        "difference_m": difference,
-        "difference_half_width_m": half_width,
-        "coverage": one.coverage,
-        "verdict": asdict(one.verdict),
-        "update_us": one.update_us,
-        "update_p99_us": one.update_p99_us,
-        "us_per_mm": one.us_per_mm,
+        "error": one.error,
+        "difference": one.difference(reference),
     }
 
 

@@ -1,4 +1,4 @@
-"""Display units and axes of figures: mm with inches on the opposite side, degrees for yaw; legends."""
+"""Display units and axes of figures: mm with inches on the opposite side, degrees for yaw."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ from tactile_localizer.scene import Scene
 
 if TYPE_CHECKING:  # importing matplotlib takes a second, which users of the units alone save
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MM = 1e3
 """Millimetres per metre."""
 
 INCH_MM = 25.4
 """Millimetres per inch."""
-
-_LEGEND_INCH = 0.35
-"""Height of a legend below the plots, inch."""
 
 
 def display_units(axis: str, values: np.ndarray) -> np.ndarray:
@@ -61,23 +57,3 @@ def label_axis(plot: Axes, which: str, axis: str, *, inches: bool = True, label:
     )
     getattr(beside, f"set_{which}label")(f"{axis}, inch", color="0.4")
     beside.tick_params(colors="0.4")
-
-
-def legend_below(figure: Figure, plot: Axes) -> None:
-    """Put the legend of one plot, if it has entries, in a row below all plots of a figure.
-
-    Parameters
-    ----------
-    figure : figure with a constrained or compressed layout, which leaves room for the legend
-    plot : plot with the entries
-    """
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-    handles, labels = plot.get_legend_handles_labels()
-    if not handles:
-        return
-    strip = _LEGEND_INCH / figure.get_figheight()
-    layout = figure.get_layout_engine()
-    assert isinstance(layout, ConstrainedLayoutEngine)
-    layout.set(rect=(0.0, strip, 1.0, 1.0 - strip))
-    figure.legend(handles, labels, loc="lower center", ncol=len(handles), frameon=False)

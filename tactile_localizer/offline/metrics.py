@@ -31,35 +31,31 @@ _MIN_VARIANCE = 1e-18
 """Lower bound of the variance, m² (yaw: rad²): the covariance of identical particles is zero."""
 
 
-def deviation(scene: Scene, mean: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Estimate minus truth (n, d); on axes that wrap, along the shortest arc."""
-    difference = mean - truth
+def deviation(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
+    """Estimate minus truth (n, d), along the shortest arc on axes that wrap; NaN where unknown."""
+    if sweep.truth is None:
+        return np.full(sweep.mean.shape, np.nan)
+    difference = sweep.mean - sweep.truth
     difference[:, scene.wraps] = wrap_angle(difference[:, scene.wraps])
     return difference
 
 
 def position_error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
     """Distance between estimate and truth without the yaw, (n,) m; NaN where unknown."""
-    lengths = np.array([axis.name != "yaw" for axis in scene.axes])
-    if sweep.truth is None or not lengths.any():
-        return np.full(len(sweep), np.nan)
-    return np.linalg.norm(deviation(scene, sweep.mean, sweep.truth)[:, lengths], axis=1)
+    lengths = [name != "yaw" for name in scene.axis_names]
+    distance = np.linalg.norm(deviation(scene, sweep)[:, lengths], axis=1)
+    return distance if any(lengths) else np.full(len(sweep), np.nan)
 
 
 def yaw_error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
-    """Absolute error of the yaw, (n,) rad; NaN where there is no yaw or no truth."""
-    if sweep.truth is None or "yaw" not in scene.axis_names:
-        return np.full(len(sweep), np.nan)
-    return np.abs(deviation(scene, sweep.mean, sweep.truth)[:, scene.axis_names.index("yaw")])
+    """Absolute error of the yaw of a scene that has one, (n,) rad; NaN where unknown."""
+    return np.abs(deviation(scene, sweep)[:, scene.axis_names.index("yaw")])
 
 
 def covered(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
     """Whether the 95 % region of each estimate holds the truth, (n,) 1 or 0; NaN where that is unknown."""
-    if sweep.truth is None:
-        return np.full(len(sweep), np.nan)
-    difference = deviation(scene, sweep.mean, sweep.truth)
     values, vectors = np.linalg.eigh(sweep.covariance)
-    along = np.einsum("ndk,nd->nk", vectors, difference)
+    along = np.einsum("ndk,nd->nk", vectors, deviation(scene, sweep))
     squared = np.sum(along**2 / np.maximum(values, _MIN_VARIANCE), axis=1)
     return np.where(np.isfinite(squared), squared <= _SQUARED_95[scene.dimension], np.nan)
 
@@ -81,16 +77,6 @@ def statistics(values: np.ndarray) -> dict[str, Any]:
 def travel_from_contact(sweep: ReplayedSweep) -> np.ndarray:
     """Travel from contact, (n,) m, negative before it; from the start of a sweep without contact."""
     return sweep.travel - sweep.travel[sweep.start] if len(sweep) else sweep.travel
-
-
-def travel_to_convergence(sweeps: Sequence[ReplayedSweep]) -> np.ndarray:
-    """:func:`travel_from_contact` of each sweep's first converged entry; NaN where it never converged."""
-    return np.array(
-        [
-            travel_from_contact(sweep)[np.argmax(sweep.converged)] if sweep.converged.any() else np.nan
-            for sweep in sweeps
-        ]
-    )
 
 
 def with_contact(recording: Recording, scene: Scene, model: SweepMixture) -> Recording:
@@ -141,7 +127,7 @@ def summarize(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
             index = int(np.searchsorted(travel, mark - _ROUNDING))
             if index < len(sweep) and (sweep.reaches_contact or not contacts):
                 after[f"{mark:g}"].append(error[index])
-    arrived = travel_to_convergence(sweeps)
+    arrived = np.array([_travel_to_convergence(sweep) for sweep in sweeps])
     inside = _pooled([covered(scene, sweep) for sweep in sweeps])
     summary = {
         "sweeps": len(sweeps),
@@ -178,6 +164,12 @@ def timing(sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
         "strain_mean_us": float(np.mean(every)),
         "us_per_mm": float(every.sum() / travel_mm) if travel_mm > 0.0 else None,
     }
+
+
+def _travel_to_convergence(sweep: ReplayedSweep) -> float:
+    """:func:`travel_from_contact` of the first converged estimate; NaN where there is none."""
+    travel = travel_from_contact(sweep)[sweep.converged]
+    return float(travel[0]) if len(travel) else np.nan
 
 
 def _pooled(values: Sequence[np.ndarray], keep: Sequence[np.ndarray] | None = None) -> np.ndarray:

@@ -94,23 +94,22 @@ def candidates(scene: Scene) -> list[Candidate]:
     They vary model, filter, cell (on one axis it is fixed), particles and update distance.
     """
     default = Configuration()
-    particle = replace(default, filter="particle")
     varied = {name: named_configuration(name) for name in (DEFAULT, *PRESETS)}
+    cells = (default.cell,) if scene.dimension == 1 else (0.3, default.cell, 0.6, 1.0)
     for step in (0.0005, 0.001, 0.0015, 0.003):
-        for cell in (default.cell,) if scene.dimension == 1 else (0.3, default.cell, 0.6, 1.0):
+        for cell in cells:
             varied[f"cell {cell:g}, {step * 1e3:g} mm"] = replace(default, cell=cell, update_distance=step)
     for step in (0.0005, 0.001):
         for count in (300, 1000):
-            changed = replace(particle, particles=count, update_distance=step)
+            changed = replace(default, filter="particle", particles=count, update_distance=step)
             varied[f"{count} particles, {step * 1e3:g} mm"] = changed
-    without_region = () if scene.feature else ("featureless",)  # it models the material outside of the region
     for model in MODELS:
-        if model not in (SWEEP_MIXTURE, *without_region):
-            varied[model] = replace(particle, model=model)
+        if model != SWEEP_MIXTURE and (model != "featureless" or scene.feature):  # it models the region
+            varied[model] = replace(default, filter="particle", model=model)
     names: dict[Configuration, str] = {}
     for name, configuration in varied.items():
-        same = replace(configuration, cell=default.cell) if scene.dimension == 1 else configuration
-        names.setdefault(same, name)
+        cell = default.cell if scene.dimension == 1 else configuration.cell
+        names.setdefault(replace(configuration, cell=cell), name)
     return [Candidate(name, configuration) for configuration, name in names.items()]
 
 

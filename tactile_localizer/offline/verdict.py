@@ -83,7 +83,7 @@ def judge(
             continue
         expected += 1
         never += not converges
-        error = np.where(sweep.converged[:, None], _error(scene, sweep), 0.0)
+        error = np.abs(np.nan_to_num(deviation(scene, sweep))) * sweep.converged[:, None]
         relative = np.square(error / criteria.radius).sum(axis=1)
         if (relative > 1.0).any():
             wrong += 1
@@ -95,13 +95,6 @@ def judge(
             notes.append(f"sweep {sweep.number} {_reason(sweep)}")
     has_truth = any(sweep.truth is not None for sweep in sweeps)
     return Verdict(len(sweeps), expected, right, wrong, early, never, has_truth, tuple(notes))
-
-
-def _error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
-    """Absolute errors (n, d), m (yaw: rad); zero where the truth is unknown."""
-    if sweep.truth is None:
-        return np.zeros(sweep.mean.shape)
-    return np.abs(np.nan_to_num(deviation(scene, sweep.mean, sweep.truth)))
 
 
 def _reason(sweep: ReplayedSweep) -> str:

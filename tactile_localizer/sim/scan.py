@@ -155,17 +155,14 @@ def simulate_scan(
 
 def _join(feature: str, sweeps: list[SimulatedSweep], channels: tuple[int, ...]) -> SimulatedScan:
     lengths = [len(sweep.stamp_ns) for sweep in sweeps]
-    before = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-    contact = np.array([sweep.contact for sweep in sweeps])
-    feature_end = np.array([sweep.feature_end for sweep in sweeps])
+    before = np.cumsum([0, *lengths[:-1]])
+    contact = np.array([(sweep.contact, sweep.feature_end) for sweep in sweeps])
+    contact = np.where(contact < 0, -1, contact + before[:, None])
+    samples = {
+        name: np.concatenate([getattr(sweep, name) for sweep in sweeps])
+        for name in ("stamp_ns", "truth", "odometry", "strain")
+    }
+    number = np.repeat([sweep.number for sweep in sweeps], lengths)
     return SimulatedScan(
-        feature=feature,
-        stamp_ns=np.concatenate([sweep.stamp_ns for sweep in sweeps]),
-        truth=np.concatenate([sweep.truth for sweep in sweeps]),
-        odometry=np.concatenate([sweep.odometry for sweep in sweeps]),
-        strain=np.concatenate([sweep.strain for sweep in sweeps]),
-        sweep=np.repeat([sweep.number for sweep in sweeps], lengths),
-        contact=np.where(contact < 0, -1, contact + before),
-        feature_end=np.where(feature_end < 0, -1, feature_end + before),
-        channels=channels,
+        feature, **samples, sweep=number, contact=contact[:, 0], feature_end=contact[:, 1], channels=channels
     )

@@ -155,10 +155,9 @@ def sensors(channels: tuple[int, ...]) -> tuple[LoadCell, ...]:
 
 
 def _require(feature: str, kind: str, speed: float, rate: float) -> None:
-    if feature not in FEATURES:
-        raise ParameterError(f"feature {feature!r}: expected one of {', '.join(FEATURES)}")
-    if kind not in KINDS:
-        raise ParameterError(f"sweep kind {kind!r}: expected one of {', '.join(KINDS)}")
-    for name, value in (("speed", speed), ("rate", rate)):
-        if not (np.isfinite(value) and value > 0):
-            raise ParameterError(f"sweep {name}: expected a positive number, got {value}")
+    for what, value, choices in (("feature", feature, FEATURES), ("sweep kind", kind, KINDS)):
+        if value not in choices:
+            raise ParameterError(f"{what} {value!r}: expected one of {', '.join(choices)}")
+    for name, number in (("speed", speed), ("rate", rate)):
+        if not (np.isfinite(number) and number > 0):
+            raise ParameterError(f"sweep {name}: expected a positive number, got {number}")

@@ -42,7 +42,7 @@ def test_configurations_are_compared_on_an_own_scan_without_a_region(
     assert max(map(len, printed.partition("region:")[0].splitlines())) <= 80
     assert "region: not measured, SceneError: scene bump: expected a feature region" in printed
     document = json.loads(Path("tradeoff/tradeoff.json").read_text())
-    assert [one["name"] for one in document["candidates"]] == ["own", "fast"]
+    assert [one["candidate"] for one in document["candidates"]] == ["own", "fast"]
     assert [one["verdict"]["right"] for one in document["candidates"]] == [2, 2]
     assert Path("tradeoff/tradeoff.png").stat().st_size > 10_000
     assert main(["replay", "test.csv", "--scan", "bump_scan", "--config", "tradeoff/configuration.yaml"]) == 0

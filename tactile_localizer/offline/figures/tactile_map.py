@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,7 +14,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
-from tactile_localizer.offline.axes import MM, display_units, label_axis, legend_below, literal
+from tactile_localizer.offline.axes import MM, display_units, label_axis, literal
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
@@ -28,9 +26,12 @@ MAX_CHANNELS = 48
 """Channels of a phalanx shown at most."""
 
 
-@dataclass(frozen=True)
-class DrawnScan:
-    """A scan to draw.
+def scan_figures(scan: Scan, scene: Scene, unit: str = "V") -> dict[str, Figure]:
+    """Every figure of a scan, by the name of its file.
+
+    Over two axes, ``map`` has the paths of the sweeps and two channels that respond differently (paper,
+    Fig. 3 b, c, d), and ``map_<phalanx>`` all channels of a phalanx, or the :data:`MAX_CHANNELS` that vary
+    most, in one colour scale. Over one axis, ``map_<phalanx>`` has every sweep and the map in black.
 
     Parameters
     ----------
@@ -38,39 +39,27 @@ class DrawnScan:
     scene : its bounds and phalanges; its feature's region is outlined
     unit : of the strain
     """
-
-    scan: Scan
-    scene: Scene
-    unit: str = "V"
-
-    @cached_property
-    def map(self) -> TactileMap:
-        """The tactile map, over one or two axes of the scene."""
-        return make_map(self.scan, self.scene)
-
-
-def scan_figures(drawn: DrawnScan) -> dict[str, Figure]:
-    """Every figure of a scan, by the name of its file.
-
-    Over two axes, ``map`` has the paths of the sweeps and two channels that respond differently (paper,
-    Fig. 3 b, c, d), and ``map_<phalanx>`` all channels of a phalanx, or the :data:`MAX_CHANNELS` that vary
-    most, in one colour scale. Over one axis, ``map_<phalanx>`` has every sweep and the map in black.
-    """
-    if len(drawn.map.axes) == 1:
-        return {f"map_{phalanx}": _profiles(drawn, phalanx) for phalanx in drawn.scan.phalanges}
-    distinct = _distinct_channels(drawn.map)
-    figures = {"map": _maps(drawn, "scan and tactile map", distinct, with_sweeps=True)}
-    for phalanx in drawn.scan.phalanges:
-        channels = [(phalanx, channel) for channel in _shown_channels(drawn.map, phalanx)]
-        figures[f"map_{phalanx}"] = _maps(drawn, f"strain of phalanx {phalanx}", channels)
+    tactile_map = make_map(scan, scene)
+    if len(tactile_map.axes) == 1:
+        return {f"map_{phalanx}": _profiles(scan, tactile_map, unit, phalanx) for phalanx in scan.phalanges}
+    distinct = _distinct_channels(tactile_map)
+    figures = {"map": _maps(tactile_map, unit, "scan and tactile map", distinct, scan)}
+    for phalanx in scan.phalanges:
+        channels = [(phalanx, channel) for channel in _shown_channels(tactile_map, phalanx)]
+        figures[f"map_{phalanx}"] = _maps(tactile_map, unit, f"strain of phalanx {phalanx}", channels)
     return figures
 
 
 def _maps(
-    drawn: DrawnScan, title: str, channels: Sequence[tuple[str, int]], with_sweeps: bool = False
+    tactile_map: TactileMap,
+    unit: str,
+    title: str,
+    channels: Sequence[tuple[str, int]],
+    paths_of: Scan | None = None,
 ) -> Figure:
-    """Maps of channels, given by phalanx and index, and before them the paths of the sweeps."""
-    count = with_sweeps + len(channels)
+    """Maps of channels, given by phalanx and index, and before them the paths of a scan's sweeps."""
+    first = 0 if paths_of is None else 1
+    count = first + len(channels)
     columns = min(_COLUMNS, count)
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(2.0 + 3.2 * columns, 1.4 + 3.2 * rows), layout="compressed")
@@ -78,28 +67,27 @@ def _maps(
     for place, plot in enumerate(plots.flat):
         if place >= count:
             plot.set_axis_off()
-        elif place < with_sweeps:
-            _draw_sweeps(plot, drawn)
+        elif paths_of is not None and place == 0:
+            _draw_sweeps(plot, paths_of)
         else:
-            phalanx, channel = channels[place - with_sweeps]
-            colours = _draw_channel(plot, drawn, phalanx, channel)
+            phalanx, channel = channels[place - first]
+            colours = _draw_channel(plot, tactile_map, phalanx, channel)
             plot.set_title(f"{literal(phalanx)}, channel {channel + 1}", fontsize=10)
         if place < count:
-            plot.set_aspect("auto" if "yaw" in drawn.map.axes else "equal")
+            plot.set_aspect("auto" if "yaw" in tactile_map.axes else "equal")
             row, column = divmod(place, columns)
-            label_axis(plot, "x", drawn.map.axes[0], inches=row == 0, label=place + columns >= count)
+            label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=place + columns >= count)
             is_last = place in (columns - 1, count - 1)
-            label_axis(plot, "y", drawn.map.axes[1], inches=is_last, label=column == 0)
+            label_axis(plot, "y", tactile_map.axes[1], inches=is_last, label=column == 0)
     bar = figure.colorbar(colours, ax=plots, extend="both")
-    bar.set_label(f"strain minus that\nof featureless material, {literal(drawn.unit)}")
-    legend_below(figure, plots.flat[count - 1])
-    figure.suptitle(literal(f"{drawn.scene.name}: {title}, by the palm's position"))
+    bar.set_label(f"strain minus that\nof featureless material, {literal(unit)}")
+    figure.suptitle(literal(f"{tactile_map.scene.name}: {title}, by the palm's position"))
     return figure
 
 
-def _profiles(drawn: DrawnScan, phalanx: str) -> Figure:
+def _profiles(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> Figure:
     """The channels of a phalanx along the only axis of the scene: every sweep, and the map in black."""
-    scan, scene, tactile_map = drawn.scan, drawn.scene, drawn.map
+    scene = tactile_map.scene
     channels = _shown_channels(tactile_map, phalanx)
     figure = Figure(figsize=(13, 1 + 1.25 * len(channels)), layout="constrained")
     plots = figure.subplots(len(channels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
@@ -122,27 +110,25 @@ def _profiles(drawn: DrawnScan, phalanx: str) -> Figure:
             plot.axvspan(*display_units(axis, np.array([lower[0], upper[0]])), color="black", alpha=0.08)
     label_axis(plots[0], "x", axis, label=False)
     label_axis(plots[-1], "x", axis, inches=False)
-    legend_below(figure, plots[0])
-    figure.supylabel(f"channel: strain minus its median, {literal(drawn.unit)}", fontsize=10)
+    plots[0].legend(loc="upper right", fontsize=8, ncols=4)
+    figure.supylabel(f"channel: strain minus its median, {literal(unit)}", fontsize=10)
     figure.suptitle(literal(f"{scene.name}: strain of phalanx {phalanx}, by the palm's position"))
     return figure
 
 
-def _draw_channel(plot: Axes, drawn: DrawnScan, phalanx: str, channel: int) -> QuadMesh:
+def _draw_channel(plot: Axes, tactile_map: TactileMap, phalanx: str, channel: int) -> QuadMesh:
     """Draw the map of one channel and the feature's region; all channels have the same colour scale."""
-    tactile_map = drawn.map
+    scene = tactile_map.scene
     x, y = map(display_units, tactile_map.axes, tactile_map.nodes)
     signal = np.abs(tactile_map.values - tactile_map.background)
     limit = float(np.nanpercentile(signal, 99.8)) or 1.0
     values = tactile_map.phalanx(phalanx)[..., channel].T
     plot.set_facecolor(_NO_DATA)
     mesh = plot.pcolormesh(x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit)
-    if drawn.scene.feature is not None and "yaw" not in tactile_map.axes:  # with a yaw it is no rectangle
-        limits = _palm_limits(drawn.scene.feature, _phalanx(drawn.scene, phalanx), drawn.scene)
+    if scene.feature is not None and "yaw" not in tactile_map.axes:  # with a yaw it is no rectangle
+        limits = _palm_limits(scene.feature, _phalanx(scene, phalanx), scene)
         lower, upper = (MM * limit[:2] for limit in limits)
-        plot.add_patch(
-            Rectangle(tuple(lower), *(upper - lower), fill=False, linewidth=1.2, label="feature of the scene")
-        )
+        plot.add_patch(Rectangle(tuple(lower), *(upper - lower), fill=False, linewidth=1.2))
     return mesh
 
 
@@ -164,9 +150,8 @@ def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:
     return sorted(np.argsort(-spread, kind="stable")[:MAX_CHANNELS].tolist())
 
 
-def _draw_sweeps(plot: Axes, drawn: DrawnScan) -> None:
+def _draw_sweeps(plot: Axes, scan: Scan) -> None:
     """Draw paths over the bounds, coloured by order, with a dot where each begins."""
-    scan = drawn.scan
     numbers = scan.sweep_numbers
     for colour, number in zip(colormaps["viridis"](np.linspace(0, 0.9, len(numbers))), numbers, strict=True):
         states = scan.states[scan.sweep == number]

@@ -7,7 +7,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.offline.figures.tactile_map import DrawnScan, scan_figures
+from tactile_localizer.offline.figures.tactile_map import scan_figures
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = Scene(
@@ -34,12 +34,12 @@ def meshes(figure):
 
 
 def test_a_scan_over_two_axes_has_a_sheet_for_each_phalanx(scan):
-    assert list(scan_figures(DrawnScan(scan, SCENE))) == ["map", "map_index", "map_middle"]
+    assert list(scan_figures(scan, SCENE)) == ["map", "map_index", "map_middle"]
 
 
 def test_all_channels_share_one_symmetric_colour_scale(scan):
     tactile_map = make_map(scan, SCENE)
-    figures = scan_figures(DrawnScan(scan, SCENE))
+    figures = scan_figures(scan, SCENE)
     sheets = [figures["map_index"], figures["map_middle"]]
     drawn = [mesh for sheet in sheets for mesh in meshes(sheet)]
     sheets = [mesh for mesh in drawn if mesh.get_array().size == tactile_map.covered.size]
@@ -51,7 +51,7 @@ def test_all_channels_share_one_symmetric_colour_scale(scan):
 
 def test_the_region_is_outlined_in_palm_coordinates(scan):
     scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
-    figure = scan_figures(DrawnScan(scan, scene))["map_index"]
+    figure = scan_figures(scan, scene)["map_index"]
     (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle))
     np.testing.assert_allclose(
         box.get_extents().transformed(figure.axes[0].transData.inverted()).extents, [20.0, 5.0, 30.0, 25.0]
@@ -62,7 +62,7 @@ def test_the_region_is_outlined_in_palm_coordinates(scan):
 
 
 def test_axes_have_millimetres_and_inches(scan):
-    figure = scan_figures(DrawnScan(scan, SCENE))["map_index"]
+    figure = scan_figures(scan, SCENE)["map_index"]
     labels = {plot.get_xlabel() for plot in figure.axes} | {
         child.get_xlabel() for plot in figure.axes for child in plot.child_axes
     }
@@ -73,12 +73,12 @@ def test_axes_have_millimetres_and_inches(scan):
 def test_a_scan_over_one_axis_has_profiles(scan):
     scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.0,)),), Region((0.02,), (0.03,)))
     line = Scan(scan.states[:, :1], scan.strain[:, :8], scan.sweep, ("x",), ("index",))
-    figures = scan_figures(DrawnScan(line, scene, "counts"))
+    figures = scan_figures(line, scene, "counts")
     assert list(figures) == ["map_index"]
     assert len(figures["map_index"].axes) == 8
 
 
 def test_a_single_sweep_can_be_drawn(scan, tmp_path):
-    figures = scan_figures(DrawnScan(scan.select(scan.sweep == 3), SCENE))
+    figures = scan_figures(scan.select(scan.sweep == 3), SCENE)
     for name, figure in figures.items():
         figure.savefig(tmp_path / f"{name}.png", dpi=30)
