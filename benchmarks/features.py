@@ -157,7 +157,10 @@ def convergence_figure(rows: Sequence[Row]) -> Figure:
         early = [100 * point[name] for point in points]
         curve.plot(seam, early, "o-", ms=4, label=f"{label} of contact")
         for point, x, y in zip(points, seam, early, strict=True):
-            curve.annotate(f"{point['probability']:g}", (x, y), (4, 4), textcoords="offset points", size=7)
+            if name == "within_10_mm":
+                curve.annotate(
+                    f"{point['probability']:g}", (x, y), (4, 4), textcoords="offset points", size=7
+                )
             if point["probability"] == Configuration().convergence_probability:
                 curve.plot(x, y, "o", ms=11, mfc="none", mec="black")
     curve.margins(x=0.12)

@@ -1,9 +1,11 @@
-"""Draws docs/images/essentials.png: the effect of wrong scene parameters on the simulated bump."""
+"""Draws docs/images/essentials.png: the effect of wrong values on the simulated bump.
+
+    scripts/in_env python docs/make/essentials.py [PROCESSES]
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +21,12 @@ from tactile_localizer.scene import Scene
 from tactile_localizer.sim.scan import TRAINING_SWEEPS, simulate_scan
 
 PICTURE = Path(__file__).parents[1] / "images/essentials.png"
-SWEEPS = 6
+SEEDS = 1, 2, 3
+"""Seeds of the test sessions, of 18 sweeps each."""
 MM = 1e3
 WRONG_MM = 10.0
-"""Error above which convergence is false, m."""
+"""Error above which convergence is false, mm."""
+SHOWN = "error", "converged", "converged and over 10 mm wrong"
 
 
 def with_margin(scene: Scene, margin_mm: float) -> Scene:
@@ -56,65 +60,70 @@ SLIP = 1.15
 """Travel reported by the arm relative to that of the palm, in the trials of motion_std."""
 
 
-def trial(task: tuple[str, float]) -> tuple[float, float, float]:
-    """Median error after contact, mm; fractions converged there, and converged with over 10 mm of error."""
+def trial(task: tuple[str, float]) -> np.ndarray:
+    """Outcome (3, S) of each sweep that touches the bump, from contact on.
+
+    Mean error, mm; percentages of the strains that are converged, and converged with over 10 mm of error.
+    """
     name, value = task
     scene = load_scene(resource_path("config/scenes/bump.yaml"))
-    change: dict[str, Callable[[Scene, float], Scene]] = {
-        "bounds": with_margin, "motion_std": with_motion,
-    }  # fmt: skip
-    if name in change:
-        scene = change[name](scene, value)
+    if name == "bounds":
+        scene = with_margin(scene, value)
+    if name == "motion_std":
+        scene = with_motion(scene, value)
     passes = int(value) if name == "passes" else 1
     train = simulate_scan("bump", 1, "train", sweeps=passes * TRAINING_SWEEPS).to_scan()
     inside = screen(scene, train.states, train.strain, np.zeros((len(train), 2), np.uint8)) == USABLE
     if name == "lines":
         inside &= train.sweep % round(value / 2.54) == 0
-    choices = Configuration()
-    if name == "convergence_radius":
-        choices = replace(choices, convergence_radius=value / MM)
-    localizer = make_localizer(train.select(inside), scene, choices, seed=1)
-    test = simulate_scan("bump", 1, "test", sweeps=SWEEPS)
-    position = (SLIP if name == "motion_std" else 1.0) * test.odometry
-    errors, converged = [], []
-    for part, contact in zip(test.slices(), test.contact, strict=True):
-        localizer.reset()
-        for k in range(part.start, part.stop):
-            estimate = localizer.update(int(test.stamp_ns[k]), position[k], test.strain[k])
-            if k > contact >= 0:
-                errors.append(float(np.linalg.norm(estimate.mean - test.truth[k])) * MM)
-                converged.append(estimate.converged)
-    error, sure = np.array(errors), np.array(converged)
-    return float(np.median(error)), float(sure.mean()), float((sure & (error > WRONG_MM)).mean())
+    radius = value / MM if name == "convergence_radius" else Configuration().convergence_radius
+    localizer = make_localizer(train.select(inside), scene, Configuration(convergence_radius=radius), seed=1)
+    found = []
+    for test in (simulate_scan("bump", seed, "test") for seed in SEEDS):
+        position = (SLIP if name == "motion_std" else 1.0) * test.odometry
+        for part, contact in zip(test.slices(), test.contact, strict=True):
+            if contact < 0:
+                continue
+            localizer.reset()
+            estimates = [
+                localizer.update(int(test.stamp_ns[k]), position[k], test.strain[k])
+                for k in range(part.start, part.stop)
+            ][contact - part.start :]
+            means = np.array([estimate.mean for estimate in estimates])
+            error = MM * np.linalg.norm(means - test.truth[contact : part.stop], axis=1)
+            converged = np.array([estimate.converged for estimate in estimates])
+            found.append(
+                (error.mean(), 100 * converged.mean(), 100 * (converged & (error > WRONG_MM)).mean())
+            )
+    return np.array(found).T
 
 
 def main() -> None:
-    """Run all trials and draw."""
+    """Run all trials, print their means with standard errors, and draw."""
     tasks = [(name, value) for name, values in VALUES.items() for value in values]
-    with ProcessPoolExecutor(2) as pool:
-        found = dict(zip(tasks, pool.map(trial, tasks), strict=True))
-    for task, numbers in found.items():
-        print(*task, *(f"{number:.3g}" for number in numbers), file=sys.stderr)
-    figure = Figure(figsize=(15, 3.6), layout="constrained")
-    for plot, (name, values) in zip(figure.subplots(1, len(VALUES)), VALUES.items(), strict=True):
-        error, sure, wrong = np.array([found[name, value] for value in values]).T
-        lines = plot.plot(values, error, "ko-", label="median error after contact, mm")
-        share = plot.twinx()
-        lines += share.plot(values, 100 * sure, "o--", color="tab:blue", label="converged, %")
-        lines += share.plot(
-            values, 100 * wrong, "s--", color="tab:red", label="converged and over 10 mm wrong, %"
-        )
-        share.set_ylim(-4, 104)
-        share.tick_params(axis="y", colors="0.4", labelright=name == "lines")
-        plot.set_ylim(0, 5)
-        plot.tick_params(axis="y", labelleft=name == "bounds")
-        plot.set_xlabel(LABELS[name])
-        plot.set_title(name)
+    with ProcessPoolExecutor(int(sys.argv[1]) if len(sys.argv) > 1 else 2) as pool:
+        outcomes = dict(zip(tasks, pool.map(trial, tasks), strict=True))
+    found = {}
+    for task, outcome in outcomes.items():
+        found[task] = outcome.mean(axis=1), outcome.std(axis=1, ddof=1) / np.sqrt(outcome.shape[1])
+        print(*task, *(f"{mean:.2f} +- {error:.2f}" for mean, error in zip(*found[task], strict=True)))
+    figure = Figure(figsize=(15, 5.4), layout="constrained")
+    panels = figure.subplots(2, len(VALUES), sharex="col", sharey="row")
+    for (above, below), (name, values) in zip(panels.T, VALUES.items(), strict=True):
+        mean, error = (np.array(rows) for rows in zip(*(found[name, value] for value in values), strict=True))
+        for plot, column, style in ((above, 0, "ko-"), (below, 1, "bo-"), (below, 2, "rs--")):
+            plot.errorbar(values, mean[:, column], 2 * error[:, column], fmt=style, label=SHOWN[column])
+        above.set_title(name)
+        above.set_ylim(bottom=0)
+        below.set_ylim(-4, 104)
+        below.set_xlabel(LABELS[name])
         if name == "motion_std":
-            plot.set_xscale("log")
+            below.set_xscale("log")
         if name == "passes":
-            plot.set_xticks(values)
-    figure.legend(lines, [str(line.get_label()) for line in lines], loc="outside lower center", ncols=3)
+            below.set_xticks(values)
+    panels[0, 0].set_ylabel("error from contact on, mm")
+    panels[1, 0].set_ylabel("strains from contact on, %")
+    panels[1, 0].legend(loc="center right", fontsize=8)
     figure.savefig(PICTURE, dpi=110)
 
 
