@@ -10,7 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.sweeps import unseen_sweep, write_scan
 
+from tactile_localizer import load_scan, make_localizer
 from tactile_localizer.cli import command_parser
 
 ROOT = Path(__file__).parents[1]
@@ -122,6 +124,23 @@ def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
 def test_the_navigation_has_every_page() -> None:
     navigation = (ROOT / "mkdocs.yml").read_text()
     assert [name for page in PAGES if (name := str(page.relative_to(ROOT))) not in navigation] == []
+
+
+def test_the_way_of_a_sample_names_every_module_that_an_update_crosses(tmp_path: Path) -> None:
+    write_scan(tmp_path / "bump_scan")
+    scan, scene = load_scan(tmp_path / "bump_scan")
+    localizer = make_localizer(scan, scene, scan_file=tmp_path / "bump_scan")
+    sweep, files = unseen_sweep(), set()
+    sys.setprofile(lambda frame, event, argument: files.add(frame.f_code.co_filename))
+    for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.odometry, sweep.strain, strict=True):
+        localizer.update(stamp_ns, position, strain)
+    sys.setprofile(None)
+    crossed = {
+        Path(file).name for file in files if "/tactile_localizer/" in file and ROOT in Path(file).parents
+    }
+    way = (ROOT / "docs/concepts.md").read_text().partition("## The way of a sample")[2]
+    assert len(crossed) > 10
+    assert crossed - set(re.findall(r"(\w+\.py)", way)) == set()
 
 
 def test_message_fields_are_described() -> None:
