@@ -22,7 +22,7 @@ from tactile_localizer.core.factory import learn
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.io.whole_file import open_file, whole_file
 from tactile_localizer.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -45,7 +45,8 @@ def learned_calibration(
     """
     digest = digest_of(scan, scene)
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
-        values = json.loads(Path(path, FILE).read_text(encoding="utf-8"))
+        with open_file(Path(path, FILE)) as file:
+            values = json.loads(file.read())
         calibration = Calibration(
             float(values["information_length"]),
             np.array(values["registration_std"], dtype=np.float64),

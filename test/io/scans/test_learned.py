@@ -2,6 +2,7 @@
 
 import dataclasses
 import logging
+import os
 
 import numpy as np
 import pytest
@@ -59,9 +60,12 @@ def test_a_flipped_byte_is_calibrated_again(path, calibrated):
         assert len(calibrated) == count
 
 
-@pytest.mark.parametrize("content", ["{}", "[1]", "x", "[" * 100_000])
+@pytest.mark.parametrize("content", ["{}", "[1]", "x", "[" * 100_000, None])
 def test_an_invalid_file_is_calibrated_again(path, calibrated, content):
-    (path / "calibration.json").write_text(content)
+    if content is None:
+        os.mkfifo(path / "calibration.json")
+    else:
+        (path / "calibration.json").write_text(content)
     assert learned_calibration(path, *load_scan(path)).information_length == 0.0015
     assert len(calibrated) == 1
 
