@@ -26,7 +26,7 @@ def recorded(tmp_path_factory):
     (folder / "test.csv.gz").symlink_to(BUMP / "test.csv.gz")
     scene = load_scene(BUMP / "scene.yaml")
     recording = read_csv(BUMP / "train.csv.gz", scene)
-    import_recording(recording, scene, folder / "bump_scan", what="test", detail={})
+    import_recording(recording, scene, folder / "bump_scan")
     return folder
 
 

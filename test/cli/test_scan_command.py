@@ -24,10 +24,8 @@ def record(path, scene=SCENE, unit="V"):
             stamp_ns = 1_700_000_000_000_000_000 + number * 10**10 + np.arange(len(x)) * 50_000_001
             states = np.column_stack([x, np.full_like(x, y)])
             strain = rng.normal(size=(len(x), 8 * len(scene.phalanges)))
-            sweep = RecordedSweep(
-                number, stamp_ns, states, strain, strain[:, :1], gaps=number, strain_unit=unit
-            )
-            writer.add(sweep)
+            pairs = stamp_ns, states, strain, strain[:, :1]
+            writer.add(RecordedSweep(number, *pairs, gaps=number, strain_unit=unit))
         writer.note("test", files=["a\nb.csv"], notes=["one \x1b[31mnote"])
 
 
@@ -71,12 +69,6 @@ def test_names_are_printed_literally(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "out" / "map_[_index] $\\frac.png").exists()
 
 
-def test_info_of_an_empty_scan(tmp_path, capsys):
-    ScanWriter(tmp_path / "empty", SCENE).close()
-    assert main(["scan", "info", str(tmp_path / "empty")]) == 0
-    assert "no pairs" in capsys.readouterr().out
-
-
 def test_plot_draws_every_figure(scan, capsys):
     assert main(["scan", "plot", "bump_scan", "-o", "figures", "--dpi", "30"]) == 0
     drawn = capsys.readouterr().out.split()
@@ -101,3 +93,5 @@ def test_mistakes_are_refused_in_one_line(scan, capsys, arguments, message):
     printed = capsys.readouterr().err
     assert message in printed
     assert printed.count("\n") == 1
+    assert main(["scan", "info", "empty"]) == 0
+    assert "no pairs" in capsys.readouterr().out

@@ -47,26 +47,19 @@ def test_standard_columns_are_read_by_name(tmp_path):
     names += [f"middle_{gauge}" for gauge in range(2, 9)] + GAUGES
     rng = np.random.default_rng(1)
     table = {name: rng.uniform(0, 1, 6) for name in names}
-    table["stamp_s"] = np.array([1, 2, 3, 1, 2, 3.0]) / 10
+    table["stamp_s"] = [f"1700000000.{n}23456789" for n in (1, 2, 3, 1, 2, 3)]
     table["sweep"] = np.array([4, 4, 4, 0, 0, 0])
-    rows = [
-        [repr(float(table[name][row])) if name != "note" else "felt" for name in names] for row in range(6)
-    ]
+    table["note"] = ["1_a \u0661"] * 6
+    rows = [[table[name][row] for name in names] for row in range(6)]
     recording = read_csv(write(tmp_path / "a.csv", names, rows), SCENE)
     assert recording.notes == ()
     assert [sweep.number for sweep in recording.sweeps] == [4, 0]
     first = recording.sweeps[0]
-    np.testing.assert_array_equal(first.stamp_ns, np.array([1, 2, 3]) * 100_000_000)
+    assert first.stamp_ns.tolist() == [1_700_000_000_023_456_789 + n * 10**8 for n in (1, 2, 3)]
     np.testing.assert_array_equal(first.position, np.column_stack([table["x"][:3], table["y"][:3]]))
     expected = [table[f"{phalanx}_{gauge}"][:3] for phalanx in ("index", "middle") for gauge in range(1, 9)]
     np.testing.assert_array_equal(first.strain, np.column_stack(expected))
     assert first.truth is None
-
-
-def test_stamps_since_1970_keep_their_nanoseconds(tmp_path):
-    rows = [["1700000000.123456789", 0, *[0] * 8]]
-    sweep = read_csv(write(tmp_path / "a.csv", HEADER, rows), LINE).sweeps[0]
-    assert sweep.stamp_ns[0] == 1_700_000_000_123_456_789
 
 
 def test_each_file_is_a_sweep(tmp_path):
@@ -176,22 +169,6 @@ def test_delimiters_quotes_byte_order_marks_and_gzip_are_read(tmp_path, delimite
         np.testing.assert_allclose(recording.sweeps[0].position[:, 0], [0, 0.001, 0.002, 0.003])
 
 
-@pytest.mark.parametrize(
-    ("stamps", "message"),
-    [
-        (
-            [1.7e12 + 5 * n for n in range(20)],
-            r"expected stamps in s, found 1.7e\+12 \(another unit\? --column stamp_s=stamp_s\*0.001",
-        ),
-        ([17e17 + 5e6 * n for n in range(20)], r"found 1.7e\+18 \(another unit\? .* \*1e-9 for ns"),
-    ],
-)
-def test_stamps_that_cannot_be_seconds_are_refused_with_the_unit(tmp_path, stamps, message):
-    rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, line_rows(20), strict=True)]
-    with pytest.raises(ScanError, match=message):
-        read_csv(write(tmp_path / "a.csv", HEADER, rows), LINE)
-
-
 @pytest.mark.parametrize("factor", [1e3, 1e9, 1e-3, 1e-6])
 def test_an_implausible_period_is_reported_with_other_units(tmp_path, factor):
     rows = [[factor * 0.005 * n + 1, *row[1:]] for n, row in enumerate(line_rows(20))]
@@ -199,54 +176,57 @@ def test_an_implausible_period_is_reported_with_other_units(tmp_path, factor):
     assert "s apart (another unit? --column stamp_s=stamp_s*0.001 for ms" in note
 
 
-HEAD = ",".join(HEADER).encode()
-SWEEPS = ",".join(["stamp_s", "sweep", *HEADER[1:]]).encode()
+HEAD = ",".join(HEADER) + "\n"
+SWEEPS = ",".join(["sweep", *HEADER]) + "\n"
+ROW = ",0" + ",1" * 8 + "\n"
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (None, "expected a CSV file, No such file"),
-        (b"", "expected a column for stamp_s .*, found no header"),
-        (b"stamp_s,x\n1,2\n", "expected a column for index .*, found stamp_s, x; .* --column index=NAME1..8"),
+        ("", "expected a column for stamp_s .*, found no header"),
+        ("stamp_s,x\n1,2\n", "expected a column for index .*, found stamp_s, x; .* --column index=NAME1..8"),
         (b"\xff\xfd\x00\x80" * 50, "expected a CSV file in UTF-8"),
-        (b"\xff\xfe" + "stamp_s".encode("utf-16-le"), "expected a CSV file in UTF-8"),
+        ("stamp_s".encode("utf-16"), "expected a CSV file in UTF-8"),
         (b"\x1f\x8b\x08", "expected a CSV file, Compressed file ended"),
         (HEAD, "expected rows of numbers, found none in 0 rows"),
-        (HEAD + b"\na" + b",b" * 9, "found none in 1 rows .line 2: a, b, b"),
+        (HEAD + "a" + ROW, "found none in 1 rows .line 2: a, 0, 1"),
+        (HEAD + "1,0" + ",5" * 16, "line 2: expected 10 cells as in the header, found 18 .decimal commas"),
         (
-            HEAD + b"\n1,0" + b",5" * 16,
-            r"line 2: expected 10 cells as in the header, found 18 .decimal commas",
+            HEAD + "1.7e12" + ROW,
+            r"in s, found 1.7e\+12 .another unit\? --column stamp_s=stamp_s\*0.001",
         ),
-        (b"x," + HEAD, "expected one column 'x', found 2"),
-        (HEAD + b"," + b"x" * 2**24, "expected a CSV file, field larger|lines of 16777216 characters"),
-        (
-            gzip.compress(HEAD + b"\n" + b"0" * 2**28),
-            "line 2: expected at most 20000000 lines of 16777216",
-        ),
-        (SWEEPS + b"\n0,0.5,0" + b",1" * 8, "whole numbers in the column of the sweeps, found 0.5"),
-        (SWEEPS + b"\n0,-1,0" + b",1" * 8, "whole numbers in the column of the sweeps, found -1"),
-        (
-            SWEEPS + b"".join(b"\n%d,%d,0" % (n, n % 2) + b",1" * 8 for n in range(3)),
-            "the rows of each sweep together, found sweeps 0, 1, 0",
-        ),
+        (HEAD + "17e17" + ROW, r"found 1.7e\+18 \(another unit\? .* \*1e-9 for ns"),
+        ("x," + HEAD, "expected one column 'x', found 2"),
+        (SWEEPS + "0.5,0" + ROW, "whole numbers in the column of the sweeps, found 0.5"),
+        (SWEEPS + "-1,0" + ROW, "whole numbers in the column of the sweeps, found -1"),
+        (SWEEPS + "".join(f"{n % 2},{n}{ROW}" for n in range(3)), "together, found sweeps 0, 1, 0"),
     ],
 )
 def test_unusable_files_are_refused(tmp_path, content, message):
     path = tmp_path / "a.csv"
     if content is not None:
-        path.write_bytes(content)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ScanError, match=message) as refusal:
         read_csv(path, LINE)
     assert str(refusal.value).startswith(str(path))
     assert "\n" not in str(refusal.value)
 
 
-def test_pipes_and_devices_are_refused(tmp_path):
+def test_what_would_never_end_or_fill_the_memory_is_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", "/dev/zero", tmp_path):
         with pytest.raises(ScanError, match=r"expected a CSV file, found (no regular file|a directory)"):
             read_csv(path, LINE)
+    with gzip.open(tmp_path / "bomb.csv.gz", "wt") as file:
+        file.write(HEAD + "0" * 2**25)
+    with pytest.raises(ScanError, match="line 2: expected at most 20000000 lines of 16777216 characters"):
+        read_csv(tmp_path / "bomb.csv.gz", LINE)
+    (tmp_path / "wide.csv").write_text(",".join(f"c{n}c" for n in range(10**6)) + "\n")
+    with pytest.raises(ScanError, match="and 999980 more") as refusal:
+        read_csv(tmp_path / "wide.csv", LINE)
+    assert len(str(refusal.value)) < 1000
 
 
 @pytest.mark.parametrize(
@@ -273,11 +253,3 @@ def test_an_invalid_naming_file_is_refused(tmp_path, content):
         path.write_text(content)
     with pytest.raises(ScanError, match=str(path)):
         load_naming(path)
-
-
-def test_messages_about_huge_headers_are_short(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text(",".join(f"c{n}c" for n in range(10**6)) + "\n")
-    with pytest.raises(ScanError, match="and 999980 more") as refusal:
-        read_csv(path, LINE)
-    assert len(str(refusal.value)) < 1000

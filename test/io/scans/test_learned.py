@@ -43,13 +43,6 @@ def test_a_scan_is_calibrated_once(path, calibrated):
     assert calibrated == ["bump"]
 
 
-def test_another_scene_is_calibrated_again(path, calibrated):
-    scan, scene = load_scan(path)
-    learned_calibration(path, scan, scene)
-    learned_calibration(path, scan, dataclasses.replace(scene, measurement={}))
-    assert len(calibrated) == 2
-
-
 def test_a_flipped_byte_is_calibrated_again(path, calibrated):
     learned_calibration(path, *load_scan(path))
     file = path / "calibration.json"

@@ -94,72 +94,62 @@ def test_merging_is_copying(tmp_path):
     assert [sweep.number for sweep in one.sweeps()] == [1, 2, 3]
 
 
-def copied(path):
-    shutil.copy(path / "sweep_0001.npy", path / "sweep_0004.npy")
-    return "sweep_0004.npy: expected every sweep once, found sweep 4 equal to sweep 1"
-
-
-def misnamed(path):
-    shutil.copy(path / "sweep_0001.npy", path / "sweep_0004 (1).npy")
-    return r"sweep_0004 \(1\).npy: expected a name like sweep_0001.npy"
-
-
-def named_twice(path):
-    shutil.copy(path / "sweep_0001.npy", path / "sweep_001.npy")
-    return "sweep_001.npy: expected a name like sweep_0001.npy, of one sweep"
-
-
 def of_another_unit(path):
     with ScanWriter(path, SCENE) as writer:
         writer.add(RecordedSweep(4, *pairs(seed=4), np.zeros((10, 2)), strain_unit="counts"))
-    return "sweep_0004.npy: expected strain in V, found counts"
 
 
 def of_another_scene(path):
-    scene = replace(SCENE, phalanges=SCENE.phalanges[:1])
-    with ScanWriter(path.parent / "other", scene) as writer:
+    with ScanWriter(path.parent / "other", replace(SCENE, phalanges=SCENE.phalanges[:1])) as writer:
         writer.add(RecordedSweep(9, *pairs()[:2], pairs()[2][:, :8], np.zeros((10, 1))))
     shutil.copy(path.parent / "other" / "sweep_0009.npy", path)
-    return r"sweep_0009.npy: expected the phalanges .*'middle'.*, found .*'index'"
 
 
 def of_another_scene_in_progress(path):
     scene = replace(SCENE, axes=(Axis("x", 0.0, 0.06), SCENE.axes[1]))
     with ScanWriter(path.parent / "other", scene) as writer:
         writer.begin_sweep().append(*pairs(seed=8))
-        shutil.copy(path.parent / "other" / "sweep_0001.npy", path / "sweep_0009.npy")
-    return "sweep_0009.npy: expected pairs of the scan's scene, found none that is intact"
+    shutil.copy(path.parent / "other" / "sweep_0001.npy", path / "sweep_0009.npy")
 
 
-def of_other_numbers(path):
-    np.save(path / "sweep_0009.npy", np.zeros(300))
-    return "sweep_0009.npy: expected pairs of the scan's scene, found none that is intact"
+def copied_to(name):
+    return lambda path: shutil.copy(path / "sweep_0001.npy", path / name)
 
 
-def a_pipe(path):
-    os.mkfifo(path / "sweep_0009.npy")
-    return "sweep_0009.npy: could not be read, found no regular file"
+UNUSABLE = [
+    (
+        "sweep_0004.npy",
+        copied_to("sweep_0004.npy"),
+        "expected every sweep once, found sweep 4 equal to sweep 1",
+    ),
+    ("sweep_0004 (1).npy", copied_to("sweep_0004 (1).npy"), "expected a name like sweep_0001.npy"),
+    ("sweep_001.npy", copied_to("sweep_001.npy"), "expected a name like sweep_0001.npy, of one sweep"),
+    ("sweep_0004.npy", of_another_unit, "expected strain in V, found counts"),
+    ("sweep_0009.npy", of_another_scene, "expected the phalanges .*'middle'.*, found .*'index'"),
+    ("sweep_0009.npy", of_another_scene_in_progress, "expected pairs of the scan's scene, found none"),
+    (
+        "sweep_0009.npy",
+        lambda path: np.save(path / "sweep_0009.npy", np.zeros(300)),
+        "expected pairs of the scan",
+    ),
+    ("sweep_0009.npy", lambda path: os.mkfifo(path / "sweep_0009.npy"), "found no regular file"),
+    (
+        "sweep_0009.npy",
+        lambda path: (path / "sweep_0009.npy").symlink_to("/dev/zero"),
+        "found no regular file",
+    ),
+]
 
 
-def a_device(path):
-    (path / "sweep_0009.npy").symlink_to("/dev/zero")
-    return "sweep_0009.npy: could not be read, found no regular file"
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        copied, misnamed, named_twice, of_another_unit, of_another_scene, of_another_scene_in_progress,
-        of_other_numbers, a_pipe, a_device,
-    ],
-)  # fmt: skip
-def test_a_file_that_cannot_be_used_is_named_and_the_others_are_used(tmp_path, damage):
+@pytest.mark.parametrize(("name", "make", "message"), UNUSABLE)
+def test_a_file_that_cannot_be_used_is_named_and_the_others_are_used(tmp_path, name, make, message):
     scan = record(tmp_path / "scan")
-    message = damage(scan.path)
+    make(scan.path)
     files = sorted(scan.path.iterdir())
     sweeps, (line,) = scan.read()
     assert [sweep.number for sweep in sweeps] == [1, 2, 3]
-    assert re.search(rf"scan/{message}.*not used$", line), line
+    assert line.startswith(f"{scan.path / name}: ")
+    assert re.search(rf"{message}.*not used$", line)
     assert "\n" not in line
     assert len(scan.load()) == 30
     with ScanWriter(scan.path, SCENE) as writer:

@@ -37,7 +37,7 @@ def test_unusable_samples_are_skipped_and_counted(tmp_path):
     recording = recording_of(
         sweep_of(3, [0.5] * 5, status=status, strain=strain, gaps=4), sweep_of(7, [-0.1, 0.0, 0.5, 1.0, 1.1])
     )
-    notes = import_recording(recording, SCENE, tmp_path / "bump_scan", what="test", detail={}, force=True)
+    notes = import_recording(recording, SCENE, tmp_path / "bump_scan", force=True)
     assert notes[0] == "one note"
     assert counts(notes) == [(2, 14), (3, 14), (1, 14), (4, 14)]
     for note, reason in zip(notes[1:], ("bounds", "missing", "saturated", "pose"), strict=True):
@@ -47,28 +47,20 @@ def test_unusable_samples_are_skipped_and_counted(tmp_path):
     assert [(s.number, len(s), s.gaps, s.skipped) for s in scan.sweeps()] == [(3, 1, 4, 4), (7, 3, 0, 2)]
     np.testing.assert_array_equal(scan.load().states[:, 0], [0.5, 0.0, 0.5, 1.0])
     (entry,) = scan.history()
-    assert (entry["what"], tuple(entry["notes"])) == ("test", notes)
+    assert (entry["what"], tuple(entry["notes"])) == ("import", notes)
 
 
 def test_an_empty_import_leaves_no_file(tmp_path):
-    with pytest.raises(
-        ScanError,
-        match="2 samples to be usable, found 0: one note; skipped 2 of 2",
-    ):
-        import_recording(
-            recording_of(sweep_of(1, [2.0, 3.0])), SCENE, tmp_path / "a_scan", what="test", detail={}
-        )
+    with pytest.raises(ScanError, match="2 samples to be usable, found 0: one note; skipped 2 of 2"):
+        import_recording(recording_of(sweep_of(1, [2.0, 3.0])), SCENE, tmp_path / "a_scan")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_import_does_not_overwrite(tmp_path):
     (tmp_path / "bump_scan").write_text("precious")
-    for name, message in (
-        ("bump_scan", "expected no folder of this"),
-        ("x" * 300, "File name too long"),
-    ):
+    for name, message in (("bump_scan", "expected no folder of this"), ("x" * 300, "File name too long")):
         with pytest.raises(ScanError, match=message):
-            import_recording(recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / name, what="test", detail={})
+            import_recording(recording_of(sweep_of(1, [0.5])), SCENE, tmp_path / name)
     assert (tmp_path / "bump_scan").read_text() == "precious"
 
 
@@ -78,6 +70,6 @@ def test_import_on_a_full_disk_names_the_scan_and_leaves_nothing(tmp_path):
         full_disk(100_000),
         pytest.raises(ScanError, match=r"/bump_scan/sweep_0001.npy: could not be written, File too") as e,
     ):
-        import_recording(recording, SCENE, tmp_path / "bump_scan", what="test", detail={})
+        import_recording(recording, SCENE, tmp_path / "bump_scan")
     assert str(e.value).count("bump_scan") == 1
     assert list(tmp_path.iterdir()) == []
