@@ -9,16 +9,14 @@ from __future__ import annotations
 import importlib
 import time
 from collections import Counter
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.exceptions import InvalidTopicNameException
-from rclpy.validate_topic_name import validate_topic_name
 
 from tactile_localizer.errors import MeasurementError, ParameterError
-from tactile_localizer.io.strain_adapter import FieldPath, load_adapter
+from tactile_localizer.io.strain_adapter import StrainSource, load_adapter
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.executable import run
@@ -52,15 +50,7 @@ class AdapterNode(ManagedNode):
     def configure(self) -> None:
         """Read the YAML file and create the publisher."""
         self._adapter = load_adapter(given_or_shipped(self.parameters["adapter_file"], "config/adapters"))
-        self._types = {topic: message_type(name) for topic, name in self._adapter.topics.items()}
-        for source in self._adapter.sources:
-            try:
-                validate_topic_name(source.topic)
-            except InvalidTopicNameException:
-                text = f"expected a name such as /wrench, got {source.topic!r}"
-                raise ParameterError(f"topic of {source.phalanx}: {text}") from None
-            for path in filter(None, (*source.fields, source.valid, source.stamp)):
-                check_field(path, source.kind)
+        self._types = {source.topic: message_type(source) for source in self._adapter.sources}
         self._message = StrainVectors(
             phalanges=list(self._adapter.phalanges), channels=self._adapter.layout.counts
         )
@@ -108,36 +98,25 @@ class AdapterNode(ManagedNode):
         self._reported_s = time.monotonic()
 
 
-def check_field(path: FieldPath, type_name: str) -> None:
-    """Check that messages of a type have the field at a path, as far as a message without elements shows it.
+def message_type(source: StrainSource) -> Any:
+    """The class of the messages of a source.
 
     Raises
     ------
     ParameterError
-        The type does not have the field.
+        The type is not installed, or lacks the field.
     """
-    value = message_type(type_name)()
-    for name, part in path.steps:
-        if not hasattr(value, name):
-            raise ParameterError(f"field {path.text}: expected a field of {type_name}, found no {name}")
-        value = getattr(value, name)
-        if part is not None:
-            return  # the arrays of this message are empty
-
-
-def message_type(name: str) -> Any:
-    """The class of a message type such as ``geometry_msgs/msg/WrenchStamped``.
-
-    Raises
-    ------
-    ParameterError
-        The type is not installed.
-    """
-    package, _, message = name.split("/")
+    package, _, name = source.kind.split("/")
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), message)
+        kind = getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
-        raise ParameterError(f"type {name}: expected an installed message type, found none") from None
+        raise ParameterError(f"type {source.kind}: expected an installed message type, found none") from None
+    try:
+        reduce(getattr, source.field.split("."), kind())
+    except AttributeError:
+        text = f"expected a field of {source.kind}, found none"
+        raise ParameterError(f"field {source.field}: {text}") from None
+    return kind
 
 
 def main() -> int:
