@@ -260,11 +260,26 @@ class FilterNode(ManagedNode):
 
     def _missing(self) -> str:
         """Why there is no new estimate."""
-        if self._online.last_error and not self._silent:
-            return self._online.last_error
-        pairing = self._inputs.pairing
-        late = "palm_pose" if (pairing.newest_pose_ns or -1) < (pairing.newest_ns or -1) else "strain"
-        return f"no {' and no '.join(self._silent or [late])}"
+        inputs = self._inputs
+        if self._silent:
+            stamped = {topic: " with a stamp" if inputs.unstamped[topic] else "" for topic in self._silent}
+            return " and ".join(f"no {topic}{stamped[topic]}" for topic in self._silent)
+        reason = self._misalignment() or self._online.last_error
+        reason = reason or inputs.misalignment(self.parameters["stale_timeout_s"] / 2)
+        late = (
+            "palm_pose"
+            if (inputs.pairing.newest_pose_ns or -1) < (inputs.pairing.newest_ns or -1)
+            else "strain"
+        )
+        return reason or f"no {late}"
+
+    def _misalignment(self) -> str:
+        """Why the stamps of poses and strain do not belong together; empty if they do."""
+        return self._inputs.misalignment(self.parameters["patience_s"])
+
+    def _problem(self) -> str:
+        """What is wrong with the inputs; empty if nothing is."""
+        return self._stale or (self._missing() if self._silent else self._misalignment())
 
     def _repeat_as_stale(self) -> None:
         if self._online.latest is not None:
@@ -280,7 +295,7 @@ class FilterNode(ManagedNode):
             self._estimates.publish_waiting(stamp_ns, self._localizer, reason)
         self._health.publish(
             self._diagnostics.belief(self._online, str(self._loaded.path), self._stale),
-            self._diagnostics.inputs(self._inputs, self._online, self._silent, self._stale),
+            self._diagnostics.inputs(self._inputs, self._online, self._problem(), bool(self._stale)),
         )
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:

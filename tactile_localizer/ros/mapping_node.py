@@ -158,7 +158,8 @@ class MappingNode(ManagedNode):
             losses = ["no samples received"]
         self._reported_pairs = recorder.pairs
         errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values()]))
-        warnings = ", ".join(losses)
+        misaligned = self._inputs.misalignment(self.parameters["patience_s"])
+        warnings = ", ".join(filter(None, [misaligned, *losses]))
         activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
         level = DiagnosticStatus.OK
         if errors or warnings:

@@ -3,6 +3,8 @@
 The node is started once; each test resets the belief and repeats the sweep at a later time.
 """
 
+import re
+
 import numpy as np
 import pytest
 from support.filter import CELL, Filter, initial_pose
@@ -150,15 +152,45 @@ def test_without_strain_the_estimate_is_stale(node, probe):
     assert {tuple(m.mean) for m in node.posteriors[held:]} == {tuple(node.fresh()[-1].mean)}
 
 
+@pytest.mark.parametrize(("ahead_s", "what"), [(3600, "ahead of"), (-3600, "behind")])
+def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, ahead_s, what):
+    """After a reset too, which ignores the strain before it."""
+    from std_srvs.srv import Empty
+
+    def slide_with_poses_off(samples):
+        node.hand.pose_ns = node.hand.pose_ns + ahead_s * 1_000_000_000
+        node.hand.slide(samples)
+        node.hand.pose_ns = node.hand.pose_ns - ahead_s * 1_000_000_000
+
+    slide_with_poses_off(10)
+    probe.call(Empty, "filter/reinitialize_global_localization")
+    probe.until(
+        lambda: slide_with_poses_off(1) or "palm_pose: stamps are 3" in node.status("inputs")[1], "the report"
+    )
+    assert f"0 s {what} the strain" in node.status("inputs")[1]
+    assert node.status("inputs")[0] == b"\x01"
+    assert not node.fresh()
+
+
+def test_poses_that_are_ahead_are_not_taken_for_missing_strain(node, probe):
+    node.slide(20)
+    poses_ns, node.hand.pose_ns = node.hand.pose_ns, node.hand.pose_ns + 700_000_000
+    node.hand.slide(20)
+    node.hand.pose_ns = poses_ns
+    probe.until(lambda: node.posteriors[-1].stale, "stale")
+    assert re.search(r"palm_pose: stamps are 0\.[67] s ahead of the strain", node.posteriors[-1].reason)
+
+
 def test_zero_stamps_are_ignored(node):
     node.slide(5)
-    seen, jumps = len(node.fresh()), node.count("backward_jumps")
+    seen, jumps, unstamped = len(node.fresh()), node.count("backward_jumps"), node.count("unstamped_strain")
     offset_ns, node.hand.offset_ns = node.hand.offset_ns, -int(node.hand.strain_ns[5])
     node.hand.send_strain(5)
     node.hand.offset_ns = offset_ns
     node.slide(5)
     assert len(node.fresh()) == seen + 5
     assert node.count("backward_jumps") == jumps, "a stopped clock is no backward jump"
+    assert node.count("unstamped_strain") == unstamped + 1
 
 
 def test_the_belief_can_be_reset(node, probe):

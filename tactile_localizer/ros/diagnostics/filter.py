@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -64,9 +63,9 @@ class FilterDiagnostics:
         return self._publisher.status("belief", level, message, values)
 
     def inputs(
-        self, inputs: TactileInputs, online: OnlineLocalizer, silent: Sequence[str], stale: str
+        self, inputs: TactileInputs, online: OnlineLocalizer, problem: str, is_stale: bool
     ) -> DiagnosticStatus:
-        """Status of the inputs: ``silent`` topics, and why the estimate is ``stale``, empty if it is not."""
+        """Status of the inputs: their ``problem``, empty if there is none; whether the estimate is stale."""
         counts = dataclasses.asdict(online.counts)
         absent = counts.pop("absent")
         pairing = inputs.pairing
@@ -78,6 +77,7 @@ class FilterDiagnostics:
                 "strain vectors that are not finite": counts["rejected"],
                 **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
                 **{f"invalid messages on {topic}": inputs.invalid[topic] for topic in TOPICS},
+                **{f"messages on {topic} without a stamp": inputs.unstamped[topic] for topic in TOPICS[:2]},
                 "late messages": pairing.late,
                 "backward jumps of the stamps": pairing.resets,
                 "forward jumps of the stamps": pairing.forward_jumps,
@@ -87,6 +87,7 @@ class FilterDiagnostics:
             **counts,
             **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
             **{f"invalid_{topic}": inputs.invalid[topic] for topic in TOPICS},
+            **{f"unstamped_{topic}": inputs.unstamped[topic] for topic in TOPICS[:2]},
             "lost": inputs.lost,
             "waiting": pairing.waiting,
             "late": pairing.late,
@@ -95,10 +96,11 @@ class FilterDiagnostics:
             "waiting_s": f"{_waiting_s(pairing):.3f}",
             "last_error": online.last_error,
         }
-        missing = stale or (f"no {' and no '.join(silent)}" if silent else "")
-        message = "; ".join(filter(None, [missing, ", ".join(losses)])) or "OK"
-        level = DiagnosticStatus.WARN if missing or losses else DiagnosticStatus.OK
-        return self._publisher.status("inputs", DiagnosticStatus.ERROR if stale else level, message, values)
+        message = "; ".join(filter(None, [problem, ", ".join(losses)]))
+        level = (
+            DiagnosticStatus.ERROR if is_stale else DiagnosticStatus.WARN if message else DiagnosticStatus.OK
+        )
+        return self._publisher.status("inputs", level, message or "OK", values)
 
 
 def _describe(estimate: Estimate) -> dict[str, Any]:

@@ -32,6 +32,8 @@ from tactile_localizer.scene import Axis, Scene
 
 _RECORDED_NS = 60 * NANOSECONDS
 
+_STAMPED = ("strain", "palm_pose")
+
 SYNCHRONIZATION = (
     Parameter(
         "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
@@ -90,8 +92,9 @@ class TactileInputs:
     Attributes
     ----------
     pairing : pairing of the strain vectors with poses
-    clock : estimate of the present time of the sender
-    received, invalid : numbers of messages, and of invalid ones, by topic: ``strain`` and ``palm_pose``
+    clock : estimate of the present time of the sender of the strain
+    received, invalid, unstamped : numbers of messages, of invalid ones, and of others whose stamp is 0, by
+        topic: ``strain`` and ``palm_pose``
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
 
     Raises
@@ -117,6 +120,8 @@ class TactileInputs:
         self.clock = SenderClock(lambda: self._node.now_ns)
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
+        self.unstamped: Counter[str] = Counter()
+        self._ahead_ns: dict[str, int] = {}  # newest pose after the newest strain when a topic last arrived
         self.problems: dict[str, str] = {}
 
     def subscribe(self) -> None:
@@ -135,6 +140,19 @@ class TactileInputs:
     def lost(self) -> int:
         """Number of strain vectors lost in transport."""
         return self._reader.lost
+
+    def misalignment(self, tolerance_s: float) -> str:
+        """How far the stamps of poses are from those of the strain that arrives with them.
+
+        Empty within ``tolerance_s``. A topic that stops is not misaligned.
+        """
+        if len(self._ahead_ns) < len(_STAMPED):
+            return ""
+        ahead_s = min(self._ahead_ns.values(), key=abs) / NANOSECONDS
+        if abs(ahead_s) <= tolerance_s:
+            return ""
+        way = "ahead of" if ahead_s > 0.0 else "behind"
+        return f"palm_pose: stamps are {abs(ahead_s):.1f} s {way} the strain"
 
     def position(self, message: PoseStamped) -> np.ndarray:
         """The palm's position on the scene's axes, (d,), m (yaw: rad).
@@ -192,15 +210,20 @@ class TactileInputs:
         """Pass on the pairs that a message completes, or reject it."""
         stamp_ns = to_ns(stamp)
         if not stamp_ns:
-            return  # the clock of the sender has not started
+            self.unstamped[topic] += 1  # the clock of the sender has not started
+            return
         self.received[topic] += 1
-        self.clock.update(stamp_ns, self.pairing.resets)
+        if topic == "strain":  # poses can have the stamps of another clock
+            self.clock.update(stamp_ns, self.pairing.resets)
         try:
             pairs = pair(stamp_ns)
         except TactileLocalizerError as error:
             self.reject(topic, error)
         else:
             self.problems.pop(topic, None)
+            strain_ns, pose_ns = self.pairing.newest_ns, self.pairing.newest_pose_ns
+            if strain_ns is not None and pose_ns is not None:
+                self._ahead_ns[topic] = pose_ns - strain_ns
             self._on_pairs(pairs)
 
 
