@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import rclpy
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -139,6 +140,11 @@ class Parameters:
     def _has_value(self, name: str) -> bool:
         return self._node.get_parameter_or(name).value is not None
 
+    def _is_change(self, new: rclpy.Parameter) -> bool:
+        """Whether a parameter has another value; a loaded dump of all parameters repeats most of them."""
+        old = self._node.get_parameter_or(new.name)
+        return old.value is not None and (old.type_ != new.type_ or not np.array_equal(old.value, new.value))
+
     def _check(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
         for change in changes:
             parameter = self._declared.get(change.name)
@@ -153,7 +159,7 @@ class Parameters:
                 if parameter.choices and entry not in parameter.choices:
                     reason = f"{change.name}: expected one of {', '.join(parameter.choices)}, got {entry!r}"
                     return SetParametersResult(successful=False, reason=reason)
-            if self._configured() and not parameter.live and self._has_value(change.name):
+            if self._configured() and not parameter.live and self._is_change(change):
                 reason = f"{change.name}: expected an unconfigured node, cannot be changed while configured"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)

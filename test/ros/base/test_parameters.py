@@ -30,3 +30,21 @@ def test_an_unknown_parameter_is_reported_with_a_near_match(
     driver.wait_for_line("parameter periods .did you mean period_s")
     driver.wait_for_line("parameter colour: .*ignored")
     assert driver.output.count("ignored") == 2
+
+
+def test_values_that_do_not_change_can_be_set_at_any_time(
+    node_process: Callable[..., Any], probe: Any
+) -> None:
+    """As ``ros2 param load`` does with all values of a dump."""
+    from rcl_interfaces.msg import Parameter
+    from rcl_interfaces.srv import GetParameters, SetParameters
+
+    node_process("adapter_node")
+    names = ["adapter_file", "frame_id", "autostart"]
+    values = probe.call(GetParameters, "adapter/get_parameters", GetParameters.Request(names=names)).values
+    dump = [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
+    answer = probe.call(SetParameters, "adapter/set_parameters", SetParameters.Request(parameters=dump))
+    assert [result.successful for result in answer.results] == [True] * 3
+    dump[1].value.string_value = "wrist"
+    answer = probe.call(SetParameters, "adapter/set_parameters", SetParameters.Request(parameters=dump))
+    assert [result.successful for result in answer.results] == [True, False, True]
