@@ -194,7 +194,7 @@ def test_each_configuration_field_is_a_parameter():
     ("parameters", "message"),
     [
         ({"scan_file": "none"}, "none: expected a scan"),
-        ({"scan_file": "''"}, "scan_file: expected a path, got none"),
+        ({"scan_file": ""}, "scan_file: expected a path, got none"),
         ({"scene_file": "none.yaml"}, "none.yaml: expected a scene file"),
         ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
         ({"model": "oracle"}, "model 'oracle': expected one of sweep_mixture"),
