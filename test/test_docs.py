@@ -21,29 +21,12 @@ PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("example
 by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
-def anchors(page: Path) -> set[str]:
-    """Anchors of the headings of a page, as the forges that display Markdown name them."""
-    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
-
-
 def commands(page: Path, program: str) -> Iterator[list[str]]:
     """The command lines of a program in the code blocks of a page."""
     for line in page.read_text().splitlines():
         found = re.match(rf"(?: {{4}}\s*|```|.*\| )?({program} [^`]*)", line)
         if found and line.startswith(("    ", program)):
             yield shlex.split(found.group(1), comments=True)
-
-
-@by_page
-def test_links_have_a_target(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
-        if "://" in target:
-            continue
-        file, _, anchor = target.partition("#")
-        path = (page.parent / file).resolve() if file else page
-        assert path.exists(), f"{target}: expected in the source tree, found none"
-        assert not anchor or anchor in anchors(path), f"{target}: expected one of {sorted(anchors(path))}"
 
 
 @by_page
@@ -102,28 +85,18 @@ def test_prose_wraps_at_100_columns(page: Path) -> None:
     assert [line for line in lines if len(line) > 100] == []
 
 
-@by_page
-def test_pages_have_no_placeholders(page: Path) -> None:
-    assert re.findall(r"^[A-Z]{3,}$|\bTODO\b|\bTBD\b|\bADV$", page.read_text(), re.MULTILINE) == []
-
-
 def test_the_readme_links_to_every_page() -> None:
     readme = (ROOT / "README.md").read_text()
     missing = [page.name for page in ROOT.glob("docs/*.md") if f"(docs/{page.name})" not in readme]
     assert missing == []
 
 
-def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
+def test_the_site_has_every_page_and_no_broken_link(tmp_path: Path) -> None:
     pytest.importorskip("mkdocs")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "site/docs/concepts/index.html").exists()
-
-
-def test_the_navigation_has_every_page() -> None:
-    navigation = (ROOT / "mkdocs.yml").read_text()
-    assert [name for page in PAGES if (name := str(page.relative_to(ROOT))) not in navigation] == []
 
 
 def test_the_way_of_a_sample_names_every_module_that_an_update_crosses(tmp_path: Path) -> None:

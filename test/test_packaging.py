@@ -119,12 +119,6 @@ def test_ros_wheels_are_pinned(distribution: str) -> None:
     assert [line for line in lines if not re.fullmatch(r"[a-z0-9-]+==[0-9.]+", line)] == []
 
 
-def test_every_executable_script_is_installed() -> None:
-    scripts = {path.name for path in (ROOT / "scripts").glob("*_node")}
-    installed = set(re.findall(r"scripts/(\w+_node)", (ROOT / "CMakeLists.txt").read_text()))
-    assert scripts == installed
-
-
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The content of a wheel that is built from an sdist."""

@@ -28,16 +28,6 @@ def write(path: Path) -> Path:
     return path
 
 
-def test_files_are_found_in_the_source_tree() -> None:
-    assert resource_path("config/loadcells.dbc").samefile(ROOT / "config/loadcells.dbc")
-    assert resource_path("msg/Posterior.msg").samefile(ROOT / "msg/Posterior.msg")
-
-
-def test_files_are_found_in_an_installed_wheel(nowhere: Path) -> None:
-    inside = write(nowhere / "share/config/loadcells.dbc")
-    assert resource_path("config/loadcells.dbc") == inside
-
-
 def test_files_are_found_in_a_ros_workspace(
     nowhere: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,10 +42,9 @@ class System:
             "driver": {**place.buses[0], "tare_file": place.folder / "tare.yaml"},
             "filter": {"scan_file": place.scan_file},
         }
+        shipped = resource_path("config/simulator.yaml")
         self.nodes = {
-            name: process(
-                node_command(f"{name}_node", own, parameter_files=[resource_path(f"config/{name}.yaml")])
-            )
+            name: process(node_command(f"{name}_node", own, parameter_files=[shipped]))
             for name, own in parameters.items()
         }
         self.reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics", 100)
@@ -119,43 +118,28 @@ class Fault:
     text: str
 
 
+def injected(name: str, value: Any, none: Any) -> tuple[Callable[[System], None], ...]:
+    """Cause and end of a fault that the simulator injects."""
+    return lambda system: system.set_fault(name, value), lambda system: system.set_fault(name, none)
+
+
+def frozen(node: str) -> tuple[Callable[[System], None], ...]:
+    """Stop and continue a process."""
+    return lambda system: system.send(node, signal.SIGSTOP), lambda system: system.send(node, signal.SIGCONT)
+
+
+def deactivated(node: str) -> tuple[Callable[[System], None], ...]:
+    """TRANSITION_DEACTIVATE and TRANSITION_ACTIVATE."""
+    return lambda system: system.change(node, 4), lambda system: system.change(node, 3)
+
+
 FAULTS = {
-    "load cell silent": Fault(
-        lambda system: system.set_fault("silent", ["middle"]),
-        lambda system: system.set_fault("silent", [""]),
-        "driver: middle",
-        "stale: no frames",
-    ),
-    "frames lost": Fault(
-        lambda system: system.set_fault("drop", 0.1),
-        lambda system: system.set_fault("drop", 0.0),
-        "driver: middle",
-        "lost",
-    ),
-    "garbage frames": Fault(
-        lambda system: system.set_fault("garbage", 0.3),
-        lambda system: system.set_fault("garbage", 0.0),
-        "driver: CAN bus",
-        "discarded frames",
-    ),
-    "driver frozen": Fault(
-        lambda system: system.send("driver", signal.SIGSTOP),
-        lambda system: system.send("driver", signal.SIGCONT),
-        "filter: inputs",
-        "no strain",
-    ),
-    "simulator frozen": Fault(
-        lambda system: system.send("simulator", signal.SIGSTOP),
-        lambda system: system.send("simulator", signal.SIGCONT),
-        "filter: inputs",
-        "no strain and no palm_pose",
-    ),
-    "driver down": Fault(
-        lambda system: system.change("driver", 4),  # TRANSITION_DEACTIVATE
-        lambda system: system.change("driver", 3),  # TRANSITION_ACTIVATE
-        "filter: inputs",
-        "no strain",
-    ),
+    "load cell silent": Fault(*injected("silent", ["middle"], [""]), "driver: middle", "stale: no frames"),
+    "frames lost": Fault(*injected("drop", 0.1, 0.0), "driver: middle", "lost"),
+    "garbage frames": Fault(*injected("garbage", 0.3, 0.0), "driver: CAN bus", "discarded frames"),
+    "driver frozen": Fault(*frozen("driver"), "filter: inputs", "no strain"),
+    "simulator frozen": Fault(*frozen("simulator"), "filter: inputs", "no strain and no palm_pose"),
+    "driver down": Fault(*deactivated("driver"), "filter: inputs", "no strain"),
 }
 
 
