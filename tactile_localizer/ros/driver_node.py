@@ -82,9 +82,7 @@ class DriverNode(ManagedNode):
         self._diagnostics = DriverDiagnostics(
             self._driver,
             self._health,
-            bus.channel,
             parameters["stale_timeout_s"],
-            parameters["max_age_s"],
             lambda: self.count_publishers("strain"),
         )
         self._message = StrainVectors(phalanges=phalanges, channels=protocol.channels.counts)
@@ -140,7 +138,6 @@ class DriverNode(ManagedNode):
             driver.tare,
             self.parameters["tare_duration_s"],
             self.parameters["tare_spread_limit"],
-            cancelled=lambda: not (self.is_active and self.context.ok()),
         )
         await run_in_thread(self, tare)
         return self._adopt_offset(driver, response)

@@ -7,7 +7,6 @@ prepared, so that a recorder has time to stop.
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 import traceback
@@ -212,12 +211,7 @@ class SimulatorNode(ManagedNode):
         return self._respond(response)
 
     def _respond(self, response: Trigger.Response) -> Trigger.Response:
-        sweep = {
-            "mode": self.parameters["mode"],
-            "sweep": self._number,
-            "duration_s": round(self._rig.duration_s / self._speed, 4),
-        }
-        response.success, response.message = True, json.dumps(sweep)
+        response.success, response.message = True, f"{self.parameters['mode']}: sweep {self._number}"
         return response
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:

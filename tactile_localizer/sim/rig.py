@@ -88,11 +88,6 @@ class Rig:
             contact(feature, mode, np.zeros(1), np.zeros(1))
 
     @property
-    def duration_s(self) -> float:
-        """Duration of the sweep that was prepared last, s; 0 before the first."""
-        return 0.0 if self._sweep is None else (len(self._sweep.stamp_ns) - 1) / self._rate
-
-    @property
     def ready_s(self) -> float:
         """Time at which the fingers are closed at the start of the sweep that was prepared last, s."""
         return self._prepared_s + _RETURN_S + _CLOSE_S

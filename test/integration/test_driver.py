@@ -44,7 +44,6 @@ def test_losses_are_counted_exactly(
     last = hand.send(40)[-1]
     hand.wait(listener)
     assert listener.drops() == hand.lost
-    assert int(listener.counted("middle")["gaps"]) >= 40
     probe.until(lambda: listener.strains[-1].sequence[0] == last, "the last strain vector")
     assert list(listener.strains[-1].status) == [0, 0]
     listener.numbers()  # fails on a sample of frames of two

@@ -105,7 +105,7 @@ class Bench:
         from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 
         publisher = SimpleNamespace(status=lambda name, level, message, values: (level, message))
-        return DriverDiagnostics(self.driver, publisher, self.channel, 0.5, 0.2).statuses()[0]
+        return DriverDiagnostics(self.driver, publisher, 0.5).statuses()[0]
 
     def close(self) -> None:
         self._stop.set()
@@ -188,7 +188,7 @@ def test_can_fd_needs_an_interface_with_it(bench: Callable[..., Bench]) -> None:
     assert one.driver.stop()
     ip("link set vcan0 down")
     ip("link set vcan0 mtu 16")
-    with pytest.raises(CanError, match="vcan0: expected CAN FD as in the DBC, with an MTU of 72, found 16"):
+    with pytest.raises(CanError, match="vcan0: expected an MTU of 72 for CAN FD, found 16"):
         one.driver.start()
 
 
@@ -227,7 +227,7 @@ def test_an_interface_that_is_not_there_yet_is_waited_for(bench: Callable[..., B
     assert one.driver.status.state == WAITING
     ip("link set vcan0 up") if cause == "down" else add_interface()
     assert one.wait_for_strain() < 10 * RETURN_S
-    assert one.log[-2:] == ["CAN bus: open", "CAN bus: receiving"]
+    assert one.log[-1] == "CAN bus: open"
 
 
 def test_the_newest_frames_are_used_after_a_delay(bench: Callable[..., Bench], sender: can.BusABC) -> None:
@@ -277,7 +277,7 @@ def test_a_receive_buffer_that_is_too_small_is_reported(bench: Callable[..., Ben
         os.seteuid(0)
     wait_until(lambda: one.log, "a line about the bus")
     limit = one.driver.status.queue.limit
-    assert f"receive buffer of {limit} instead of 1048576 bytes: net.core.rmem_max" in one.log[0]
+    assert f"receive buffer of {limit} instead of 1048576 bytes (net.core.rmem_max)" in one.log[0]
 
 
 class Adapter:

@@ -53,7 +53,6 @@ class PhalanxCounts:
     ----------
     samples : complete samples
     missing : cycles without voltages of this phalanx
-    gaps : samples of which no frame was received, according to the counter
     drops : frames sent that are in no cycle, according to the counter
     jumps : frames whose counter does not continue the previous one; many of them indicate losses or two
         senders with the same identifiers
@@ -64,7 +63,6 @@ class PhalanxCounts:
 
     samples: int = 0
     missing: int = 0
-    gaps: int = 0
     drops: int = 0
     jumps: int = 0
     restarts: int = 0
@@ -81,15 +79,12 @@ class BusCounts:
     ----------
     phalanges : totals of each phalanx
     frames : number of frames of each kind; every frame has exactly one kind
-    cycles, incomplete : all cycles, and those with a phalanx missing
-    skew_ns : longest time between the first frames of two phalanges in a cycle, ns; its reader sets it to 0
+    cycles : number of cycles
     """
 
     phalanges: list[PhalanxCounts]
     frames: list[int] = field(default_factory=lambda: [0] * len(FrameKind))
     cycles: int = 0
-    incomplete: int = 0
-    skew_ns: int = 0
 
 
 @dataclass(slots=True)
@@ -225,7 +220,6 @@ class CycleAssembler:
             self._number += 1
             self._first_ns = stamp_ns
             self._awaited = len(self._slots)
-        self.counts.skew_ns = max(self.counts.skew_ns, stamp_ns - self._first_ns)
         cell.sent = 0 if cell.counter is None else cell.parts
         cell.counter, cell.cycle, cell.began_ns = counter, self._number, stamp_ns
         cell.sequence += advance
@@ -239,7 +233,6 @@ class CycleAssembler:
         if advance - (self._number - cell.cycle) > MAX_LOST:
             counts.restarts += 1
             return 1
-        counts.gaps += advance - 1
         counts.drops += (advance - 1) * cell.parts + max(0, cell.sent - cell.have.bit_count())
         return advance
 
@@ -276,6 +269,5 @@ class CycleAssembler:
                 cell.counts.saturated += bool(bits & SATURATED)
                 cell.counts.faults += bool(bits & FAULT)
         self.counts.cycles += 1
-        self.counts.incomplete += self._awaited > 0
         sequence = np.array([cell.sequence if cell.span else self._number for cell in self._cells])
         return Cycle(self._first_ns, strain, status, sequence.astype(np.uint32))

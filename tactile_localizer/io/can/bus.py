@@ -63,9 +63,8 @@ class BusSettings:
 
 @dataclass(frozen=True)
 class ReceiveQueue:
-    """The kernel's receive queue: bytes used, capacity in bytes, frames dropped since the bus was opened."""
+    """The kernel's receive queue: capacity in bytes, and frames dropped since the bus was opened."""
 
-    used: int
     limit: int
     drops: int
 
@@ -122,27 +121,26 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
     CanError
         There is no such interface, an option has a wrong type, or the interface lacks CAN FD.
     """
-    options = dict(settings.options)
-    if protocol is not None and protocol.is_fd:
-        options.setdefault("fd", True)
+    fd = {"fd": True} if protocol is not None and protocol.is_fd else {}
+    options = {**fd, **settings.options}
+    bus = None
     try:
         bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
-    except Exception as error:  # interfaces raise many types of exceptions
-        reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
-        absent = isinstance(error, OSError | can.CanInitializationError | can.CanOperationError)
-        refusal = AbsentBusError if absent else CanError
-        raise refusal(f"CAN bus {settings}: expected an interface that opens, got: {reason}") from error
-    try:
         if protocol is not None and settings.interface in FILTERING_INTERFACES:
             bus.set_filters(protocol.filters)
         if settings.receive_buffer:
             _set_receive_buffer(bus, settings.receive_buffer)
         link = link_of(bus)
-        if protocol is not None and protocol.is_fd and link is not None and link.mtu < _FD_MTU:
-            raise CanError(f"expected CAN FD as in the DBC, with an MTU of {_FD_MTU}, found {link.mtu}")
-    except Exception as error:
+    except Exception as error:  # interfaces raise many types of exceptions
+        if bus is not None:
+            bus.shutdown()
+        reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
+        absent = isinstance(error, OSError | can.CanInitializationError | can.CanOperationError)
+        refusal = AbsentBusError if absent else CanError
+        raise refusal(f"CAN bus {settings}: expected an interface that opens, got: {reason}") from error
+    if options.get("fd") and link is not None and link.mtu < _FD_MTU:
         bus.shutdown()
-        raise CanError(f"CAN bus {settings}: {error}") from error
+        raise CanError(f"CAN bus {settings}: expected an MTU of {_FD_MTU} for CAN FD, found {link.mtu}")
     return bus
 
 
@@ -188,7 +186,7 @@ def receive_queue(bus: can.BusABC) -> ReceiveQueue | None:
     meminfo = struct.Struct("9I")
     with suppress(NotImplementedError, OSError, ValueError), _socket_of(bus) as sock:
         info = meminfo.unpack(sock.getsockopt(socket.SOL_SOCKET, 55, meminfo.size))
-        return ReceiveQueue(used=info[0], limit=info[1], drops=info[8])
+        return ReceiveQueue(limit=info[1], drops=info[8])
     return None
 
 

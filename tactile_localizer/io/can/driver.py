@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,8 +31,9 @@ class LoadCellDriver(CanReader):
 
     Attributes
     ----------
+    protocol, bus, max_age_s : as given
     offset : (C,) V, subtracted from each strain vector
-    latest : newest cycle before subtraction of the offset; ``None`` before the first
+    assembler : assembly of the frames, with its period
     counts : totals of frames, cycles and phalanges
     read_ns : time up to which the bus was read, ns: receive time of the newest frame, or when there was none
     late_ns : greatest age of a frame when it was read, ns; its reader sets it to 0
@@ -49,31 +49,18 @@ class LoadCellDriver(CanReader):
         max_age_s: float = 0.2,
         **reader: Any,
     ) -> None:
+        super().__init__(bus.receive_buffer, **reader)
         self.protocol = protocol
         self.offset = np.zeros(protocol.channels.size)
-        self.latest: Cycle | None = None
         self.read_ns = time.time_ns()
         self.late_ns = 0
-        self._max_age_ns = round(max_age_s * 1e9)
+        self.bus, self.max_age_s = bus, max_age_s
         self._on_cycle = on_cycle
-        self._assembler = CycleAssembler(protocol, period_s)
-        self.counts = self._assembler.counts
+        self.assembler = CycleAssembler(protocol, period_s)
+        self.counts = self.assembler.counts
         self._at_rest: list[Cycle] | None = None  # cycles during a tare
-        super().__init__(
-            lambda: open_bus(bus, protocol),
-            self._assemble,
-            batch=len(protocol.messages),
-            receive_buffer=bus.receive_buffer,
-            interrupted=self._assembler.reset,
-            **reader,
-        )
 
-    @property
-    def period_ns(self) -> int:
-        """Period of the samples, ns; 0 before the first estimate."""
-        return self._assembler.period_ns
-
-    def tare(self, duration_s: float, spread_limit: float, cancelled: Callable[[], bool]) -> np.ndarray:
+    def tare(self, duration_s: float, spread_limit: float) -> np.ndarray:
         """Average the strain for ``duration_s``, and subtract it from now on; returns the offset (C,), V.
 
         Must not be called in the receive thread, which continues during the tare.
@@ -85,28 +72,30 @@ class LoadCellDriver(CanReader):
         """
         at_rest: list[Cycle] = []
         self._at_rest = at_rest
-        end_s = time.monotonic() + duration_s
-        pause = threading.Event()
-        while (left_s := end_s - time.monotonic()) > 0 and not cancelled():
-            pause.wait(min(left_s, LONGEST_WAIT_S))
+        self._stop.wait(duration_s)
         self._at_rest = None
         cycles = list(at_rest)  # the receive thread may append a last one
         self.offset = tare_offset(cycles, self.protocol.phalanges, self.protocol.channels, spread_limit)
         return self.offset
 
-    def _assemble(self, messages: list[can.Message]) -> float:
+    def _open_bus(self) -> can.BusABC:
+        return open_bus(self.bus, self.protocol)
+
+    def _interrupted(self) -> None:
+        self.assembler.reset()
+
+    def _deliver(self, messages: list[can.Message]) -> float:
         now_ns = self.read_ns = time.time_ns()
         if messages:
             self.read_ns = round(messages[-1].timestamp * 1e9)
             self.late_ns = max(self.late_ns, now_ns - round(messages[0].timestamp * 1e9))
-            cycles = self._assembler.feed(messages, now_ns - self._max_age_ns)
+            cycles = self.assembler.feed(messages, now_ns - round(self.max_age_s * 1e9))
         else:
-            cycles = self._assembler.flush(now_ns)
+            cycles = self.assembler.flush(now_ns)
         at_rest = self._at_rest
         for cycle in cycles:
-            self.latest = cycle
             if at_rest is not None:
                 at_rest.append(cycle)
             self._on_cycle(replace(cycle, strain=cycle.strain - self.offset))
-        remaining_ns = self._assembler.remaining_ns(time.time_ns())
+        remaining_ns = self.assembler.remaining_ns(time.time_ns())
         return LONGEST_WAIT_S if remaining_ns is None else remaining_ns * 1e-9

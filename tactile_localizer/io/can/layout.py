@@ -97,10 +97,9 @@ def load_dbc(path: str | Path) -> Database:
     try:
         text = Path(path).read_text(encoding="cp1252", errors="replace")
         database = cantools.database.load_string(text, database_format="dbc", prune_choices=False)
-    except OSError as error:
-        raise CanError(f"{path}: expected a DBC file, {error.strerror or error}") from error
-    except (cantools.Error, UnicodeError, ValueError, KeyError, TypeError) as error:
-        reason = next(iter(str(error).splitlines()), type(error).__name__)
+    except (OSError, cantools.Error, UnicodeError, ValueError, KeyError, TypeError) as error:
+        strerror = getattr(error, "strerror", None)
+        reason = strerror or next(iter(str(error).splitlines()), type(error).__name__)
         raise CanError(f"{path}: expected a DBC file, {reason}") from error
     assert isinstance(database, Database)
     return database

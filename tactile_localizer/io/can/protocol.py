@@ -113,12 +113,8 @@ class LoadCellProtocol:
     def filters(self) -> list[can.typechecking.CanFilter]:
         """Filters for the kernel or the adapter that pass exactly the messages in use."""
         return [
-            {
-                "can_id": definition.frame_id,
-                "can_mask": 0x1FFFFFFF if definition.is_extended_frame else 0x7FF,
-                "extended": bool(definition.is_extended_frame),
-            }
-            for definition in (message.definition for message in self.messages)
+            {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+            for number, extended in (message.key for message in self.messages)
         ]
 
     def bytes_of(self, slot: int) -> slice:
@@ -162,7 +158,7 @@ class LoadCellProtocol:
                 raw[rows] = words[rows].view(kind)[:, 0]
             strain = (raw[: self.channels.size] * self._scale + self._offset) * self._volts
         status = np.zeros(len(self.phalanges), np.uint8)
-        saturated = self.saturated(strain)
+        saturated = (strain <= self._lowest) | (strain >= self._highest)
         if saturated.any():
             status[self.channels.phalanx[saturated]] |= SATURATED
         finite = np.isfinite(strain)
@@ -171,10 +167,6 @@ class LoadCellProtocol:
         if raw[self.channels.size :].any():
             status[np.array(self._status_phalanx)[raw[self.channels.size :] != 0]] |= FAULT
         return strain, status
-
-    def saturated(self, strain: np.ndarray) -> np.ndarray:
-        """Whether each gauge of a ``strain`` (C,), V, is at an end of its range: (C,) bool."""
-        return np.asarray((strain <= self._lowest) | (strain >= self._highest))
 
     def encode(
         self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0

@@ -13,6 +13,7 @@ import errno
 import threading
 import time
 import traceback
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -30,9 +31,6 @@ CLOSED = "closed"
 
 LONGEST_WAIT_S = 0.1
 """Longest wait for a frame, after which the thread checks whether it should stop, s."""
-
-LINGER_S = 0.0005
-"""Time to wait for the other frames of a batch after its first one, s: half a cycle at 1 kHz."""
 
 MAX_BATCH_FRAMES = 256
 """Most frames delivered at once if the thread has fallen behind."""
@@ -73,44 +71,25 @@ class BusStatus:
     reconnects: int = 0
     unreadable: int = 0
     errors: Counter[str] = field(default_factory=Counter)
-    queue: ReceiveQueue = field(default_factory=lambda: ReceiveQueue(0, 0, 0))
+    queue: ReceiveQueue = field(default_factory=lambda: ReceiveQueue(0, 0))
     queue_drops: int = 0
     link: Link | None = None
     foreign: int = 0
 
 
-class CanReader:
-    """Reads a bus in a separate thread.
+class CanReader(ABC):
+    """Reads a bus in a separate thread, in which it calls the methods of its subclasses.
 
     Parameters
     ----------
-    open_bus : opens the bus or raises a :class:`CanError`; called again after a failure
-    deliver : called in the thread with frames in order of reception, possibly none; returns how long it can
-        wait for the next ones, s
-    batch : number of frames that are usually received together, and then delivered together
-    receive_buffer : size of the kernel's receive buffer that was asked for, bytes
-    interrupted : called in the thread when frames may have been missed without a trace
+    receive_buffer : size of the kernel's receive buffer that is asked for, bytes
     log : called with a line when the bus fails or its controller changes its state
-    note : called with a line when the bus is open, and when frames are received, also after a failure
+    note : called with a line when the bus is open, also after a failure
     """
 
-    def __init__(
-        self,
-        open_bus: Callable[[], can.BusABC],
-        deliver: Callable[[list[can.Message]], float],
-        *,
-        batch: int = 1,
-        receive_buffer: int = 0,
-        interrupted: Callable[[], None] = lambda: None,
-        log: Callable[[str], None] = lambda line: None,
-        note: Callable[[str], None] = lambda line: None,
-    ) -> None:
+    def __init__(self, receive_buffer: int, log: Callable[[str], None], note: Callable[[str], None]) -> None:
         self.status = BusStatus()
-        self._open_bus = open_bus
-        self._deliver = deliver
-        self._batch = batch
         self._receive_buffer = receive_buffer
-        self._interrupted = interrupted
         self._log = log
         self._note = note
         self._stop = threading.Event()
@@ -118,9 +97,19 @@ class CanReader:
         self._thread: threading.Thread | None = None
         self._drops_before = 0  # of earlier buses
         self._next_poll_s = 0.0
-        self._has_adapter_clock: bool | None = None  # None before the first frame
-        self._is_receiving = False  # whether the reception of frames was reported
         self._is_foreign = True  # whether no frame was read since the last poll
+
+    @abstractmethod
+    def _open_bus(self) -> can.BusABC:
+        """Open the bus, also after a failure; raises a :class:`CanError` if that is not possible."""
+
+    @abstractmethod
+    def _deliver(self, messages: list[can.Message]) -> float:
+        """Use frames in order of reception, possibly none; returns how long it can wait for the next, s."""
+
+    @abstractmethod
+    def _interrupted(self) -> None:
+        """Frames may have been missed without a trace."""
 
     def start(self) -> None:
         """Start the thread, which opens the bus as soon as that is possible.
@@ -174,9 +163,8 @@ class CanReader:
         self.status.state = CLOSED
 
     def _read(self, bus: can.BusABC) -> None:
-        self._has_adapter_clock = None
         self._next_poll_s = 0.0
-        wait_s = LINGER_S
+        wait_s = 0.0
         while not self._wake.is_set():
             messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))  # fails if the interface is down
             if time.monotonic() >= self._next_poll_s or (messages and self.status.state != OPEN):
@@ -185,14 +173,10 @@ class CanReader:
             wait_s = self._deliver(messages)
 
     def _collect(self, bus: can.BusABC, wait_s: float) -> list[can.Message]:
-        message = self._receive(bus, wait_s)
-        if message is None:
-            return []
-        messages = [message]
-        until_s = time.monotonic() + LINGER_S
-        while len(messages) < MAX_BATCH_FRAMES:  # frames that wait already are included
-            missing = len(messages) < self._batch
-            message = self._receive(bus, max(0.0, until_s - time.monotonic()) if missing else 0.0)
+        """The frames that wait, or the first one that is received within ``wait_s``."""
+        messages: list[can.Message] = []
+        while len(messages) < MAX_BATCH_FRAMES:
+            message = self._receive(bus, 0.0 if messages else wait_s)
             if message is None:
                 break
             messages.append(message)
@@ -206,11 +190,8 @@ class CanReader:
                 raise
             self.status.unreadable += 1  # the bus works, but the message was not a frame
             return None
-        if message is not None:
-            if self._has_adapter_clock is None:
-                self._has_adapter_clock = abs(time.time() - message.timestamp) > _EPOCH_TOLERANCE_S
-            if self._has_adapter_clock:  # an adapter's clock, of unknown origin and rate
-                message.timestamp = time.time()
+        if message is not None and abs(time.time() - message.timestamp) > _EPOCH_TOLERANCE_S:
+            message.timestamp = time.time()  # instead of an adapter's clock, of unknown origin and rate
         return message
 
     def _update_status(self, messages: list[can.Message]) -> None:
@@ -223,19 +204,14 @@ class CanReader:
             if self.status.controller == BUS_OFF:
                 self._set_controller(ERROR_ACTIVE)
             self._is_foreign, self.status.foreign = False, 0
-            if not self._is_receiving:
-                self._is_receiving = True
-                self._note("CAN bus: receiving")
 
     def _set_open(self) -> None:
         if self.status.state != OPEN:
             self.status.reconnects += self.status.state == WAITING
             self.status.state = OPEN
-            self._is_receiving = False
             self._interrupted()
             limit, wanted = self.status.queue.limit, self._receive_buffer
-            reason = "net.core.rmem_max is the limit without CAP_NET_ADMIN"
-            short = f", with a receive buffer of {limit} instead of {wanted} bytes: {reason}"
+            short = f", with a receive buffer of {limit} instead of {wanted} bytes (net.core.rmem_max)"
             self._note("CAN bus: open" + (short if 0 < limit < wanted else ""))
 
     def _set_controller(self, state: str) -> None:
@@ -246,10 +222,8 @@ class CanReader:
                 self._interrupted()
 
     def _wait_for_bus(self, error: Exception) -> None:
-        reason = " ".join(str(error.__cause__ or error).split())
-        if isinstance(error, CanError):
-            reason = str(error)
-        elif not isinstance(error, can.CanError | OSError | ValueError):  # a bug in this package
+        reason = str(error) if isinstance(error, CanError) else str(error.__cause__ or error)
+        if not isinstance(error, CanError | can.CanError | OSError | ValueError):  # a bug in this package
             reason = traceback.format_exc()
         if (self.status.state, self.status.error) != (WAITING, reason):  # once, not at every attempt
             self._log(f"waiting for the CAN bus: {reason}")
@@ -279,5 +253,5 @@ class CanReader:
             self._set_controller((link and link.controller) or self.status.controller)
 
     def _read_queue(self, bus: can.BusABC) -> None:
-        self.status.queue = receive_queue(bus) or ReceiveQueue(0, 0, 0)
+        self.status.queue = receive_queue(bus) or ReceiveQueue(0, 0)
         self.status.queue_drops = self._drops_before + self.status.queue.drops

