@@ -1,6 +1,6 @@
 """Draws docs/images/essentials.png: the effect of wrong values on the simulated bump.
 
-scripts/in_env python docs/make/essentials.py [PROCESSES]
+``scripts/in_env python docs/make/essentials.py PROCESSES`` prints the numbers, too.
 """
 
 from __future__ import annotations
