@@ -76,7 +76,8 @@ def statistics(values: np.ndarray) -> dict[str, Any]:
 
 def travel_from_contact(sweep: ReplayedSweep) -> np.ndarray:
     """Travel from contact, (n,) m, negative before it; from the start of a sweep without contact."""
-    return sweep.travel - sweep.travel[sweep.start] if len(sweep) else sweep.travel
+    start = np.searchsorted(sweep.row[:-1], sweep.contact[0])
+    return sweep.travel - sweep.travel[start : start + 1].sum()
 
 
 def with_contact(recording: Recording, scene: Scene, model: SweepMixture) -> Recording:

@@ -6,6 +6,7 @@ prior.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -81,12 +82,6 @@ class ReplayedSweep:
         return np.array([state is State.CONVERGED for state in self.state], dtype=bool)
 
     @property
-    def start(self) -> int:
-        """Index of the first estimate in contact; 0 if there is none."""
-        first = self.contact[0]
-        return min(int(np.searchsorted(self.row, first)), max(len(self) - 1, 0)) if first >= 0 else 0
-
-    @property
     def reaches_contact(self) -> bool:
         """Whether the sweep begins without contact and then has it."""
         return self.contact[0] > 0
@@ -117,9 +112,7 @@ def replay(
     done, total = 0, max(len(recording), 1)
     for sweep in recording.sweeps:
         localizer.reset()
-        rows: list[int] = []
-        estimates: list[Estimate] = []
-        seconds: list[float] = []
+        taken: list[tuple[int, Estimate, float]] = []
         samples = zip(
             sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True
         )
@@ -127,35 +120,26 @@ def replay(
             if progress is not None and row % _REPORT_EVERY == 0:
                 progress("replaying", (done + row) / total)
             began = clock()
-            try:
-                estimate = localizer.update(stamp_ns, position, strain, here)
-            except MeasurementError:
-                continue  # counted as refused
-            seconds.append(clock() - began)
-            rows.append(row)
-            estimates.append(estimate)
+            with contextlib.suppress(MeasurementError):  # counted as refused
+                taken.append((row, localizer.update(stamp_ns, position, strain, here), clock() - began))
         done += len(sweep)
-        replayed.append(_replayed_sweep(localizer.scene, sweep, rows, estimates, seconds))
+        replayed.append(_replayed_sweep(localizer.scene, sweep, taken))
     if progress is not None:
         progress("replaying", 1.0)
     return replayed
 
 
 def _replayed_sweep(
-    scene: Scene,
-    sweep: RecordedSweep,
-    rows: Sequence[int],
-    estimates: Sequence[Estimate],
-    seconds: Sequence[float],
+    scene: Scene, sweep: RecordedSweep, taken: Sequence[tuple[int, Estimate, float]]
 ) -> ReplayedSweep:
-    """The replayed sweep with the estimates at some of its rows."""
-    d, row = scene.dimension, np.array(rows, dtype=np.intp)
+    """The replayed sweep with the estimates at some of its rows, and their computing times."""
+    d, row = scene.dimension, np.array([row for row, _, _ in taken], dtype=np.intp)
     reference = sweep.position
     if sweep.truth is not None and np.isfinite(sweep.truth).all():
         reference = sweep.truth
 
     def values(name: str) -> np.ndarray:
-        return np.array([getattr(estimate, name) for estimate in estimates])
+        return np.array([getattr(estimate, name) for _, estimate, _ in taken])
 
     return ReplayedSweep(
         number=sweep.number,
@@ -163,15 +147,15 @@ def _replayed_sweep(
         stamp_ns=sweep.stamp_ns[row],
         mean=values("mean").reshape(-1, d),
         covariance=values("covariance").reshape(-1, d, d),
-        state=tuple(estimate.state for estimate in estimates),
-        reason=tuple(estimate.reason for estimate in estimates),
+        state=tuple(estimate.state for _, estimate, _ in taken),
+        reason=tuple(estimate.reason for _, estimate, _ in taken),
         probability=values("probability"),
         on_map=values("on_map"),
         log_marginal=values("log_marginal"),
         updated=values("updated").astype(bool),
         truth=None if sweep.truth is None else sweep.truth[row],
         travel=travelled(scene, reference)[row],
-        seconds=np.array(seconds),
+        seconds=np.array([seconds for _, _, seconds in taken]),
         refused=len(sweep) - len(row),
         contact=sweep.contact,
         contact_known=sweep.felt is not None,
