@@ -19,27 +19,21 @@ def scene():
 
 
 def test_recordings_read_back_as_what_was_simulated(tmp_path, scene, capsys):
-    assert (
-        cli.main(["simulate", "snap", "-o", str(tmp_path), "--seed", "3", "--train", "2", "--test", "3"]) == 0
-    )
+    command = f"simulate snap -o {tmp_path} --seed 3 --train 2 --test 3"
+    assert cli.main(command.split()) == 0
     assert "train.csv: 2 sweeps" in capsys.readouterr().out
-    train, test = (read_csv(tmp_path / f"{name}.csv", scene) for name in ("train", "test"))
-    assert not train.notes + test.notes
-    expected = simulate_scan("snap", 3, sweeps=2)
-    np.testing.assert_allclose(
-        np.vstack([sweep.position for sweep in train.sweeps]), expected.odometry, atol=1e-7
-    )
-    np.testing.assert_allclose(
-        np.vstack([sweep.strain for sweep in train.sweeps]), expected.strain, atol=1e-6
-    )
-    expected = simulate_scan("snap", 3, "test", sweeps=3)
-    assert len(test.sweeps) == 3
-    np.testing.assert_allclose(
-        np.vstack([sweep.position for sweep in test.sweeps]), expected.truth, atol=1e-7
-    )
-    np.testing.assert_array_equal(
-        np.concatenate([sweep.stamp_ns for sweep in test.sweeps]), expected.stamp_ns
-    )
+    for kind, sweeps in (("train", 2), ("test", 3)):
+        read, expected = (
+            read_csv(tmp_path / f"{kind}.csv", scene),
+            simulate_scan("snap", 3, kind, sweeps=sweeps),
+        )
+        assert not read.notes
+        position = expected.odometry if kind == "train" else expected.truth
+        np.testing.assert_allclose(np.vstack([one.position for one in read.sweeps]), position, atol=1e-7)
+        np.testing.assert_allclose(np.vstack([one.strain for one in read.sweeps]), expected.strain, atol=1e-6)
+        stamps = np.concatenate([one.stamp_ns for one in read.sweeps])
+        np.testing.assert_array_equal(stamps, expected.stamp_ns)
+        np.testing.assert_array_equal(np.concatenate([one.felt for one in read.sweeps]), expected.felt)
 
 
 def test_blank_sweeps_end_before_the_feature(tmp_path, scene):

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from simulated import recording_of
 
-from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
-from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import NO_CONTACT, Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.metrics import with_contact
@@ -19,22 +16,6 @@ from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
 SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
-
-
-def test_a_simulated_recording_has_the_simulators_contact(tmp_path: Path) -> None:
-    test = simulate_scan("bump", 1, "test", sweeps=2)
-    assert main(["simulate", "bump", "-o", str(tmp_path), "--test", "2", "--train", "1"]) == 0
-    from_file = read_csv(tmp_path / "test.csv", SCENE)
-    of_scan = recording_of(test)
-    for number, part in enumerate(test.slices()):
-        expected = test.contact[number] - part.start, test.feature_end[number] - part.start
-        assert from_file.sweeps[number].contact == expected
-        assert of_scan.sweeps[number].contact == expected
-
-
-def test_a_blank_sweep_has_no_contact() -> None:
-    blank = recording_of(simulate_scan("bump", 1, "test", sweeps=1, reach_feature=False))
-    assert blank.sweeps[0].contact == NO_CONTACT
 
 
 def unmarked(recording: Recording) -> Recording:

@@ -65,10 +65,13 @@ def test_a_track_equals_the_localizers_estimates(recording: Recording) -> None:
 
 def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
     uniform = (SCENE.upper - SCENE.lower) ** 2 / 12
-    for one in replay(localizer(), recording):
+    fractions: list[float] = []
+    for one in replay(localizer(), recording, lambda text, fraction: fractions.append(fraction)):
         assert one.trace[0] > 0.5 * uniform.sum()
         assert one.trace.min() < 0.1 * uniform.sum()
         assert one.travel[0] == 0.0
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 def test_missing_phalanges_are_left_out(recording: Recording) -> None:
@@ -82,13 +85,6 @@ def test_missing_phalanges_are_left_out(recording: Recording) -> None:
     assert one.refused == 8
     np.testing.assert_array_equal(np.setdiff1d(np.arange(len(sweep)), one.row), [*range(100, 107), 110])
     assert np.isfinite(one.mean).all()
-
-
-def test_progress_ends_at_one(recording: Recording) -> None:
-    fractions: list[float] = []
-    replay(localizer(), recording, lambda text, fraction: fractions.append(fraction))
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
 
 
 def test_rows_are_written_as_json_can_hold_them(tmp_path: Path) -> None:
