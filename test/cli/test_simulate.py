@@ -28,7 +28,7 @@ def test_recordings_read_back_as_what_was_simulated(tmp_path, scene, capsys):
             simulate_scan("snap", 3, kind, sweeps=sweeps),
         )
         assert not read.notes
-        position = expected.odometry if kind == "train" else expected.truth
+        position = expected.to_scan().states if kind == "train" else expected.truth
         np.testing.assert_allclose(np.vstack([one.position for one in read.sweeps]), position, atol=1e-7)
         np.testing.assert_allclose(np.vstack([one.strain for one in read.sweeps]), expected.strain, atol=1e-6)
         stamps = np.concatenate([one.stamp_ns for one in read.sweeps])

@@ -4,52 +4,35 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from simulated import recording_of
+from support.sweeps import CALIBRATION, scene_of
 
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import Recording
-from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
 
-SCENE = replace(
-    load_scene(resource_path("config/scenes/bump.yaml")),
-    measurement={"position_std": 0.003, "strain_std": 0.03, "correlation_length": 0.003},
-)
-SCAN = simulate_scan("bump", 1).to_scan()
-QUICK = Configuration(filter="particle", particles=100)
+SCENE, SCAN = scene_of(), simulate_scan("bump", 1).to_scan()
+RECORDING = recording_of(simulate_scan("bump", 1, "test", sweeps=2, rate=40.0))
 
 
-@pytest.fixture(scope="module")
-def recording() -> Recording:
-    return recording_of(simulate_scan("bump", 1, "test", sweeps=2, rate=40.0))
+def localizer() -> Localizer:
+    quick, rng = Configuration(filter="particle", particles=100), np.random.default_rng(1)
+    return build_localizer(SCAN, SCENE, quick, rng, calibration=CALIBRATION)
 
 
-@cache
-def calibration() -> Calibration:
-    return learn(SCAN, SCENE)
-
-
-def localizer(seed: int = 1) -> Localizer:
-    return build_localizer(SCAN, SCENE, QUICK, np.random.default_rng(seed), calibration=calibration())
-
-
-def test_a_track_equals_the_localizers_estimates(recording: Recording) -> None:
-    replayed = replay(localizer(), recording)
+def test_a_track_equals_the_localizers_estimates() -> None:
+    replayed = replay(localizer(), RECORDING)
     by_hand = localizer()
-    for sweep, one in zip(recording.sweeps, replayed, strict=True):
+    for sweep, one in zip(RECORDING.sweeps, replayed, strict=True):
         by_hand.reset()
         estimates = [
             by_hand.update(int(s), p, z)
@@ -63,10 +46,10 @@ def test_a_track_equals_the_localizers_estimates(recording: Recording) -> None:
         assert (one.seconds > 0).all()
 
 
-def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
+def test_each_sweep_starts_from_a_uniform_prior() -> None:
     uniform = (SCENE.upper - SCENE.lower) ** 2 / 12
     fractions: list[float] = []
-    for one in replay(localizer(), recording, lambda text, fraction: fractions.append(fraction)):
+    for one in replay(localizer(), RECORDING, lambda text, fraction: fractions.append(fraction)):
         assert one.trace[0] > 0.5 * uniform.sum()
         assert one.trace.min() < 0.1 * uniform.sum()
         assert one.travel[0] == 0.0
@@ -74,14 +57,14 @@ def test_each_sweep_starts_from_a_uniform_prior(recording: Recording) -> None:
     assert fractions[-1] == 1.0
 
 
-def test_missing_phalanges_are_left_out(recording: Recording) -> None:
-    sweep = recording.sweeps[0]
+def test_missing_phalanges_are_left_out() -> None:
+    sweep = RECORDING.sweeps[0]
     status, strain = sweep.status.copy(), sweep.strain.copy()
     status[50:90, 0] = MISSING
     strain[50:90, :8] = np.nan
     status[100:107] = MISSING
     strain[110, 3] = np.nan  # although its status is OK
-    (one,) = replay(localizer(), replace(recording, sweeps=(replace(sweep, status=status, strain=strain),)))
+    (one,) = replay(localizer(), replace(RECORDING, sweeps=(replace(sweep, status=status, strain=strain),)))
     assert one.refused == 8
     np.testing.assert_array_equal(np.setdiff1d(np.arange(len(sweep)), one.row), [*range(100, 107), 110])
     assert np.isfinite(one.mean).all()

@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from simulated import recording_of
+from support.sweeps import CALIBRATION
 
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import learn
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.tradeoff import (
     Candidate,
@@ -71,43 +68,36 @@ def test_candidates_are_what_the_scene_can_have() -> None:
     assert {one.configuration.cell for one in candidates(line)} == {Configuration().cell}
 
 
-@pytest.fixture(scope="module")
-def bump() -> tuple[Scan, Recording, Calibration]:
-    scan = simulate_scan("bump", 1, sweeps=11).to_scan()
-    return scan, recording_of(simulate_scan("bump", 1, "test", sweeps=2)), learn(scan, BUMP)
+SCAN = simulate_scan("bump", 1, sweeps=11).to_scan()
+RECORDING = recording_of(simulate_scan("bump", 1, "test", sweeps=2))
 
 
-def test_a_candidate_that_fails_costs_its_row_only(bump: tuple[Scan, Recording, Calibration]) -> None:
-    scan, recording, calibration = bump
+def test_a_candidate_that_fails_costs_its_row_only() -> None:
     absent = Candidate("absent", Configuration(model="no.such.module:Model"))
-    trades, failed = trade(scan, BUMP, recording, [absent, *COARSE], calibration)
+    trades, failed = trade(SCAN, BUMP, RECORDING, [absent, *COARSE], CALIBRATION)
     assert [one.candidate.name for one in trades] == ["coarse", "particles"]
     assert failed["absent"].startswith("ParameterError: ")
 
 
 @pytest.mark.slow
-def test_a_cluster_of_two_workers_finds_the_same(
-    bump: tuple[Scan, Recording, Calibration], tmp_path: Path
-) -> None:
+def test_a_cluster_of_two_workers_finds_the_same(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="dask[distributed] is not installed")
-    scan, recording, calibration = bump
-    here, _ = trade(scan, BUMP, recording, COARSE, calibration)
+    here, _ = trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=tmp_path
     ) as cluster:
         address = cluster.scheduler_address
-        there, _ = trade(scan, BUMP, recording, COARSE, calibration, cluster=address)
+        there, _ = trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION, cluster=address)
     for one, other in zip(here, there, strict=True):
         assert one.error == other.error < 0.01
         assert one.verdict == other.verdict
     with pytest.raises(ParameterError, match=r"--cluster tcp://127.0.0.1:9: expected a dask scheduler"):
-        trade(scan, BUMP, recording, COARSE, calibration, cluster="tcp://127.0.0.1:9")
+        trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION, cluster="tcp://127.0.0.1:9")
 
 
-def test_what_cannot_be_measured_is_refused(bump: tuple[Scan, Recording, Calibration]) -> None:
-    scan, recording, calibration = bump
-    unknown = replace(recording, sweeps=(replace(recording.sweeps[0], truth=None),))
+def test_what_cannot_be_measured_is_refused() -> None:
+    unknown = replace(RECORDING, sweeps=(replace(RECORDING.sweeps[0], truth=None),))
     with pytest.raises(ParameterError, match="simulated bump: expected true positions, found none"):
-        trade(scan, BUMP, unknown, COARSE, calibration)
+        trade(SCAN, BUMP, unknown, COARSE, CALIBRATION)
     with pytest.raises(ParameterError, match="jobs: expected at least 1, or -1 for one per core, got 0"):
-        trade(scan, BUMP, recording, COARSE, calibration, jobs=0)
+        trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION, jobs=0)

@@ -106,28 +106,3 @@ def _separation(values, modes):
     assert len(groups) == 3
     within = np.median(np.concatenate([np.abs(group - np.median(group)) for group in groups])) / 0.6745
     return np.std([np.median(group) for group in groups]) / within
-
-
-def test_features_are_distinguishable():
-    """The nearest course of another session along the same line is one of the same feature."""
-    grid = np.linspace(16e-3, 46e-3, 60)
-
-    def courses(seed):
-        for feature in WHOLE:
-            for number in range(12):
-                sweep = simulate_sweep(feature, seed, number, "train", start=(0.0, 0.010))
-                z = sweep.strain - np.median(sweep.strain[:200], axis=0)
-                yield feature, np.array([np.interp(grid, sweep.truth[:, 0], gauge) for gauge in z.T])
-
-    known = list(courses(1))
-    for feature, course in courses(2):
-        nearest, _ = min(known, key=lambda other: np.linalg.norm(other[1] - course))
-        assert nearest == feature
-
-
-def test_training_pairs_have_reported_positions():
-    scan = scan_of("bump")
-    pairs = scan.to_scan()
-    assert (pairs.axes, pairs.phalanges) == (("x", "y"), ("index", "middle"))
-    np.testing.assert_array_equal(pairs.states, scan.odometry)
-    assert 0.05e-3 < np.std(pairs.states - scan.truth) < 0.5e-3
