@@ -26,7 +26,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
     A bar is the 95 % confidence interval of a candidate's difference to the first one; a cross marks a
     candidate with sweeps that were ever wrong.
     """
-    figure = Figure(figsize=(8.0, 5.4), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.8), layout="constrained")
     plot, reference = figure.subplots(), trades[0]
     groups: dict[str, list[Trade]] = {}
     for one in trades:
@@ -50,7 +50,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
     plot.set_ylabel(f"mean error, mm\n(bars: 95 % interval of the difference to {reference.candidate.name})")
     plot.set_ylim(bottom=0)
     plot.grid(color="0.92")
-    plot.legend(fontsize=8)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 
