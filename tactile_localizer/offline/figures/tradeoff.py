@@ -37,7 +37,7 @@ def tradeoff_figure(trades: Sequence[Trade]) -> Figure:
         plot.errorbar(x, y, half_widths, fmt="o", ms=4, elinewidth=0.7, label=label)
     plot.plot(*_places([one for one in trades if one.verdict.wrong]), "kx", ms=9, label="sweeps ever wrong")
     for one in trades:
-        if (name := one.candidate.name) in _RINGS:
+        if (name := one.candidate.name) in _RINGS and name not in groups:
             plot.plot(*_places([one]), _RINGS[name], ms=11, mfc="none", mec="black", label=name)
     x, y = _places(sorted(pareto_front(trades), key=lambda one: one.us_per_mm))
     best = np.minimum.accumulate(y)
