@@ -190,12 +190,12 @@ class FilterNode(ManagedNode):
         except MeasurementError as error:
             self._inputs.reject("initial_pose", error)
             return
-        self._online.seed(mean, std, self._inputs.clock.now_ns)
+        self._online.seed(mean, std, self._inputs.newest_ns)
         self._stale = ""
         self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
 
     def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
-        self._online.reset(self._inputs.clock.now_ns)
+        self._online.reset(self._inputs.newest_ns)
         self._stale = ""
         self.get_logger().info("belief reset to uniform")
         return response
@@ -291,7 +291,7 @@ class FilterNode(ManagedNode):
             self._repeat_as_stale()
         elif self._online.latest is None:
             reason = f"no estimate yet, {self._missing()}"
-            stamp_ns = self._inputs.clock.now_ns or self.now_ns
+            stamp_ns = self._inputs.newest_ns or self.now_ns
             self._estimates.publish_waiting(stamp_ns, self._localizer, reason)
         self._health.publish(
             self._diagnostics.belief(self._online, str(self._loaded.path), self._stale),

@@ -77,7 +77,7 @@ class MappingNode(ManagedNode):
         self.create_steady_timer(_COMMIT_PERIOD_S, self._commit)
         self.create_steady_timer(_STATUS_PERIOD_S, self._update_rate)
         self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
-        self._publish_status(self._newest_ns)
+        self._publish_status(self._inputs.newest_ns)
         self._refresh_map()
 
     def _end_recording(self) -> None:
@@ -115,7 +115,7 @@ class MappingNode(ManagedNode):
         def start(recorder: SweepRecorder) -> str:
             for reason in self._inputs.problems.values():
                 raise ScanError(f"start sweep: {reason}")
-            number = recorder.start(self._inputs.clock.now_ns)
+            number = recorder.start(self._inputs.newest_ns)
             self._write_error = ""
             return f"sweep {number} started"
 
@@ -123,7 +123,7 @@ class MappingNode(ManagedNode):
 
     def _on_end(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """End the sweep after the newest sample received."""
-        return self._answer(response, lambda recorder: f"sweep {recorder.end(self._newest_ns)} ended")
+        return self._answer(response, lambda recorder: f"sweep {recorder.end(self._inputs.newest_ns)} ended")
 
     def _answer(self, response: Trigger.Response, work: Callable[[SweepRecorder], str]) -> Trigger.Response:
         try:
@@ -141,7 +141,7 @@ class MappingNode(ManagedNode):
         self._counts.append((time.monotonic(), self._recorder.pairs))
         (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
         self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
-        self._publish_status(self._newest_ns)
+        self._publish_status(self._inputs.newest_ns)
 
     def _publish_diagnostics(self) -> None:
         """Publish the state of the recording; losses since the previous status are a warning."""
@@ -177,11 +177,6 @@ class MappingNode(ManagedNode):
         message = ": ".join(filter(None, [activity, errors or warnings]))
         self._health.publish(self._health.status("scan", level, message, values))
 
-    @property
-    def _newest_ns(self) -> int:
-        """Stamp of the newest sample, ns; 0 before the first."""
-        return self._inputs.pairing.newest_ns or 0
-
     def _publish_status(self, stamp_ns: int) -> None:
         """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""
         recorder = self._recorder
@@ -209,7 +204,7 @@ class MappingNode(ManagedNode):
         except ScanError as error:
             self._write_error = str(error)
             self.get_logger().error(self._write_error, throttle_duration_sec=1.0)
-            self._publish_status(self._newest_ns)
+            self._publish_status(self._inputs.newest_ns)
 
 
 def main() -> int:

@@ -24,7 +24,6 @@ from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.ros.base import exception_guards
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
-from tactile_localizer.ros.base.rclpy_private import destroy_state_machine
 
 T = TypeVar("T")
 
@@ -152,11 +151,6 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self._activated.close()
         self._configured.close()
 
-    def destroy_node(self) -> None:
-        """Leave the ROS graph at once, including the lifecycle services, which rclpy would keep alive."""
-        super().destroy_node()
-        destroy_state_machine(self)
-
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive, unless :meth:`configure` fails."""
         self._is_configured = True
@@ -211,9 +205,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
                 return await run_in_thread(self, change)
             return change()
         except RuntimeError:  # from rclpy: the present state does not have this transition
-            machine = self._state_machine
-            possible = " or ".join(label for _, label, *_ in machine.available_transitions)
-            text = f"expected {possible}, the node is {machine.current_state[1]}"
+            text = "expected one of the present state, it has none such"
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
             return response
 

@@ -1,7 +1,6 @@
-"""Private interfaces of rclpy that the nodes use; tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted).
+"""The private interface of rclpy that the nodes use; tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted).
 
-If another version of rclpy lacks one of these, misspelt parameters are ignored without a warning, and the
-lifecycle services of a destroyed node stay in the ROS graph until the process ends.
+If another version of rclpy lacks it, misspelt parameters are ignored without a warning.
 """
 
 from __future__ import annotations
@@ -15,9 +14,3 @@ def parameter_overrides(node: Node) -> list[str]:
     The public ``automatically_declare_parameters_from_overrides`` fails on an empty list.
     """
     return list(getattr(node, "_parameter_overrides", ()))
-
-
-def destroy_state_machine(node: Node) -> None:
-    """Destroy the state machine of a destroyed node, which holds its lifecycle services and publisher."""
-    if (machine := getattr(node, "_state_machine", None)) is not None:
-        machine.destroy_when_not_in_use()

@@ -30,8 +30,6 @@ from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 from tactile_localizer.scene import Axis, Scene
 
-_RECORDED_NS = 60 * NANOSECONDS
-
 _STAMPED = ("strain", "palm_pose")
 
 SYNCHRONIZATION = (
@@ -92,7 +90,6 @@ class TactileInputs:
     Attributes
     ----------
     pairing : pairing of the strain vectors with poses
-    clock : estimate of the present time of the sender of the strain
     received, invalid, unstamped : numbers of messages, of invalid ones, and of others whose stamp is 0, by
         topic: ``strain`` and ``palm_pose``
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
@@ -117,7 +114,6 @@ class TactileInputs:
         self.pairing: Pairing[StrainSample] = Pairing(
             scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
         )
-        self.clock = SenderClock(lambda: self._node.now_ns)
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
         self.unstamped: Counter[str] = Counter()
@@ -140,6 +136,11 @@ class TactileInputs:
     def lost(self) -> int:
         """Number of strain vectors lost in transport."""
         return self._reader.lost
+
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the newest strain vector, ns; 0 before the first."""
+        return self.pairing.newest_ns or 0
 
     def misalignment(self, tolerance_s: float) -> str:
         """How far the stamps of poses are from those of the strain that arrives with them.
@@ -213,8 +214,6 @@ class TactileInputs:
             self.unstamped[topic] += 1  # the clock of the sender has not started
             return
         self.received[topic] += 1
-        if topic == "strain":  # poses can have the stamps of another clock
-            self.clock.update(stamp_ns, self.pairing.resets)
         try:
             pairs = pair(stamp_ns)
         except TactileLocalizerError as error:
@@ -225,48 +224,3 @@ class TactileInputs:
             if strain_ns is not None and pose_ns is not None:
                 self._ahead_ns[topic] = pose_ns - strain_ns
             self._on_pairs(pairs)
-
-
-class SenderClock:
-    """Estimates the time of the sender from the stamps and the arrival times of messages.
-
-    An offset of less than one second is taken for transport delay: sender and node share a clock. An offset
-    of more than one minute indicates a recording, whose time stands still between two messages.
-
-    Parameters
-    ----------
-    receiver_ns : returns the time of the node's clock, ns; 0 if it has not started
-    """
-
-    def __init__(self, receiver_ns: Callable[[], int]) -> None:
-        self._receiver_ns = receiver_ns
-        self._newest_ns = 0
-        self._delay_ns: int | None = None
-        self._epoch = 0
-
-    def update(self, stamp_ns: int, epoch: int) -> None:
-        """Account for a message that arrives now.
-
-        Parameters
-        ----------
-        stamp_ns : stamp of the message, ns
-        epoch : number of backward jumps of the stamps so far
-        """
-        if epoch != self._epoch:
-            self._epoch, self._newest_ns, self._delay_ns = epoch, 0, None
-        self._newest_ns = max(self._newest_ns, stamp_ns)
-        if receiver_ns := self._receiver_ns():
-            delay_ns = receiver_ns - stamp_ns
-            self._delay_ns = delay_ns if self._delay_ns is None else min(self._delay_ns, delay_ns)
-
-    @property
-    def now_ns(self) -> int:
-        """Stamp of a message sent now, ns; at least the newest stamp, 0 before any.
-
-        Messages with older stamps can still arrive.
-        """
-        delay_ns = self._delay_ns
-        if delay_ns is None or abs(delay_ns) > _RECORDED_NS:
-            return self._newest_ns
-        offset_ns = delay_ns if abs(delay_ns) > NANOSECONDS else 0
-        return max(self._newest_ns, self._receiver_ns() - offset_ns)

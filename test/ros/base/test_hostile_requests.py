@@ -81,7 +81,7 @@ def test_invalid_parameter_values_are_rejected(node_process, probe, tmp_path):
 
 
 STARTS = {
-    "long path": ("filter_node", "scan_file", "x" * 5000, "File name too long"),
+    "long path": ("filter_node", "scan_file", "x" * 5000, "expected a scan folder, found none"),
     "alias bomb": ("mapping_node", "scene_file", "bomb.yaml", "expected YAML, expected no alias"),
     "deep scene": ("mapping_node", "scene_file", "deep.yaml", "expected YAML, found too many lists in lists"),
     "text for a number": ("mapping_node", "scene_file", "text.yaml", "expected a finite number, got 'wide'"),

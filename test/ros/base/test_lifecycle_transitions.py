@@ -183,21 +183,6 @@ def test_a_rejected_configuration_gives_its_reason(make, tmp_path, capfd):
         assert "expected an unconfigured node" in refused.reason
 
 
-def test_a_destroyed_node_leaves_nothing_in_the_graph(make, probe):
-    node = make()
-    name = node.get_name()
-
-    probe.until(lambda: f"/{name}/change_state" in lifecycle_services(probe), "its services")
-    node.close()
-    node.destroy_node()
-    probe.until(lambda: not lifecycle_services(probe), "its services to be gone, while it is referred to")
-
-
-def lifecycle_services(probe):
-    found = probe.node.get_service_names_and_types()
-    return [service for service, _ in found if service.endswith("/change_state")]
-
-
 INTERRUPTED = """
 import os, signal, sys, time
 from tactile_localizer.ros.base.executable import run
