@@ -69,22 +69,18 @@ def test_the_feature_exceeds_featureless_variation(feature):
 def test_gauges_respond_to_edge_or_height():
     """Paper, Fig. 3 (c) and (d): one element changes sign along the sweep, another across the sweeps."""
     scan = scan_of("bump")
-    level = np.median(scan.strain, axis=0)
-    before = np.abs(scan.truth[:, 0] - 25e-3) < 2e-3
-    after = np.abs(scan.truth[:, 0] - 39e-3) < 2e-3
-    below = np.abs(scan.truth[:, 1] - 7e-3) < 2e-3
-    above = np.abs(scan.truth[:, 1] - 20e-3) < 2e-3
-    mean = {
-        (i, j): np.mean(scan.strain[a & b] - level, axis=0)
-        for i, a in (("before", before), ("after", after))
-        for j, b in (("below", below), ("above", above))
-    }
-    along = [mean["before", "below"], mean["before", "above"], mean["after", "below"], mean["after", "above"]]
-    edge, height = 0, 2
-    assert along[0][edge] > 0.05 < along[1][edge]
-    assert along[2][edge] < -0.05 > along[3][edge]
-    assert along[0][height] * along[1][height] < 0 > along[2][height] * along[3][height]
-    assert along[0][height] * along[2][height] > 0
+    strain = scan.strain - np.median(scan.strain, axis=0)
+
+    def edge_and_height(x, y):
+        near = (np.abs(scan.truth - (x, y)) < 2e-3).all(axis=1)
+        return np.mean(strain[near], axis=0)[[0, 2]]
+
+    before = [edge_and_height(25e-3, y) for y in (7e-3, 20e-3)]
+    after = [edge_and_height(39e-3, y) for y in (7e-3, 20e-3)]
+    assert before[0][0] > 0.05 < before[1][0]
+    assert after[0][0] < -0.05 > after[1][0]
+    assert before[0][1] * before[1][1] < 0 > after[0][1] * after[1][1]
+    assert before[0][1] * after[0][1] > 0
 
 
 @pytest.mark.parametrize("feature", WHOLE)
