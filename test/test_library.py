@@ -76,6 +76,7 @@ def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
         (lambda folder: build(folder, model="none:Model"), "model 'none:Model': .*PYTHONPATH"),
         (lambda folder: localizer(folder, seed=-1), "seed: expected at least 0, got -1"),
         (lambda folder: Configuration(particles="5"), "particles: expected a .*number, got '5'"),
+        (lambda folder: tactile_localizer.load_scan("x" * 300), "expected a scan folder, found none"),
         (lambda folder: update(folder, stamp_ns=None), "stamp_ns: expected .* got None"),
         (lambda folder: update(folder, position=(0.01,)), "position: expected 2 finite numbers"),
         (lambda folder: update(folder, strain=(0.0,) * 7), r"strain: expected .*16"),

@@ -222,4 +222,7 @@ def is_scan(path: Path) -> bool:
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: a folder that is not a scan, or a file with the extension of a bag."""
-    return path.suffix in _BAG_EXTENSIONS or (path.is_dir() and not is_scan(path))
+    try:
+        return path.suffix in _BAG_EXTENSIONS or (path.is_dir() and not is_scan(path))
+    except OSError:  # the name is too long
+        return False

@@ -173,6 +173,7 @@ def test_a_recording_without_truth_is_localized(bump_folder: Path, capsys) -> No
     [
         ("test.csv --scan none_scan", "none_scan: expected a scan folder"),
         ("none.csv --scan bump_scan", "none.csv: expected a "),
+        (f"{'x' * 300} --scan bump_scan", "expected a CSV file, File name too long"),
         ("test.csv --scan bump_scan --scene none.yaml", "none.yaml: expected a scene file"),
         ("test.csv --scan bump_scan --config none.yaml", "none.yaml: expected a configuration file"),
         ("test.csv --scan bump_scan --filter particle --particles 0", "particles: expected 1 to"),

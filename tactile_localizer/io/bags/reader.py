@@ -69,8 +69,7 @@ def read_messages(path: str | Path, wanted: Mapping[str, Wanted]) -> BagMessages
     """
     path = Path(path)
     found = BagMessages()
-    files = path.iterdir() if path.is_dir() else [path]
-    if not any({".mcap", ".db3"} & set(file.suffixes) for file in files if file.is_file()):
+    if not _has_storage(path):
         raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), found none")
     try:
         with AnyReader([path], default_typestore=typestore()) as reader:
@@ -100,6 +99,15 @@ def read_messages(path: str | Path, wanted: Mapping[str, Wanted]) -> BagMessages
     except Exception as error:  # as above
         raise ScanError(f"{path}: expected a readable bag, {_one_line(error)} ({_repair(path)})") from None
     return found
+
+
+def _has_storage(path: Path) -> bool:
+    """Whether a file, or one in a directory, is named as the storage of a bag."""
+    try:
+        files = list(path.iterdir()) if path.is_dir() else [path]
+        return any({".mcap", ".db3"} & set(file.suffixes) for file in files if file.is_file())
+    except OSError:  # no permission, the name is too long
+        return False
 
 
 def typestore() -> Typestore:

@@ -215,6 +215,7 @@ def foreign_database(path):
         ("empty.mcap", Path.touch),
         ("text.mcap", lambda path: path.write_text("not a bag at all" * 100)),
         ("pipe.mcap", os.mkfifo),
+        ("x" * 300, lambda path: None),
         ("folder", Path.mkdir),
         ("zip", lambda path: zipfile.ZipFile(path, "w").close()),
         ("song.db3", foreign_database),
