@@ -201,8 +201,9 @@ class CanReader(ABC):
                 self.status.errors.update(errors)
                 self._set_controller(state or self.status.controller)
                 continue
-            if self.status.controller == BUS_OFF:
-                self._set_controller(ERROR_ACTIVE)
+            link = self.status.link
+            if self.status.controller == BUS_OFF or link is None or not link.controller:
+                self._set_controller(ERROR_ACTIVE)  # the kernel does not know, or not yet
             self._is_foreign, self.status.foreign = False, 0
 
     def _set_open(self) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 import can
 import pytest
-from can.interfaces.virtual import VirtualBus
 from support.load_cells import protocol
 
 from tactile_localizer.errors import CanError
@@ -48,23 +47,6 @@ def test_options_are_parsed_as_yaml() -> None:
     with pytest.raises(CanError, match=r"'serial=\[A7': expected a value in YAML") as refusal:
         parse_options(["serial=[A7"])
     assert "\n" not in str(refusal.value)
-
-
-class FilteringBus(VirtualBus):
-    """A bus whose filters are applied elsewhere than in this process, as SocketCAN's are."""
-
-    applied: list[Any]
-
-    def _apply_filters(self, filters: Any) -> None:
-        self.applied = [*getattr(self, "applied", []), filters]
-
-
-def test_kernel_filters_are_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    hand = protocol()
-    monkeypatch.setattr(can, "Bus", lambda interface, channel: FilteringBus(channel))
-    bus = open_bus(BusSettings("socketcan", "filters"), hand)
-    assert bus.applied[-1] == hand.filters  # type: ignore[attr-defined]
-    bus.shutdown()
 
 
 def test_the_receive_buffer_has_the_given_size(

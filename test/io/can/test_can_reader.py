@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
 
 import can
 import pytest
-from can.interfaces.virtual import VirtualBus
 from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
@@ -123,29 +120,6 @@ def test_an_absent_and_a_lost_bus_are_waited_for(line: Callable[..., Line]) -> N
         one.opened[-1].shutdown()
     wait_until(lambda: len(one.log) == 4, "the last failure", 5.0)
     assert "closed" in one.status.error
-
-
-def test_a_bus_is_open_after_the_first_read(
-    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    one = line()
-    down, read = threading.Event(), VirtualBus._recv_internal
-
-    def receive(bus: VirtualBus, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if not down.is_set():
-            return read(bus, timeout)
-        error = OSError(errno.ENETDOWN, os.strerror(errno.ENETDOWN))  # as SocketCAN has it
-        raise can.CanOperationError(f"Error receiving: {error.strerror}", error.errno) from error
-
-    monkeypatch.setattr(VirtualBus, "_recv_internal", receive)
-    down.set()
-    wait_until(lambda: len(one.opened) >= 4, "three attempts", 5.0)
-    assert (one.status.state, one.status.reconnects) == (WAITING, 0)
-    assert "Network is down" in one.status.error
-    assert len(one.log) == 1
-    down.clear()
-    wait_until(lambda: one.status.state == OPEN, "the bus to be back", 5.0)
-    assert one.status.reconnects == 1
 
 
 def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[..., Line]) -> None:
