@@ -19,10 +19,6 @@ def test_overrides_precede_the_file(tmp_path) -> None:
     path.write_text("filter: particle\nparticles: 75\nupdate_distance: 1e-3\n")
     configuration = load_configuration(path, particles=80, model=None)
     assert configuration == Configuration(filter="particle", particles=80, update_distance=0.001)
-
-
-def test_an_empty_file_means_the_defaults(tmp_path) -> None:
-    path = tmp_path / "empty.yaml"
     path.write_text("# nothing\n")
     assert load_configuration(path) == Configuration()
 

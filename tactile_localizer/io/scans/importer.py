@@ -89,14 +89,16 @@ def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndar
     """One line per reason for which samples are skipped."""
     gaps = sum(sweep.gaps for sweep in recording.sweeps)
     counts = Counter(reason for each in reasons for reason in each.tolist())
-    ranges = []
-    for column, axis in enumerate(scene.axes):
-        places = np.concatenate([np.zeros(0), *(sweep.position[:, column] for sweep in recording.sweeps)])
-        if counts[OUTSIDE] and (places.min() < axis.lower or places.max() > axis.upper):
-            found = f"{axis.name} is {places.min():.6g} to {places.max():.6g}"
-            ranges.append(f"{found}, bounds {axis.lower:.6g} to {axis.upper:.6g}")
+    position = np.concatenate(
+        [np.empty((0, scene.dimension)), *(sweep.position for sweep in recording.sweeps)]
+    )
+    low, high = position.min(axis=0, initial=np.inf), position.max(axis=0, initial=-np.inf)
+    ranges = "; ".join(
+        f"{axis.name} is {least:.6g} to {most:.6g}, bounds {axis.lower:.6g} to {axis.upper:.6g}"
+        for axis, least, most in zip(scene.axes, low, high, strict=True)
+    )
     for count, what in (
-        (counts[OUTSIDE], f"with a palm position outside the scene's bounds ({'; '.join(ranges)})"),
+        (counts[OUTSIDE], f"with a palm position outside the scene's bounds ({ranges})"),
         (counts[MISSING], "with missing or implausibly large strain"),
         (counts[SATURATED], "with saturated strain"),
         (gaps, "without a palm pose close enough in time"),

@@ -26,6 +26,8 @@ from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.scene import Scene
 
 _END = b"\nsweep "
+_RESIDUE = 0x2144DF1C
+"""CRC-32 of anything that ends with its own CRC-32."""
 
 
 class OpenSweep:
@@ -131,14 +133,16 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     if details:
         require_same_scene(details.pop("scene"), scene_to_dict(scene), str(path))
     kind, start = _record_type(scene), _checksum(scene)
-    intact, at = [], 0
+    intact, at, size = [], 0, kind.itemsize
     records = memoryview(body if mark else content)
-    while at + kind.itemsize <= len(records):
-        record = records[at : at + kind.itemsize]
-        is_intact = zlib.crc32(record[:-4], start) == int.from_bytes(record[-4:], "little")
-        intact += [record] * is_intact
-        at += kind.itemsize if is_intact else 1
-    damaged = -((kind.itemsize * len(intact) - len(records)) // kind.itemsize)
+    while at + size <= len(records):
+        record = records[at : at + size]
+        if zlib.crc32(record, start) == _RESIDUE:
+            intact.append(record)
+            at += size
+        else:
+            at += 1
+    damaged = -((size * len(intact) - len(records)) // size)
     if damaged and not intact:
         raise ScanError(f"{path}: expected pairs of the scan's scene, found none that is intact")
     pairs = np.frombuffer(b"".join(intact), kind)

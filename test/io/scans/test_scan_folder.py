@@ -181,13 +181,6 @@ def test_every_flipped_bit_of_the_scene_is_found(tmp_path):
         assert ScanFolder(scan.path).scene == SCENE
 
 
-def test_another_scene_is_refused(tmp_path):
-    scan = record(tmp_path / "scan")
-    other = replace(SCENE, axes=(Axis("x", 0.0, 0.06), SCENE.axes[1]))
-    with pytest.raises(ScanError, match=r"scan: expected the axes .*0\.06.*, found .*0\.05"):
-        ScanWriter(scan.path, other)
-
-
 def test_a_damaged_history_is_no_obstacle(tmp_path):
     scan = record(tmp_path / "scan")
     lines = ["{", "[]", '{"at": 7}', "\x00", "[" * 100_000, json.dumps({"at": "now", "what": "test"})]
