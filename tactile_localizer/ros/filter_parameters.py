@@ -11,73 +11,45 @@ from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONI
 _DEFAULTS = Configuration()
 
 
-def _field(name: str, description: str, unit: str = "", live: bool = False) -> Parameter:
+_DESCRIPTIONS = {
+    "model": f"Measurement model: {', '.join(MODELS)}, or a user-defined model as module:Class. "
+    "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
+    "filter": "Bayes filter: particle filter, or exact recursion on a grid",
+    "particles": "Number of particles when the estimate has converged, 75 in the paper; for filter particle",
+    "max_particles": "Number of particles while the belief is wide, if larger; 75 in the paper; for filter "
+    "particle",
+    "cell": "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis "
+    "use 0.5 mm instead, with three at most 25,000 cells",
+    "conditional": "Conditional form of model sum_of_gaussians; false for the joint form of the paper",
+    "resampling": "Resampling scheme, for filter particle",
+    "resample_below": "Resample when the effective sample size falls below this fraction of the number of "
+    "particles, for filter particle",
+    "random_particles": "Number of particles replaced by uniformly drawn ones at each update, 10 in the "
+    "paper; requires filter particle",
+    "update_distance": "Travel between measurement updates",
+    "convergence_radius": "Radius about the estimate that convergence refers to",
+    "convergence_yaw_radius": "Yaw interval about the estimate that convergence refers to, if the scene has "
+    "yaw",
+    "convergence_probability": "Posterior probability that the palm is on the map and within the radius of "
+    "the estimate, above which the estimate has converged",
+    "convergence_travel": "Travel over which that probability must be exceeded",
+}
+_UNITS = dict.fromkeys(("update_distance", "convergence_radius", "convergence_travel"), "m")
+_UNITS["convergence_yaw_radius"] = "rad"
+
+LIVE = frozenset(_UNITS) | {"convergence_probability"}
+"""Names of the parameters of the localizer that can be changed without a reset of the belief."""
+
+
+def _parameter(name: str) -> Parameter:
     """The parameter of a field of the configuration."""
     lower, upper = RANGES.get(name, (None, None))
-    default, choices = getattr(_DEFAULTS, name), CHOICES.get(name, ())
-    return Parameter(name, default, description, unit, lower, upper, choices, live)
+    default, unit, choices = getattr(_DEFAULTS, name), _UNITS.get(name, ""), CHOICES.get(name, ())
+    return Parameter(name, default, _DESCRIPTIONS[name], unit, lower, upper, choices, name in LIVE)
 
 
-CONFIGURATION = (
-    _field(
-        "model",
-        f"Measurement model: {', '.join(MODELS)}, or a user-defined model as module:Class. "
-        "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
-    ),
-    _field("filter", "Bayes filter: particle filter, or exact recursion on a grid"),
-    _field(
-        "particles",
-        "Number of particles when the estimate has converged, 75 in the paper; for filter particle",
-    ),
-    _field(
-        "max_particles",
-        "Number of particles while the belief is wide, if larger; 75 in the paper; for filter particle",
-    ),
-    _field(
-        "cell",
-        "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis use "
-        "0.5 mm instead, with three at most 25,000 cells",
-    ),
-    _field(
-        "conditional",
-        "Conditional form of model sum_of_gaussians; false for the joint form of the paper",
-    ),
-    _field("resampling", "Resampling scheme, for filter particle"),
-    _field(
-        "resample_below",
-        "Resample when the effective sample size falls below this fraction of the number of particles, for "
-        "filter particle",
-    ),
-    _field(
-        "random_particles",
-        "Number of particles replaced by uniformly drawn ones at each update, 10 in the paper; requires "
-        "filter particle",
-    ),
-    _field("update_distance", "Travel between measurement updates", "m", live=True),
-    _field(
-        "convergence_radius",
-        "Radius about the estimate that convergence refers to",
-        "m",
-        live=True,
-    ),
-    _field(
-        "convergence_yaw_radius",
-        "Yaw interval about the estimate that convergence refers to, if the scene has yaw",
-        "rad",
-        live=True,
-    ),
-    _field(
-        "convergence_probability",
-        "Posterior probability that the palm is on the map and within the radius of the estimate, above "
-        "which the estimate has converged",
-        live=True,
-    ),
-    _field("convergence_travel", "Travel over which that probability must be exceeded", "m", live=True),
-)
+CONFIGURATION = tuple(map(_parameter, _DESCRIPTIONS))
 """One parameter per field of :class:`~tactile_localizer.core.configuration.Configuration`."""
-
-LIVE = frozenset(parameter.name for parameter in CONFIGURATION if parameter.live)
-"""Names of the parameters that can be changed without a reset of the belief."""
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan file, used as the map"),

@@ -148,9 +148,7 @@ def test_diagnostics_describe_belief_and_inputs(start, probe):
     assert values["probability"] == f"{posterior.probability:.4f}"
     assert values["on_map"] == f"{posterior.on_map:.4f}"
     assert values["inconsistent"] == ""
-    assert 1.0 <= float(values["effective_sample_size"]) <= int(values["hypotheses"])
     assert 0 < float(values["update_median_us"]) <= float(values["update_p99_us"])
-    assert float(values["update_p99_us"]) <= float(values["update_worst_us"])
     _, _, inputs = node.status("inputs")
     assert int(inputs["updated"]) + int(inputs["moved"]) == len(node.fresh())
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS, Pairing
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
@@ -44,9 +43,7 @@ class FilterDiagnostics:
         values |= {"strains_out_of_range": f"{strains:.2f}", "positions_out_of_range": f"{positions:.2f}"}
         if online.update_times_ns:
             times_us = np.asarray(online.update_times_ns) * 1e-3
-            for name, time_us in zip(
-                ("median", "p99", "worst"), np.quantile(times_us, [0.5, 0.99, 1.0]), strict=True
-            ):
+            for name, time_us in zip(("median", "p99"), np.quantile(times_us, [0.5, 0.99]), strict=True):
                 values[f"update_{name}_us"] = f"{time_us:.1f}"
         level, message = DiagnosticStatus.OK, "no measurement yet"
         if stale:
@@ -89,11 +86,9 @@ class FilterDiagnostics:
             **{f"invalid_{topic}": inputs.invalid[topic] for topic in TOPICS},
             **{f"unstamped_{topic}": inputs.unstamped[topic] for topic in TOPICS[:2]},
             "lost": inputs.lost,
-            "waiting": pairing.waiting,
             "late": pairing.late,
             "backward_jumps": pairing.resets,
             "forward_jumps": pairing.forward_jumps,
-            "waiting_s": f"{_waiting_s(pairing):.3f}",
             "last_error": online.last_error,
         }
         message = "; ".join(filter(None, [problem, ", ".join(losses)]))
@@ -109,10 +104,6 @@ def _describe(estimate: Estimate) -> dict[str, Any]:
         "state": estimate.state.name,
         "probability": f"{estimate.probability:.4f}",
         "on_map": f"{estimate.on_map:.4f}",
-        "log_marginal_nat": f"{estimate.log_marginal:.2f}",
-        "covariance_trace": f"{estimate.trace:.4g}",
-        "effective_sample_size": f"{estimate.effective_sample_size:.1f}",
-        "hypotheses": estimate.hypotheses,
         "travel_m": f"{estimate.travel:.4f}",
     }
 
@@ -122,10 +113,3 @@ def _stuck_phalanges(online: OnlineLocalizer) -> list[str]:
         return []
     names = online.localizer.scene.phalanx_names
     return [name for name, ok in zip(names, online.latest.consistent, strict=True) if not ok]
-
-
-def _waiting_s(pairing: Pairing[Any]) -> float:
-    """Time, measured in stamps, that the oldest strain vector has waited for its pose, s."""
-    if pairing.waiting_ns is None or pairing.newest_ns is None:
-        return 0.0
-    return (pairing.newest_ns - pairing.waiting_ns) / NANOSECONDS
