@@ -77,7 +77,7 @@ def measure_feature(
     for configuration in configurations:
         rng = np.random.default_rng(seed)
         localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
-        replayed = replay(localizer, own, clock=time.thread_time)
+        replayed = replay(localizer, own)
         seam_strains, seam_sweeps = on_unscanned(replay(localizer, seam))
         rows.append(
             {

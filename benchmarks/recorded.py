@@ -242,7 +242,7 @@ def localize(
     scene = localizer.scene
     axes = tuple(replace(axis, motion_std=odometry_noise * axis.motion_std) for axis in scene.axes)
     noisy = with_odometry(recording, replace(scene, axes=axes), np.random.default_rng([seed, 1]), SIMULATED)
-    return replay(localizer, noisy, clock=time.thread_time)
+    return replay(localizer, noisy)
 
 
 def learned_values(values: Mapping[str, Any]) -> Row:

@@ -63,7 +63,7 @@ def on_bump(sweeps: int) -> list[Row]:
     )
     recording = recording_of(simulate_scan("bump", 1, "test", sweeps=sweeps, rate=REPLAY_RATE_HZ))
     began = time.process_time()
-    replayed = replay(localizer, recording, clock=time.thread_time)
+    replayed = replay(localizer, recording)
     taken_s = time.process_time() - began
     rows += _update_rows("bump", update_times(replayed, read_us(scan)))
     real_s = len(recording) / REPLAY_RATE_HZ

@@ -44,7 +44,7 @@ class ReplayedSweep:
     reason : n texts, the reason for each state
     truth : (n, d) true positions, or ``None``
     travel : (n,) travel from the start of the sweep, m, along the truth if all of it is known
-    seconds : (n,) computing time of the localizer, s
+    seconds : (n,) processor time of the localizer, s
     refused : number of samples that the localizer refused
     contact : first and last sample of the recorded sweep in contact with the feature; -1: none, or unknown
     contact_known : whether it is known
@@ -94,10 +94,7 @@ class ReplayedSweep:
 
 
 def replay(
-    localizer: Localizer,
-    recording: Recording,
-    progress: Progress | None = None,
-    clock: Callable[[], float] = time.perf_counter,
+    localizer: Localizer, recording: Recording, progress: Progress | None = None
 ) -> list[ReplayedSweep]:
     """Localize each sweep of a recording from a uniform prior.
 
@@ -106,7 +103,6 @@ def replay(
     localizer : localizer, reset before each sweep
     recording : recording whose positions are the odometry, with the axes and phalanges of the localizer
     progress : called with a description of the work and the completed fraction
-    clock : clock for the computing time of the localizer, s
     """
     replayed = []
     done, total = 0, max(len(recording), 1)
@@ -119,9 +115,10 @@ def replay(
         for row, (stamp_ns, position, strain, here) in enumerate(samples):
             if progress is not None and row % _REPORT_EVERY == 0:
                 progress("replaying", (done + row) / total)
-            began = clock()
+            began = time.thread_time()
             with contextlib.suppress(MeasurementError):  # counted as refused
-                taken.append((row, localizer.update(stamp_ns, position, strain, here), clock() - began))
+                estimate = localizer.update(stamp_ns, position, strain, here)
+                taken.append((row, estimate, time.thread_time() - began))
         done += len(sweep)
         replayed.append(_replayed_sweep(localizer.scene, sweep, taken))
     if progress is not None:
