@@ -205,7 +205,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
                 return await run_in_thread(self, change)
             return change()
         except RuntimeError:  # from rclpy: the present state does not have this transition
-            text = "expected one of the present state, it has none such"
+            text = "expected a transition that the present state has"
             self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
             return response
 
