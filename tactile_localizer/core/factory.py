@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_localizer.core.calibration.held_out import Calibration, calibrate, surroundings
-from tactile_localizer.core.calibration.sweep_model import INFORMATION_LENGTHS, SweepModel, learn_sweep_model
+from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
+from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.material import SHEET
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
@@ -126,7 +128,7 @@ def _silent(_doing: str, _done: float) -> None:
 
 def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
     """What held-out sweeps say, by the exact filter."""
-    configuration = Configuration(update_distance=min(INFORMATION_LENGTHS))
+    configuration = Configuration(update_distance=SHEET.information_length)
     exact, length = np.zeros(scene.dimension), learned.information_length
 
     def localizer(near: Scene, cell: np.ndarray, mixture: SweepMixture) -> Localizer:
@@ -181,6 +183,8 @@ def _assembled(
         information_length,
         learned.presence_length,
         registration,
+        learned.quiet_energy(mixture),
+        Anchors(scene, learned.noise.material.anchors),
     )
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.geometry.anchors import Anchors, Injection
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.geometry.references import COARSE, FINE, References, TakenIn
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
@@ -25,13 +25,23 @@ from tactile_localizer.core.likelihood.base import MeasurementModel, checked, ha
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import log_sum, probability
+from tactile_localizer.core.likelihood.white_noise import SweepNoise
 from tactile_localizer.core.plausibility import PhalanxConsistency, StampUnit
+from tactile_localizer.core.strain_mean import StrainMean
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
 UPDATE_PERIOD_NS = 8_000_000
 """Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
 passes an update distance with every strain; an update for each would take longer than they take to come."""
+ENERGY_MEMORY = 0.025
+"""m over which the energy of a sweep on featureless material is averaged. By judgement."""
+_LARGEST_SCALE = 4.0
+"""Largest factor of the variance of a visit in a sweep: another squeezing force, other slack."""
+_CHANGED = 0.2
+"""Relative change of the noise of a channel from which strains are whitened anew."""
+_SILENT = 1e9
+"""Noise of a channel that does not count, in variances of a visit."""
 
 
 class Estimate(NamedTuple):
@@ -47,7 +57,7 @@ class Estimate(NamedTuple):
     on_map : probability that the map explains what is felt
     log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats; tempered as in the
         filter, then scaled to a whole measurement
-    log_unknown, log_featureless : the same of unknown, and of featureless material off the map, nats
+    log_other : the same of other material, nats
     consistent : (F,) bool, phalanges that are not stuck
     effective_sample_size, hypotheses : of the particles or cells
     travel : m since the belief was uniform
@@ -63,8 +73,7 @@ class Estimate(NamedTuple):
     probability: float
     on_map: float
     log_marginal: float
-    log_unknown: float
-    log_featureless: float
+    log_other: float
     consistent: np.ndarray
     effective_sample_size: float
     hypotheses: int
@@ -78,15 +87,17 @@ class Estimate(NamedTuple):
 
 
 class _Sweep(NamedTuple):
-    """What is known of the sweep, along the P trajectories of the states and the R of the references.
+    """What is known of the sweep, along the P trajectories of the states and the R of the anchors.
 
     Parameters
     ----------
     weights : (P,) of the states
     trend : by which the sweep differs from the scan
-    sums : of the correlation with the map along the references
+    sums : of the correlation with the map along the anchors
     explanations : probabilities of what explains the strain
     log_odds : of the map to chance
+    strengths : (G, F) log-weights of the strengths of other material
+    energy : (F,) mean energy of the innovations from featureless material
     """
 
     weights: np.ndarray
@@ -94,6 +105,16 @@ class _Sweep(NamedTuple):
     sums: Sums
     explanations: Explanations
     log_odds: float
+    strengths: np.ndarray
+    energy: np.ndarray
+
+
+class _Noisier(NamedTuple):
+    """The models for a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2."""
+
+    excess: np.ndarray
+    model: SweepMixture
+    correlation: Correlation | None
 
 
 class Localizer:
@@ -115,6 +136,8 @@ class Localizer:
     information_length, presence_length : m of travel per independent measurement of the position, and of the
         material
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
+    quiet_energy : (F,) usual energy of the scan's innovations from featureless material
+    anchors : trajectories that represent the whole map
     """
 
     def __init__(
@@ -129,6 +152,8 @@ class Localizer:
         information_length: float,
         presence_length: float,
         registration_std: np.ndarray,
+        quiet_energy: np.ndarray,
+        anchors: Anchors,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
@@ -141,11 +166,12 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._consistency = PhalanxConsistency(scene.layout)
-        self._references = References(scene, COARSE if correlation is None else FINE)
+        self._anchors = anchors
         self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
         self._updated_ns = 0
-        self._updated_at: np.ndarray | None = None
+        self._mean, self._noise = StrainMean(self._motion), SweepNoise(model.noise.white)
+        self._quiet_energy = quiet_energy
         self._belief: Belief | None = None
         self._restart()
 
@@ -201,101 +227,137 @@ class Localizer:
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self.reset()
         self._stamp_ns = stamp_ns
-        if self._updated_at is not None:
-            # As the crow flies: a pose that trembles about one place does not travel.
-            self._pending = self._motion.displacement(self._updated_at, position)
-            self._pending_travel = self._motion.travel(self._pending)
+        travel = self._mean.add(position, strain, here)
+        self._noise.observe(strain, self.scene.layout.expand(here), travel)
         updated = self._belief is None or (
-            self._pending_travel >= self._update_distance and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
+            self._mean.travel >= self._update_distance and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
         )
         if updated:
-            self._updated_ns, self._updated_at = stamp_ns, position
+            self._updated_ns = stamp_ns
             self._measure(strain, here)
         return self._estimate(stamp_ns, updated)
 
     def _restart(self) -> None:
-        for part in (self._convergence, self._consistency, self._references):
+        for part in (self._convergence, self._consistency, self._anchors, self._mean, self._noise):
             part.reset()
-        references = len(self._references)
-        # The first prediction has no ancestors: all trajectories begin at the references.
+        anchors = len(self._anchors)
+        # The first prediction has no ancestors: all trajectories begin at the anchors.
         self._sweep = _Sweep(
             weights=np.ones(1),
-            trend=self.model.drift.start(1 + references),
-            sums=Sums.start(references),
-            explanations=Explanations.start(references, only_map=self._correlation is not None),
+            trend=self.model.drift.start(1 + anchors),
+            sums=Sums.start(anchors),
+            explanations=Explanations.start(anchors, only_map=self._correlation is not None),
             log_odds=-PRIOR,
+            strengths=self.model.other.start(),
+            energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
+        self._noisier = _Noisier(np.zeros(self.scene.layout.size), self.model, self._correlation)
         self._stamp_ns = None
         self._updated_ns = 0
-        self._updated_at = None
         self._belief = None
-        self._pending = np.zeros(self.scene.dimension)
-        self._pending_travel = 0.0
         self._travel = 0.0
-        self._log_likelihoods = np.full(3, np.nan)
+        self._log_likelihoods = np.full(2, np.nan)
 
-    def _measure(self, strain: np.ndarray, present: np.ndarray) -> None:
+    def _measure(self, last: np.ndarray, present: np.ndarray) -> None:
         """The measurement update: predicted belief, likelihoods, posterior, explanations, decision."""
-        travel = self._pending_travel
+        strain, displacement = self._mean.take()
+        travel = self._motion.travel(displacement)
         stretch = max(travel, self._update_distance)
-        self._consistency.observe(strain, present, travel)
-        used, exponent = self._used(present), min(1.0, stretch / self._information_length)
+        self._consistency.observe(last, present, travel)
+        phalanges, exponent = self._used(present), min(1.0, stretch / self._information_length)
+        used = phalanges if self._correlation is None else np.ones(1, dtype=bool)
+        model, correlation = self._with_noise(phalanges)
 
-        prediction, sweep = self._predict(travel)
-        places = np.concatenate([prediction.states, self._references.states])
-        nodes, expected = self.model.expected(places)
-        innovation, trend = self.model.innovation(
+        prediction, sweep = self._predict(displacement, travel)
+        states = len(prediction.states)
+        places = np.concatenate([prediction.states, self._anchors.states])
+        nodes, expected = model.expected(places)
+        innovation, trend = model.innovation(
             sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
         )
-        likelihoods = self.model.evaluate(nodes, prediction.log_weights, innovation, used)
+        off_map, level_variance = model.off_map(innovation)
+        energy, scale = self._scale(sweep.energy, model.other.energy(off_map, level_variance), stretch)
+        likelihoods = model.evaluate(nodes, states, innovation, scale, used)
+        other, strengths = model.other.update(sweep.strengths, off_map, level_variance, scale, used, exponent)
         position = likelihoods.states
         if self._position_model is not None:
-            position = self._position_likelihood(prediction, innovation, strain, used)
+            position = self._position_likelihood(prediction, innovation, strain, phalanges)
 
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
         tracked = log_sum(prediction.log_weights + exponent * likelihoods.states) / exponent
-        is_elsewhere = self._motion.travels(places[len(weights) :] - belief.mean) > AWAY
+        far = self._motion.travels(self._anchors.states - belief.mean) > AWAY
         material = min(1.0, stretch / self._presence_length)
-        explanations = sweep.explanations.update(tracked, likelihoods, is_elsewhere, material)
+        explanations = sweep.explanations.update(
+            stretch,
+            np.where(far, material * (likelihoods.anchors - tracked), -np.inf),
+            exponent * (other - tracked),
+        )
         sums, log_odds = sweep.sums, sweep.log_odds
-        if self._correlation is not None:
-            variance = self.model.variance(nodes[len(weights) :])
-            along = innovation.map[len(weights) :]
-            sums = self._correlation.update(sums, innovation.strain, along, variance, stretch)
-            boxes = self._references.index(prediction.states)
-            masses = np.bincount(boxes, weights, minlength=len(self._references))
-            log_odds = self._correlation.log_odds(sums, masses, is_elsewhere)
+        if correlation is not None:
+            sums = correlation.update(
+                sums,
+                innovation.strain,
+                innovation.map,
+                model.variance(nodes),
+                np.exp(prediction.log_weights),
+                stretch,
+            )
+            boxes = self._anchors.index(prediction.states)
+            masses = np.bincount(boxes, weights, minlength=len(self._anchors))
+            log_odds = correlation.log_odds(sums, masses, far)
 
-        self._sweep = _Sweep(weights, trend, sums, explanations, log_odds)
+        self._sweep = _Sweep(weights, trend, sums, explanations, log_odds, strengths, energy)
         self._belief = belief
-        self._log_likelihoods = np.array([tracked, likelihoods.unknown, likelihoods.featureless])
+        volume = float(model.noise.log_volume[used].sum())
+        self._log_likelihoods = np.array([tracked, other]) + volume
         self._travel += travel
-        self._pending = np.zeros(self.scene.dimension)
-        self._pending_travel = 0.0
         self._decide(prediction.states, weights, belief, travel)
 
-    def _predict(self, travel: float) -> tuple[Prediction, _Sweep]:
+    def _with_noise(self, used: np.ndarray) -> tuple[SweepMixture, Correlation | None]:
+        """The models for the noise of the sweep, whitened anew where it has changed by a fifth."""
+        excess, usual = self._noise.excess(self._update_distance), self.model.noise.variance
+        if (
+            self._correlation is not None
+        ):  # a phalanx that does not count has no factor of its own to leave out
+            excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
+        before = self._noisier.excess
+        if (np.abs(excess - before) > _CHANGED * (usual + before)).any():
+            correlation = self._correlation
+            if correlation is not None:
+                transform = np.linalg.inv(self.model.noise.rewhitening(excess))
+                correlation = correlation.with_noise(transform @ transform.T)
+            self._noisier = _Noisier(excess, self.model.with_noise(excess), correlation)
+        return self._noisier.model, self._noisier.correlation
+
+    def _scale(self, before: np.ndarray, energy: np.ndarray, travel: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean energy (F,) of the sweep off the map, and the factor (F,) of the variance that it shows."""
+        mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
+        if self._correlation is not None:
+            return mean, np.ones_like(mean)
+        return mean, (mean / self._quiet_energy).clip(1.0, _LARGEST_SCALE)
+
+    def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""
-        sweep, references = self._sweep, self._references
-        references.move(self._pending)
-        taken_in = None
-        if sweep.explanations.taken_in:
-            taken_in = TakenIn(sweep.explanations.taken_in, references, np.exp(sweep.explanations.elsewhere))
-        prediction = self.filter.predict(self._pending, travel, taken_in)
+        sweep, anchors = self._sweep, self._anchors
+        anchors.move(displacement)
+        injection = None
+        if sweep.explanations.injection:
+            injection = Injection(sweep.explanations.injection, anchors, np.exp(sweep.explanations.elsewhere))
+        prediction = self.filter.predict(displacement, travel, injection)
         explanations = sweep.explanations.predict(travel, prediction.left)
         before = len(sweep.weights)
-        if taken_in is None and np.array_equal(prediction.ancestors, np.arange(before)):
+        if injection is None and np.array_equal(prediction.ancestors, np.arange(before)):
             return prediction, sweep._replace(explanations=explanations)
-        # The trajectories of the references follow those of the states; new states begin from them.
-        rows = before + np.arange(len(references))
+        # The trajectories of the anchors follow those of the states; new states begin from them.
+        rows = before + np.arange(len(anchors))
         ancestors = np.concatenate([prediction.ancestors, rows])
         continued = np.concatenate([prediction.continued, np.ones(len(rows))])
-        begun = np.concatenate([rows[references.index(prediction.states)], rows])
+        begun = np.concatenate([rows[anchors.index(prediction.states)], rows])
         return prediction, sweep._replace(
             trend=sweep.trend.followed(ancestors, continued, begun),
-            sums=sweep.sums if taken_in is None else sweep.sums.relocated(sweep.log_odds),
+            sums=sweep.sums if injection is None else sweep.sums.relocated(sweep.log_odds),
             explanations=explanations,
         )
 
@@ -304,7 +366,7 @@ class Localizer:
     ) -> np.ndarray:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
         assert self._position_model is not None
-        if self.model.is_featureless:
+        if self._correlation is None:
             trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
             strain = self.model.in_volts(innovation.strain + innovation.turned + trend)
         return self._position_model.log_likelihood(prediction.states, strain, used)
@@ -312,7 +374,7 @@ class Localizer:
     def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:
         """Whether the position has converged."""
         explanations = self._sweep.explanations
-        on_map, unknown = explanations.on_map, explanations.unknown
+        on_map, unknown = explanations.on_map, explanations.other
         if self._correlation is not None:
             on_map = probability(self._sweep.log_odds)
             unknown = 1.0 - on_map
@@ -331,12 +393,14 @@ class Localizer:
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
-        covariance = belief.covariance + self._registration + self._pending_travel * self._noise_per_metre
+        pending = self._mean.pending
+        travel = self._motion.travel(pending)
+        covariance = belief.covariance + self._registration + travel * self._noise_per_metre
         convergence = self._convergence
-        log_marginal, log_unknown, log_featureless = self._log_likelihoods.tolist()
+        log_marginal, log_other = self._log_likelihoods.tolist()
         return Estimate(
             stamp_ns=stamp_ns,
-            mean=self._motion.wrapped(belief.mean + self._pending),
+            mean=self._motion.wrapped(belief.mean + pending),
             covariance=covariance,
             trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
             state=convergence.state,
@@ -344,11 +408,10 @@ class Localizer:
             probability=convergence.probability,
             on_map=self._on_map,
             log_marginal=log_marginal,
-            log_unknown=log_unknown,
-            log_featureless=log_featureless,
+            log_other=log_other,
             consistent=self._consistency.consistent,
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
-            travel=self._travel + self._pending_travel,
+            travel=self._travel + travel,
             updated=updated,
         )

@@ -12,16 +12,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.models import noise_model
 from support.scans import raster
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.calibration.held_out import calibrate
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.hypotheses.correlation import MEMORY, PRIOR, Correlation, Sums
-from tactile_localizer.core.hypotheses.explanations import LEAVING_RATE, RELOCATION_RATE, Explanations
+from tactile_localizer.core.hypotheses.explanations import (
+    LEAVING_RATE,
+    RELOCATION_RATE,
+    RETURN_RATE,
+    Explanations,
+)
 from tactile_localizer.core.likelihood.drift import Drift, innovations
 from tactile_localizer.core.likelihood.evaluation import Likelihoods
-from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.tracks import Expectation
@@ -30,25 +36,24 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 # Explanations: tracked, relocated, and material off the map.
 
 EVEN = np.full(4, -math.log(4.0))
-FAR = np.ones(4, dtype=bool)
 
 
 def test_a_hand_leaves_the_map_and_is_placed_elsewhere_by_their_rates() -> None:
     staying, unmoved = math.exp(-LEAVING_RATE * 0.3), math.exp(-RELOCATION_RATE * 0.3)
-    moved = Explanations(0.6, 0.3, 0.04, 0.06, EVEN).predict(0.3, left=0.0)
-    gone = 0.5 * 0.9 * (1.0 - staying)
-    assert moved.tracked == pytest.approx(0.6 * staying * unmoved)
-    assert moved.unknown == pytest.approx((0.04 + gone) * unmoved)
-    assert moved.featureless == pytest.approx((0.06 + gone) * unmoved)
+    away = math.exp(-RETURN_RATE * 0.3)
+    moved = Explanations(0.6, 0.3, 0.1, EVEN).predict(0.3, left=0.0)
+    other = 0.1 + 0.9 * (1.0 - staying)
+    assert moved.tracked == pytest.approx((0.6 * staying + (1.0 - away) * other) * unmoved)
+    assert moved.other == pytest.approx(away * other * unmoved)
 
 
 def test_parts_of_a_measurement_add_up_to_the_whole() -> None:
-    before = Explanations(0.4, 0.2, 0.3, 0.1, EVEN)
-    likelihoods = Likelihoods(np.zeros(1), np.array([1.0, -2.0, 0.5, -1.0]), 0.7, -0.3)
-    whole, parts = before.update(0.2, likelihoods, FAR, 1.0), before
+    before = Explanations(0.4, 0.2, 0.4, EVEN)
+    elsewhere = np.array([1.0, -2.0, 0.5, -1.0])
+    whole, parts = before.update(0.2, elsewhere, 0.7), before
     for _ in range(4):
-        parts = parts.update(0.2, likelihoods, FAR, 0.25)
-    assert parts[:4] == pytest.approx(whole[:4])
+        parts = parts.update(0.05, 0.25 * elsewhere, 0.25 * 0.7)
+    assert parts[:3] == pytest.approx(whole[:3])
     np.testing.assert_allclose(parts.elsewhere, whole.elsewhere)
 
 
@@ -65,9 +70,9 @@ def test_evidence_is_the_likelihood_ratio_of_the_correlation_beyond_chance() -> 
     """n numbers that correlate by r: -n/2 log(1 - r^2), less what two of them correlate by chance."""
     n, r, at = 40.0, 0.8, np.array([1.0, 0.0, 0.0, 0.0])
     by_chance = 1.0 / math.sqrt(n)
-    product = np.array([r, by_chance, -by_chance, by_chance])
-    sums = Sums(9, np.ones(4), np.ones(4), product, -PRIOR)
-    odds = correlation().log_odds(sums, at, is_elsewhere=at == 0.0)
+    product = np.array([r, r, by_chance, -by_chance, by_chance])  # along the belief, then along the anchors
+    sums = Sums(9, np.ones(5), np.ones(5), product, -PRIOR)
+    odds = correlation().log_odds(sums, at, far=at == 0.0)
     assert odds == pytest.approx(-PRIOR - 0.5 * (n - 2.0) * math.log(1.0 - r**2))
     negative = correlation().log_odds(sums._replace(product=-product), at, at == 0.0)
     assert negative == pytest.approx(-PRIOR), "the opposite of the map is no evidence for it"
@@ -83,18 +88,43 @@ def test_a_narrow_belief_pays_for_the_places_that_can_be_distinguished() -> None
 
 def test_what_was_felt_is_forgotten_with_the_travel() -> None:
     felt = Sums(9, np.full(3, 4.0), np.full(3, 2.0), np.full(3, 1.0), -PRIOR)
-    later = correlation().update(felt, np.zeros(2), np.zeros((3, 2), np.float32), np.ones(3), MEMORY)
+    nothing = np.zeros((3, 2), np.float32)
+    later = correlation().update(felt, np.zeros(2), nothing, np.ones(3), np.ones(1), MEMORY)
     for before, after in zip(felt[1:4], later[1:4], strict=True):
         np.testing.assert_allclose(after, before / math.e)
 
 
 def test_a_burst_counts_no_more_than_an_ordinary_strain() -> None:
-    empty = Sums(9, *np.zeros((3, 1)), -PRIOR)
+    empty = Sums(9, *np.zeros((3, 2)), -PRIOR)
     for size in (1e2, 1e5):
         burst = np.array([size, -size])
-        sums = correlation().update(empty, burst, burst[None].astype(np.float32), np.ones(1), MEMORY)
+        there = np.tile(burst, (2, 1)).astype(np.float32)
+        sums = correlation().update(empty, burst, there, np.ones(2), np.ones(1), MEMORY)
         for total in sums[1:4]:
-            assert 0.0 < total.item() < 2.0, "two channels with a variance of one"
+            assert ((0.0 < total) & (total < 2.0)).all(), "two channels with a variance of one"
+
+
+def test_the_correlation_is_not_raised_by_a_place_chosen_after_the_strain() -> None:
+    """Of two states as probable as each other one expects the strain and one its opposite."""
+    strain = np.array([0.3, -0.2])
+    there = np.array([strain, -strain, strain], dtype=np.float32)
+    empty, even = Sums(9, *np.zeros((3, 2)), -PRIOR), np.full(2, 0.5)
+    sums = correlation().update(empty, strain, there, np.ones(3), even, MEMORY)
+    assert sums.product[0] == pytest.approx(0.0, abs=1e-9)
+    assert sums.product[1] > 0.0, "along the anchor, which was there before"
+    assert sums.strain[0] == pytest.approx(sums.strain[1])
+
+
+def test_a_noisy_channel_loses_its_weight_in_the_correlation() -> None:
+    noisier, (one, other) = correlation().with_noise(np.diag([1e20, 1.0])), np.eye(2)
+    empty = Sums(9, *np.zeros((3, 2)), -PRIOR)
+    for channel, change in ((one, 0.0), (other, 1.0)):
+        there = np.tile(0.1 * channel, (2, 1)).astype(np.float32)
+        plain, noisy = (
+            each.update(empty, 0.1 * channel, there, np.ones(2), np.ones(1), MEMORY)
+            for each in (correlation(), noisier)
+        )
+        np.testing.assert_allclose(noisy.product, change * plain.product, atol=1e-6)
 
 
 # The level and rate by which a sweep differs from the scan.
@@ -130,12 +160,13 @@ TURNING = np.array([30.0, -10.0])
 
 def turned_material(level_variance: float = 0.0) -> SweepMixture:
     """Featureless material under one phalanx of two channels, at yaws 0.01 rad apart; variances are one."""
-    layout, zeros = ChannelLayout((2,)), np.zeros(2)
-    noise = NoiseModel(layout, zeros, np.eye(2), np.zeros(1), np.full(2, level_variance), TURNING)
+    layout = ChannelLayout((2,))
+    noise = noise_model(layout, offset_variance=level_variance, turning=TURNING)
     lattice, same = (YAWS[:1], np.full(1, 0.01), (41,)), np.zeros((41, 1, 2), np.float32)
     tables = same, np.ones((41, 1, 1), np.float32), same[..., 0]
-    strain_map = StrainMap(*lattice, *tables, 1.0, TURNING[None], np.outer(YAWS, TURNING))
-    return SweepMixture(noise, strain_map, Drift(np.inf, 1.0, np.full(2, level_variance)), 0.002)
+    strain_map = StrainMap(*lattice, *tables, 1.0, TURNING[None])
+    drift = Drift(np.inf, 1.0, np.full(2, level_variance))
+    return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), 0.002)
 
 
 def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[Likelihoods, Any]:
@@ -144,14 +175,14 @@ def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[L
     nodes, expected = model.expected(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
-    return model.evaluate(nodes, log_weights, innovation, np.ones(1, bool)), trend
+    return model.evaluate(nodes, len(YAWS), innovation, np.ones(1), np.ones(1, bool)), trend
 
 
 def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -> None:
     weights = np.exp(-0.5 * ((YAWS - 0.05) / 0.04) ** 2)
     found, _ = felt_at_yaw(YAWS[5], weights / weights.sum(), turned_material())
-    assert found.states.argmax() == found.references.argmax() == 5
-    assert found.states[5] == pytest.approx(found.featureless, abs=1e-5), "the same without a residual"
+    assert found.states.argmax() == found.anchors.argmax() == 5
+    assert found.states[5] == pytest.approx(0.0, abs=1e-4), "no residual"
 
 
 def test_the_variance_of_the_yaw_counts_as_noise() -> None:

@@ -23,25 +23,21 @@ from tactile_localizer.core.scan.lines import neighbours
 from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
 from tactile_localizer.scene import Scene
 
-_MOST_SWEEPS = 24
+_MAX_HELD_OUT_SWEEPS = 24
 """Sweeps that are held out, each of which takes one or two new maps."""
 _LONGEST = round(0.2 / PITCH)
 """Points of a sweep that are localized: of a sheet of 2 m one part, on a map of that part."""
 _PRIOR_STD = PITCH
 _PRIOR_ERRORS = 5.0
-"""Prior of the registration error, m, and the number of independent errors that it counts as. By judgement;
-repeats of a slide over two fabrics are shifted by 0.1 to 0.5 mm. On four fabrics the least coverage of the
-95 % region was .88, .89 and .87 with 2, 5 and 10 errors."""
-_MISTAKE = 0.02
+"""Prior of the registration error, m, and the number of independent errors it counts as. By judgement."""
+_WRONG_PLACE_M = 0.02
 """Error, m, from which a place was mistaken for another one, and the size of the error is irrelevant."""
 _SURROUNDINGS = 0.05
 """m around a sweep within which it is localized, more than twice a mistake; a large map is slow."""
-_BOUND = 6.0
+_MAX_RELATIVE_ERROR = 6.0
 """Multiple of the median absolute error at which errors are clipped."""
-_REJECTED = 1.0
-"""nats below the most probable at which a candidate is rejected: 1.4 standard errors. By judgement: with 0.5,
-1 and 1.92 the 95 % region held .90, .91 and .92 of the truth on three simulated features, .93, .95 and .97 on
-every second line of them, and .94, .96 and .97 on another simulator's bump."""
+_MAX_DROP_NATS = 1.0
+"""nats below the most probable at which a candidate is rejected: 1.4 standard errors. By judgement."""
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Candidates for the registration error, in units of the prior."""
 _LINES_PER_CELL = 1.0 / 3.0
@@ -107,7 +103,7 @@ def calibrate(
             return along
         return _composed(along, localize(index, own), model.noise.recorded[index], scene)
 
-    outcomes = [outcome(index) for index in evenly(sweeps, _MOST_SWEEPS)]
+    outcomes = [outcome(index) for index in evenly(sweeps, _MAX_HELD_OUT_SWEEPS)]
     # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
     scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
     registration = scale * _registration(outcomes, scene)
@@ -169,7 +165,7 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
     that the errors do not reject the largest is returned: test sweeps move more than those of a scan.
     """
     found = []
-    known = [each.has_signal & (each.variance.sum(axis=1) < _MISTAKE**2) for each in outcomes]
+    known = [each.has_signal & (each.variance.sum(axis=1) < _WRONG_PLACE_M**2) for each in outcomes]
     parts = [(each.errors[rows], each.variance[rows]) for each, rows in zip(outcomes, known, strict=True)]
     # The errors of n sweeps, each against the mean of the others, have n - 1 degrees of freedom.
     freedom = 1.0 - 1.0 / max(len(outcomes), 2)
@@ -183,7 +179,7 @@ def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
                 count * _log_density(errors[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
                 for each in candidates
             ]
-        found.append(candidates[np.flatnonzero(fit > fit.max() - _REJECTED)[-1]])
+        found.append(candidates[np.flatnonzero(fit > fit.max() - _MAX_DROP_NATS)[-1]])
     return np.array(found) / levers(scene)
 
 
@@ -192,7 +188,7 @@ def independent_samples(errors: np.ndarray) -> float:
 
     It is n over the autocorrelation integrated up to its first zero; a constant error counts as one sample.
     """
-    bound = _BOUND * np.median(np.abs(errors))
+    bound = _MAX_RELATIVE_ERROR * np.median(np.abs(errors))
     bounded = errors.clip(-bound, bound)
     n = len(bounded)
     correlation = np.correlate(bounded, bounded, "full")[n - 1 :]

@@ -19,9 +19,7 @@ from tactile_localizer.scene import Scene
 _POSITION_PER_SPACING = 0.8
 """Kernel width in position, in spacings of the lines."""
 _STRAIN_PER_DIFFERENCE = 1.0
-"""Kernel width in strain, in median differences between the strains of neighbouring lines. On three simulated
-features, seeds 2 and 3, of ten pairs of factors (0.5 to 1.3 and 0.5 to 1.4) one of those with the least
-error, and of these the one that converges most often."""
+"""Kernel width in strain, in median differences between the strains of neighbouring lines."""
 _MIN_POSITION_STD = 0.001
 """m: least width in position, for sweeps over one line."""
 

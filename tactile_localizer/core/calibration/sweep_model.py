@@ -9,7 +9,12 @@ import numpy as np
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.correlation import Correlation
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
-from tactile_localizer.core.likelihood.noise_model import TREND_MEMORY, WhitenedScan, estimate_noise
+from tactile_localizer.core.likelihood.noise_model import (
+    WhitenedScan,
+    estimate_noise,
+    moving_average,
+)
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     NODES_PER_CELL,
     StrainMap,
@@ -17,20 +22,14 @@ from tactile_localizer.core.likelihood.strain_map import (
     build_map,
     cell_size,
     fit_variance,
-    local_scale,
     summed_correlation,
 )
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.localizer import ENERGY_MEMORY
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
+from tactile_localizer.core.scan.tracks import PITCH, evenly
 from tactile_localizer.scene import Scene
 
-INFORMATION_LENGTHS = (0.0017, 0.005)
-"""Travel per independent measurement where the material has featureless parts, and where it is felt
-everywhere, m. By judgement: errors of the map are correlated along a sweep, so that consecutive strains are
-not independent measurements. On a bump of a physics engine and three features of another simulator 1 to 3 mm
-are equal within their errors; 5 mm delays convergence. On four fabrics 3 and 5 mm are equal; with 1.7 mm 3 %
-of the starts do not end right and converged."""
 _CORRELATED = 20, 400
 """Sweeps from which the map's innovations are taken, and points of each: 0.2 m."""
 
@@ -42,17 +41,15 @@ class SweepModel(NamedTuple):
     ----------
     noise : noise estimate
     variance : variance model
-    scale : tracks of a local factor of the variance, where the material is felt everywhere
     """
 
     noise: WhitenedScan
     variance: VarianceModel
-    scale: list[Track] | None
 
     @property
     def information_length(self) -> float:
         """Travel per independent measurement of the position, m."""
-        return INFORMATION_LENGTHS[0 if self.noise.featureless else 1]
+        return self.noise.material.information_length
 
     @property
     def presence_length(self) -> float:
@@ -68,18 +65,44 @@ class SweepModel(NamedTuple):
             noise.spacing,
             cell,
             self.variance,
-            noise.featureless,
-            noise.model.turning,
-            self.scale,
+            noise.material,
+            noise.model,
             1 if without else NODES_PER_CELL,
         )
-        channels = noise.model.layout.size
-        memory, spread, level = np.inf, table.featureless_variance, noise.model.offset_variance
+        spread = table.featureless_variance
         if spread is None:
-            memory, spread, level = TREND_MEMORY, float(np.median(table.variance)), np.full(channels, np.inf)
+            spread = float(np.median(table.variance))
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
-        drift = Drift(memory, spread, level, OUTLIER * (signal + channels * spread))
-        return SweepMixture(noise.model, table, drift, self.information_length)
+        largest = OUTLIER * (signal + noise.model.layout.size * spread)
+        drift = Drift(noise.material.memory, spread, noise.model.offset_variance, largest)
+        other = self._other(scene, table, spread)
+        return SweepMixture(noise.model, table, drift, other, self.information_length)
+
+    def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
+        """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""
+        layout, exponent = self.noise.model.layout, PITCH / self.information_length
+        width, found = round(ENERGY_MEMORY / PITCH), []
+        for track in self.noise.visits:
+            known = exponent * np.arange(len(track.strain))[:, None] + mixture.drift.prior
+            level = exponent * (np.cumsum(track.strain, axis=0) - track.strain) / np.maximum(known, 1e-9)
+            variance = layout.mean(mixture.drift.variance / np.maximum(known, 1e-9))
+            found.append(moving_average(mixture.other.energy(track.strain - level, variance), width))
+        return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
+
+    def _other(self, scene: Scene, table: StrainMap, spread: float) -> OtherMaterial:
+        """The alternative to a map."""
+        layout = self.noise.model.layout
+        if self.noise.material.has_level:
+            signal = table.mean[:, 0].astype(np.float64)
+        else:
+            signal = np.concatenate(self._innovations(scene, table))
+        covariance = np.zeros((layout.size, layout.size))
+        for own in layout.slices:
+            part = signal[:, own]
+            felt = part[np.square(part).sum(axis=1) > 1.0]
+            part = felt if len(felt) > 10 else part
+            covariance[own, own] = part.T @ part / max(len(part), 1)
+        return OtherMaterial(layout, covariance, spread)
 
     def cell(self, scene: Scene, lines: float) -> np.ndarray:
         """Size (d,) of cells of ``lines`` line spacings."""
@@ -87,8 +110,15 @@ class SweepModel(NamedTuple):
 
     def correlation(self, scene: Scene, table: StrainMap) -> Correlation | None:
         """Evidence for the map; ``None`` where featureless material is the alternative."""
-        if self.noise.featureless:
+        if self.noise.material.has_level:
             return None
+        along = self._innovations(scene, table)
+        length = summed_correlation(along, self.noise.material.memory)
+        places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
+        return Correlation(np.concatenate(along), float(np.median(table.variance)), places)
+
+    def _innovations(self, scene: Scene, table: StrainMap) -> list[np.ndarray]:
+        """Innovations (n, C) of the map along sweeps of the scan."""
         tracks, points = _CORRELATED
         along = []
         for index in evenly(len(self.noise.tracks), tracks):
@@ -96,10 +126,8 @@ class SweepModel(NamedTuple):
             inside = ((positions >= scene.lower) & (positions <= scene.upper)).all(axis=1)
             if inside.any():
                 expected = table.mean[table.nearest(positions[inside][:points]), 0]
-                along.append(innovations(expected.astype(np.float64), TREND_MEMORY, PITCH))
-        length = summed_correlation(along, TREND_MEMORY)
-        places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
-        return Correlation(np.concatenate(along), float(np.median(table.variance)), places)
+                along.append(innovations(expected.astype(np.float64), self.noise.material.memory, PITCH))
+        return along
 
 
 def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None = None) -> SweepModel:
@@ -114,5 +142,4 @@ def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None =
     """
     noise = estimate_noise(scan, scene)
     variance = variance or fit_variance(noise, scene)
-    is_scaled = not noise.featureless and len(noise.tracks) > 1
-    return SweepModel(noise, variance, local_scale(noise, scene, variance) if is_scaled else None)
+    return SweepModel(noise, variance)

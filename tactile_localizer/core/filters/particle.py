@@ -9,9 +9,9 @@ import numpy as np
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.resampling import RESAMPLERS
+from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel, levers
-from tactile_localizer.core.geometry.references import TakenIn
 from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
@@ -86,15 +86,17 @@ class ParticleFilter:
         states = mean + self._rng.standard_normal((self._most, len(mean))) * std
         self._place(np.where(self._wraps, wrap_angle(states), np.clip(states, self._lower, self._upper)))
 
-    def predict(self, displacement: np.ndarray, travel: float, taken_in: TakenIn | None = None) -> Prediction:
+    def predict(
+        self, displacement: np.ndarray, travel: float, injection: Injection | None = None
+    ) -> Prediction:
         """See :meth:`.BayesFilter.predict`; the lightest particles make room for those taken in."""
         left = self._move(displacement, travel)
-        if taken_in is not None:
+        if injection is not None:
             present = len(self._states)
-            count = min(int(self._rng.binomial(present, taken_in.fraction)), present - 1)
-            boxes = self._rng.choice(len(taken_in.weights), count, p=taken_in.weights)
-            within = (self._rng.random((count, len(self._lower))) - 0.5) * taken_in.references.pitch
-            self._replace_lightest(taken_in.references.states[boxes] + within)
+            count = min(int(self._rng.binomial(present, injection.fraction)), present - 1)
+            boxes = self._rng.choice(len(injection.weights), count, p=injection.weights)
+            within = (self._rng.random((count, len(self._lower))) - 0.5) * injection.anchors.pitch
+            self._replace_lightest(injection.anchors.states[boxes] + within)
         if self._random:
             self._replace_lightest(self._spread(self._random))
         before, self._ancestors = self._ancestors, np.arange(len(self._states))

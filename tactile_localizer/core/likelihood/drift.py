@@ -79,18 +79,21 @@ class Drift:
     variance : of a strain about its level
     level_variance : (C,) prior variance of the level; infinite: the level is unknown
     largest_energy : squared length of an innovation from which it is rather an outlier, or the level is
+
+    Attributes
+    ----------
+    prior : (C,) number of measurements of level zero that the prior counts as
     """
 
     def __init__(
         self, memory: float, variance: float, level_variance: np.ndarray, largest_energy: float = np.inf
     ) -> None:
         self.memory, self.variance, self._largest_energy = memory, variance, largest_energy
-        # The prior counts as so many measurements of level zero.
-        self._prior = variance / np.maximum(level_variance, 1e-12)
+        self.prior = variance / np.maximum(level_variance, 1e-12)
 
     def start(self, count: int) -> Trend:
         """The trend before the first strain, along ``count`` trajectories."""
-        zero, every = np.zeros(len(self._prior)), np.zeros((count, len(self._prior)), dtype=np.float32)
+        zero, every = np.zeros(len(self.prior)), np.zeros((count, len(self.prior)), dtype=np.float32)
         return Trend(0.0, zero, zero, every, every)
 
     def update(
@@ -106,7 +109,7 @@ class Drift:
         ``travel`` is that since the last update, m; ``information``, (C,) or of all channels, the fraction of
         an independent measurement that the strain is.
         """
-        known = trend.measurements + self._prior
+        known = trend.measurements + self.prior
         travel = min(travel, self.memory)  # beyond it the level is unknown, however far the arm jumped
         predicted = trend.level + travel * trend.rate
         map_trend = trend.map_level + np.float32(travel) * trend.map_rate

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,9 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.drift import innovations
+from tactile_localizer.core.likelihood.material import CLOTH, SHEET, Material
 from tactile_localizer.core.likelihood.student_t import scatter
+from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
 from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import (
@@ -39,16 +42,9 @@ signal; the noise of two sweeps is independent. By judgement."""
 _MOSTLY_FEATURELESS = 0.35
 """Fraction of places without a reproducible signal above which a material is featureless between features:
 0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
-_NEW_SESSION_VARIANCE_RATIO = 4.0
-"""Ratio of the variance of a new sweep's offset to that within the scan: another session differs twice as
-much. With ten noise standard deviations instead, 45 of 100 sweeps that started on a simulated feature
-converged falsely, because the feature was mistaken for an offset; with this none did."""
 BEFORE = 10
 """Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
-TREND_MEMORY = 0.01
-"""m over which the trend of a sweep is averaged on material that is felt everywhere. 5 to 20 mm are nearly
-equal on fabrics."""
-_JUDGED = 100
+_MAX_HELD_OUT = 100
 """Largest number of sweeps that are compared with the others, which suffices for a few dozen parameters."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
@@ -78,8 +74,9 @@ class NoiseModel:
     centre : (C,) V, subtracted from every strain
     whitening : (C, C) block-diagonal; ``whitening @ (strain - centre)`` are whitened strains
     log_volume : (F,) logarithms of the determinants of its blocks, for densities over strains in volts
-    offset_variance : (C,) whitened variance of the constant offset of a new sweep
+    offset_variance : (C,) whitened variance of the level of a new sweep; infinite: it is unknown
     turning : (C,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
+    white : white noise of the scan's channels
     """
 
     layout: ChannelLayout
@@ -88,6 +85,24 @@ class NoiseModel:
     log_volume: np.ndarray
     offset_variance: np.ndarray
     turning: np.ndarray
+    white: WhiteNoise
+
+    def rewhitening(self, excess: np.ndarray) -> np.ndarray:
+        """Transform (C, C) of whitened strains that whitens a noisier visit.
+
+        ``excess`` (C,), V^2, is the variance by which each raw channel is noisier.
+        """
+        transform = np.zeros_like(self.whitening)
+        for own in self.layout.slices:
+            block = self.whitening[own, own]
+            covariance = np.eye(len(block)) + (block * excess[own]) @ block.T
+            transform[own, own] = np.linalg.inv(np.linalg.cholesky(covariance))
+        return transform
+
+    @cached_property
+    def variance(self) -> np.ndarray:
+        """Variance (C,), V^2, of a visit in raw channels."""
+        return np.asarray(np.square(np.linalg.inv(self.whitening)).sum(axis=1))
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """Strains (..., C), V, in whitened coordinates."""
@@ -106,7 +121,7 @@ class WhitenedScan(NamedTuple):
     offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         offset is known
     spacing : of the tracks, m
-    featureless : whether the material has nothing to feel at most places
+    material : what the model takes from the kind of the material
     """
 
     model: NoiseModel
@@ -115,7 +130,7 @@ class WhitenedScan(NamedTuple):
     recorded: list[Track]
     offsets: np.ndarray
     spacing: float
-    featureless: bool
+    material: Material
 
 
 def estimate_noise(scan: Scan, scene: Scene) -> WhitenedScan:
@@ -133,37 +148,41 @@ def estimate_noise(scan: Scan, scene: Scene) -> WhitenedScan:
     flat = [_featureless_strain(track.strain @ first.T) for track in tracks]
     level = np.array(flat) @ np.linalg.inv(first).T
     moved = [Track(track.positions, track.strain - own) for track, own in zip(tracks, level, strict=True)]
-    featureless = len(tracks) > 1 and _is_featureless(moved, first, scene, spacing)
-    turning = _turning(level, recorded, scene) if featureless else np.zeros(scene.layout.size)
-    if featureless:
+    is_sheet = len(tracks) > 1 and _is_featureless(moved, first, scene, spacing)
+    material = SHEET if is_sheet else CLOTH
+    turning = _turning(level, recorded, scene) if material.has_level else np.zeros(scene.layout.size)
+    layout = ChannelLayout((scene.layout.size,)) if material.joint_noise else scene.layout
+    if material.has_level:
         level = level - np.outer(_yaws(recorded, scene), turning)
         tracks, centre = moved, level.mean(axis=0)
         differences = _between_sweeps(tracks, scene, spacing)
     else:
         centre = np.mean([track.strain.mean(axis=0) for track in tracks], axis=0)
         tracks = [Track(track.positions, track.strain - centre) for track in tracks]
-        differences = _between_sweeps(tracks, scene, spacing, TREND_MEMORY)
-    whitening = _whitening(differences, resolution, scene.layout)
+        differences = _between_sweeps(tracks, scene, spacing, material.memory)
+    whitening = _whitening(differences, resolution, layout)
     # Without featureless places an offset cannot be distinguished from a change of place.
-    variance = np.zeros(scene.layout.size)
-    if featureless:
-        variance = _NEW_SESSION_VARIANCE_RATIO * _offset_variance(level @ whitening.T, scene.layout)
-    log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in scene.layout.slices])
-    model = NoiseModel(scene.layout, centre, whitening, log_volume, variance, whitening @ turning)
+    variance = np.full(scene.layout.size, np.inf)
+    if material.has_level:
+        variance = material.session_ratio * _offset_variance(level @ whitening.T, scene.layout)
+    log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices])
+    model = NoiseModel(
+        layout, centre, whitening, log_volume, variance, whitening @ turning, white_noise(scan, scene)
+    )
     visits = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
     shown = visits
-    if featureless or scene.feature is not None:
-        shown = [_without_idiosyncrasies(track, scene, featureless) for track in visits]
-    moved_by = level - level.mean(axis=0) if featureless else np.zeros_like(level)
-    return WhitenedScan(model, shown, visits, recorded, moved_by, spacing, featureless)
+    if material.has_level:
+        shown = [_shrink(track, scene) for track in visits]
+    moved_by = level - level.mean(axis=0) if material.has_level else np.zeros_like(level)
+    return WhitenedScan(model, shown, visits, recorded, moved_by, spacing, material)
 
 
 def held_out(
     tracks: Sequence[Track], visits: Sequence[Track], scene: Scene, spacing: float, components: int = PAIRS
 ) -> list[Residuals]:
-    """At most :data:`_JUDGED` of the visits, less what the *other* tracks let one expect of them."""
+    """At most :data:`_MAX_HELD_OUT` of the visits, less what the *other* tracks let one expect of them."""
     found = []
-    for index in evenly(len(visits), _JUDGED):
+    for index in evenly(len(visits), _MAX_HELD_OUT):
         visit = visits[index]
         others = [track for other, track in enumerate(tracks) if other != index]
         expected = expectation(others, scene, visit.positions, spacing, components)
@@ -266,17 +285,16 @@ def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene
     return bool(np.mean(np.concatenate(shares)) > _MOSTLY_FEATURELESS)
 
 
-def _without_idiosyncrasies(track: Track, scene: Scene, featureless: bool) -> Track:
+def _shrink(track: Track, scene: Scene) -> Track:
     """A track with its deviations shrunk by the noise in their energy (James and Stein, 1961).
 
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
     the feature's region, if the scene gives one, deviations are set to zero.
     """
     strain = track.strain
-    if featureless:
-        energy = _means(scene.layout, _smoothed(strain**2))
-        strain = strain * scene.layout.expand(np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0))
-    if featureless and scene.feature is not None:
+    energy = _means(scene.layout, _smoothed(strain**2))
+    strain = strain * scene.layout.expand(np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0))
+    if scene.feature is not None:
         on = phalanges_on_feature(scene, track.positions)
         strain = strain * scene.layout.expand(on.astype(np.float64))
     return Track(track.positions, strain)

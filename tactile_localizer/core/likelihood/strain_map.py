@@ -12,16 +12,16 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.drift import innovations
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import (
     BEFORE,
-    TREND_MEMORY,
+    NoiseModel,
     Residuals,
     WhitenedScan,
     held_out,
-    moving_average,
 )
 from tactile_localizer.core.likelihood.student_t import log_density
-from tactile_localizer.core.scan.tracks import PAIRS, PITCH, Expectation, Track, expectation
+from tactile_localizer.core.scan.tracks import PITCH, Expectation, Track, expectation
 from tactile_localizer.scene import Scene
 
 NODES_PER_CELL = 2
@@ -31,10 +31,6 @@ MOST_CELLS_IN_SPACE = 25_000
 10 ms: 50 mm x 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
 _NODES_AT_ONCE = 2**15
 """Nodes computed in double precision at a time."""
-_SCALE_LENGTH = 0.02
-"""m over which the local factor of the variance is averaged."""
-_SCALES = 0.5, 20.0
-"""Range of that factor."""
 _LONGEST_CORRELATION = 0.03
 """Largest lag of the residual's autocorrelation, m."""
 
@@ -86,7 +82,6 @@ class StrainMap(NamedTuple):
     featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
     turning : (d, C) change of the whitened strain of featureless material per m (rad) of each axis: zero but
         for yaw; not in ``mean``
-    featureless : (Y, C) whitened strain of featureless material at each of the lattice's yaws
     """
 
     origin: np.ndarray
@@ -97,7 +92,6 @@ class StrainMap(NamedTuple):
     log_prior: np.ndarray
     featureless_variance: float | None
     turning: np.ndarray
-    featureless: np.ndarray
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
         """Index (P,) of the node nearest to each of ``states`` (P, d), which may be outside the lattice."""
@@ -138,7 +132,7 @@ def fit_variance(estimate: WhitenedScan, scene: Scene) -> VarianceModel:
 
     if len(estimate.tracks) < 2:
         return VarianceModel()
-    layout = scene.layout
+    layout = estimate.model.layout
     residuals = _residuals(estimate, scene)
     thinned = [residual.thinned() for residual in residuals]
     squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
@@ -147,7 +141,7 @@ def fit_variance(estimate: WhitenedScan, scene: Scene) -> VarianceModel:
     )
     counts = np.array(layout.counts)
     factors = ["visit", "interpolation"]
-    if estimate.featureless:
+    if estimate.material.has_level:
         factors.append("signal")
     start, *bounds = np.log([_FACTORS[factor] for factor in factors]).T
 
@@ -171,26 +165,17 @@ def fit_variance(estimate: WhitenedScan, scene: Scene) -> VarianceModel:
 
 def _residuals(estimate: WhitenedScan, scene: Scene) -> list[Residuals]:
     """Residuals of held-out sweeps; innovations of them, where the material is felt everywhere."""
-    if estimate.featureless:
-        return held_out(estimate.tracks, estimate.visits, scene, estimate.spacing)
+    material = estimate.material
+    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, material.components)
+    if material.has_level:
+        return residuals
     found = []
-    for each in held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, 1):
-        left = innovations(each.residual[:, 0], TREND_MEMORY, PITCH, robust=True)
+    for each in residuals:
+        left = innovations(each.residual[:, 0], material.memory, PITCH, robust=True)
         kept = slice(min(BEFORE, len(left) // 2), None)
         visit = Track(each.visit.positions[kept], each.visit.strain[kept])
         expected = Expectation(*(part[kept] for part in each.expected))
         found.append(Residuals(visit, left[kept, None], expected))
-    return found
-
-
-def local_scale(estimate: WhitenedScan, scene: Scene, variance: VarianceModel) -> list[Track]:
-    """Factor of the variance along each track, (n, 1): repeats differ more where a slide starts."""
-    width = round(_SCALE_LENGTH / PITCH)
-    found = []
-    for visit, residual, expected in _residuals(estimate, scene):
-        spread = scene.layout.expand(variance.variance(expected, scene.layout)[:, 0])
-        energy = np.mean(residual[:, 0] ** 2 / spread, axis=1, keepdims=True)
-        found.append(Track(visit.positions, moving_average(energy, width)))
     return found
 
 
@@ -200,15 +185,13 @@ def build_map(
     spacing: float,
     cell: np.ndarray,
     variance: VarianceModel,
-    featureless: bool,
-    turning: np.ndarray,
-    scale: Sequence[Track] | None = None,
+    material: Material,
+    model: NoiseModel,
     nodes_per_cell: int = NODES_PER_CELL,
 ) -> StrainMap:
     """Tables for a filter whose cells have the size ``cell`` (d,).
 
-    ``turning`` (C,) is the whitened change of featureless strain per rad of yaw, ``scale`` of
-    :func:`local_scale`. Where the material is felt everywhere there is one component, the nearest pair.
+    Each place has as many components as the ``material`` says: the nearest pairs of tracks.
     """
     per_cell = 1 if scene.dimension == 3 else nodes_per_cell
     extent = scene.extent
@@ -220,21 +203,17 @@ def build_map(
     tables: list[np.ndarray] = []
     for begin in range(0, len(places), _NODES_AT_ONCE):
         part = slice(begin, begin + _NODES_AT_ONCE)
-        expected = expectation(tracks, scene, places[part], spacing, PAIRS if featureless else 1)
-        spread = variance.variance(expected, scene.layout)
-        if scale is not None:
-            factor = expectation(scale, scene, places[part], spacing, 1).mean
-            spread = spread * factor.clip(*_SCALES)
+        expected = expectation(tracks, scene, places[part], spacing, material.components)
+        spread = variance.variance(expected, model.layout)
         found = (expected.mean, spread, expected.log_prior)
         if not tables:
             tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
         for table, each in zip(tables, found, strict=True):
             table[part] = each
     mean, spread, prior = tables
-    least = float(spread.min()) if featureless else None
-    by_axis = np.outer([name == "yaw" for name in scene.axis_names], turning)
-    yaws = axes[scene.axis_names.index("yaw")] if turning.any() else np.zeros(1)
-    return StrainMap(origin, step, shape, mean, spread, prior, least, by_axis, np.outer(yaws, turning))
+    least = float(spread.min()) if material.has_level else None
+    by_axis = np.outer([name == "yaw" for name in scene.axis_names], model.turning)
+    return StrainMap(origin, step, shape, mean, spread, prior, least, by_axis)
 
 
 def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
+import copy
 
 import numpy as np
 
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend
-from tactile_localizer.core.likelihood.evaluation import INFLATION, Likelihoods
+from tactile_localizer.core.likelihood.evaluation import Likelihoods
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
-from tactile_localizer.core.likelihood.weights import log_sum
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
-_FARTHEST = 1e9
+_LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 
 
@@ -25,13 +25,19 @@ class SweepMixture:
     noise : noise model, which whitens strains
     strain_map : tables of expected strain and variance
     drift : filter of what a sweep differs by
+    other : material that was not scanned
     information_length : m of travel per independent measurement of the position
     """
 
     def __init__(
-        self, noise: NoiseModel, strain_map: StrainMap, drift: Drift, information_length: float
+        self,
+        noise: NoiseModel,
+        strain_map: StrainMap,
+        drift: Drift,
+        other: OtherMaterial,
+        information_length: float,
     ) -> None:
-        self.noise, self.map, self.drift = noise, strain_map, drift
+        self.noise, self.map, self.drift, self.other = noise, strain_map, drift, other
         self.information_length = information_length
         layout, nodes = noise.layout, len(strain_map.mean)
         self._nodes, self._components = nodes, strain_map.mean.shape[1]
@@ -43,11 +49,17 @@ class SweepMixture:
         self._tails = np.float32(DEGREES_OF_FREEDOM) + np.array(layout.counts, dtype=np.float32)
         # A product with these columns sums over the channels of each phalanx.
         self._columns = layout.expand(np.eye(layout.phalanges, dtype=np.float32)).T
+        self._transform: np.ndarray | None = None
 
-    @property
-    def is_featureless(self) -> bool:
-        """Whether the material has places without anything to feel."""
-        return self.map.featureless_variance is not None
+    def with_noise(self, excess: np.ndarray) -> SweepMixture:
+        """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
+
+        It shares the tables: residuals are whitened anew when they are evaluated.
+        """
+        model = copy.copy(self)
+        transform = self.noise.rewhitening(excess)
+        model._transform, model.other = transform.astype(np.float32), self.other.transformed(transform)
+        return model
 
     def innovation(
         self,
@@ -84,7 +96,7 @@ class SweepMixture:
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """A strain vector (C,), V, in whitened coordinates."""
-        return self.noise.whitened(strain).clip(-_FARTHEST, _FARTHEST)
+        return self.noise.whitened(strain).clip(-_LARGEST_STRAIN, _LARGEST_STRAIN)
 
     def in_volts(self, whitened: np.ndarray) -> np.ndarray:
         """The strain vector (C,), V, of a whitened one."""
@@ -99,19 +111,27 @@ class SweepMixture:
         """Variance (N,) of a new visit to nodes of the map (N,), mean over the phalanges."""
         return np.asarray(self._variance.take(nodes, axis=1).mean(axis=0))
 
+    def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
+        """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
+        strain = innovation.strain
+        if self._transform is not None:
+            strain = self._transform @ strain
+        return strain, self.noise.layout.mean(innovation.level_variance)
+
     def evaluate(
-        self, nodes: np.ndarray, log_weights: np.ndarray, innovation: Innovation, used: np.ndarray
+        self, nodes: np.ndarray, states: int, innovation: Innovation, scale: np.ndarray, used: np.ndarray
     ) -> Likelihoods:
-        """Log-likelihoods of a strain at states and reference places, and under the alternatives.
+        """Log-likelihoods of a strain at states and reference places.
 
         Parameters
         ----------
         nodes : (N,) of the map, nearest to the P states and then to the R reference places
-        log_weights : (P,) of the states
+        states : their number P
         innovation : of the strain and of the map at these N places
+        scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
-        states, places = len(log_weights), len(nodes)
+        places = len(nodes)
         further = (nodes[:states] + self._nodes * np.arange(1, self._components)[:, None]).ravel()
         strain = innovation.strain.astype(np.float32)
         residual = np.empty((places + len(further), len(strain)), dtype=np.float32)
@@ -120,29 +140,20 @@ class SweepMixture:
             target = strain + innovation.map_trend[:states]
             others = self._mean.take(further, axis=0).reshape(-1, states, len(strain))
             np.subtract(target, others, out=residual[places:].reshape(others.shape))
+        if self._transform is not None:
+            residual = residual @ self._transform.T
         squared = np.ascontiguousarray((np.square(residual, out=residual) @ self._columns).T)
         variance = self._variance.take(np.concatenate([nodes, further]), axis=1)
-        level = self.noise.layout.mean(innovation.level_variance)
-        variance += level.astype(np.float32)[:, None]
+        variance *= scale.astype(np.float32)[:, None]
+        variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
         plain = self._log_densities(squared, variance, used)
-        volume = float(self.noise.log_volume[used].sum())
         by_component = np.concatenate([plain[:, :states], plain[:, places:]], axis=1)
         by_component = by_component.reshape(len(used), self._components, states)
         if self._components > 1:
             by_component += self._log_prior.take(nodes[:states], axis=1)
-        at_states = _mixed(by_component).sum(axis=0) + volume
-        at_references = plain[:, states:places].sum(axis=0).astype(np.float64) + volume
-        unknown = featureless = -math.inf
-        if self.is_featureless:
-            wide = self._log_densities(squared[:, :places], INFLATION * variance[:, :places], used).sum(
-                axis=0
-            )
-            wide = wide.astype(np.float64) + volume
-            elsewhere = np.logaddexp(at_references, wide[states:]) - math.log(2.0)
-            here = log_sum(log_weights + wide[:states])
-            unknown = float(np.logaddexp(here, log_sum(elsewhere) - math.log(len(elsewhere)))) - math.log(2.0)
-            featureless = self._featureless(innovation, level, used) + volume
-        return Likelihoods(at_states, at_references, unknown, featureless)
+        at_states = _mixed(by_component).sum(axis=0)
+        at_references = plain[:, states:places].sum(axis=0).astype(np.float64)
+        return Likelihoods(at_states, at_references)
 
     def _log_densities(self, squared: np.ndarray, variance: np.ndarray, used: np.ndarray) -> np.ndarray:
         """Log-densities (F, N) of squared residuals (F, N); zero for phalanges that do not count."""
@@ -150,15 +161,6 @@ class SweepMixture:
         scaled *= (np.float32(-0.5) * self._tails * used)[:, None]
         scaled += np.log(variance) * (np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32))[:, None]
         return np.asarray(scaled)
-
-    def _featureless(self, innovation: Innovation, level: np.ndarray, used: np.ndarray) -> float:
-        layout = self.noise.layout
-        assert self.map.featureless_variance is not None
-        left = innovation.strain + innovation.turned - self.map.featureless
-        squared = layout.sum(left**2)
-        densities = log_density(squared, self.map.featureless_variance + level, layout.widths)
-        # The best yaw, not the mean: the map is at the right yaw too, and would gain 2 nats per measurement.
-        return float(densities[:, used].sum(axis=1).max())
 
 
 def _mixed(log_densities: np.ndarray) -> np.ndarray:

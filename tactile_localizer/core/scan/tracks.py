@@ -20,16 +20,14 @@ PITCH = 0.0005
 
 PAIRS = 6
 """Pairs of tracks from which a place is interpolated: the components of its mixture. With two passes over
-each line three pairs leave one pass out: on a bump of a physics engine six are 0.2 mm better with both
-passes. On three simulated features they are 0.02 mm better, on another simulator's bump 0.1 mm."""
+each line three pairs leave one pass out."""
 _NEAREST = 8
 """Tracks from which a place is interpolated, four on either side of it."""
-_SPARE = 2
+_EXTRA_CANDIDATES = 2
 """Further candidates for them: the distance to a track's points is larger than that to the line between."""
 _PENALTY_PER_LINE = 0.2
 """nats by which the prior of a pair falls for each line between its two tracks. Such pairs are components
-because the nearest two need not be in the deformation mode of the next sweep. By judgement: with 0.5 another
-simulator's bump is 0.03 mm worse."""
+because the nearest two need not be in the deformation mode of the next sweep. By judgement."""
 _PENALTY_OUTSIDE = 16.0
 """nats by which the prior of a pair falls at one line spacing outside of it, squared with the distance."""
 _PLACES_AT_ONCE = 2048
@@ -93,7 +91,7 @@ def expectation(
     On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
     are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m.
     """
-    scale, count = levers(scene), _NEAREST + _SPARE
+    scale, count = levers(scene), _NEAREST + _EXTRA_CANDIDATES
     trees = [cKDTree(track.positions * scale) for track in tracks]
     repeats = scene.dimension == 1 or len(tracks) == 1
     wraps = bool(scene.wraps.any())
@@ -152,7 +150,7 @@ def _stretches(positions: np.ndarray) -> np.ndarray:
     return numbers
 
 
-class _Feet(NamedTuple):
+class _Projections(NamedTuple):
     """Feet of the perpendiculars from M places on the T nearest tracks, between the tracks' points.
 
     T is at most :data:`_NEAREST`, on one axis all tracks; the nearest is first.
@@ -169,7 +167,7 @@ class _Feet(NamedTuple):
     distance: np.ndarray
 
 
-def _feet(trees: Sequence[cKDTree], strains: np.ndarray, queries: np.ndarray, every: bool) -> _Feet:
+def _feet(trees: Sequence[cKDTree], strains: np.ndarray, queries: np.ndarray, every: bool) -> _Projections:
     """Feet of ``queries`` (M, d), m, on the nearest of the tracks, or on every one, given as trees."""
     found = [tree.query(queries) for tree in trees]
     distance, index = (np.stack(each, axis=1) for each in zip(*found, strict=True))
@@ -178,7 +176,7 @@ def _feet(trees: Sequence[cKDTree], strains: np.ndarray, queries: np.ndarray, ev
     index = index + first
     rows = np.arange(len(queries))[:, None]
     if not every:
-        nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _SPARE]
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, : _NEAREST + _EXTRA_CANDIDATES]
         index, first, last = index[rows, nearest], first[nearest], last[nearest]
     # (d, M, T), because sums over a short last axis take several times longer.
     joined = np.ascontiguousarray(np.concatenate([tree.data for tree in trees]).T)
@@ -204,7 +202,7 @@ def _feet(trees: Sequence[cKDTree], strains: np.ndarray, queries: np.ndarray, ev
         index, other = index[rows, order], other[rows, order]
     strain = strains.take(index, axis=0)
     strain += ratio[..., None] * (strains.take(other, axis=0) - strain)
-    return _Feet(foot, strain, np.sqrt(best))
+    return _Projections(foot, strain, np.sqrt(best))
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -221,7 +219,7 @@ def _unwrapped(positions: np.ndarray, scene: Scene, places: np.ndarray) -> np.nd
     return near + np.where(wraps, wrap_angle(positions - near), positions - near)
 
 
-def _repeats(feet: _Feet) -> Expectation:
+def _repeats(feet: _Projections) -> Expectation:
     """The mean of the tracks that reach a place; beyond their ends, of those that end nearest."""
     nearest = feet.distance.min(axis=1)
     reaches = (feet.distance <= nearest[:, None] + 2.0 * PITCH).astype(np.float64)
@@ -232,7 +230,7 @@ def _repeats(feet: _Feet) -> Expectation:
     return Expectation(mean[:, None], error[:, None], 1.0 / count[:, None], np.zeros((len(mean), 1)), nearest)
 
 
-def _pairs(feet: _Feet, places: np.ndarray, spacing: float, components: int) -> Expectation:
+def _pairs(feet: _Projections, places: np.ndarray, spacing: float, components: int) -> Expectation:
     """The pairs of tracks with the highest prior for each place: those close to it and on either side."""
     pairs = list(combinations(range(feet.strain.shape[1]), 2))
     ratios, scores, outside = [], [], []

@@ -15,8 +15,8 @@ from support.scans import scene
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
+from tactile_localizer.core.geometry.anchors import Anchors, Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.references import References, TakenIn
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 Make = Callable[..., BayesFilter]
@@ -37,12 +37,12 @@ def particles(of: Scene = PLANE, cells: float = 50.0) -> BayesFilter:
 both = pytest.mark.parametrize("make", [grid, particles])
 
 
-def single_box(of: Scene, place: np.ndarray, fraction: float) -> TakenIn:
-    """A belief in the reference's box in which ``place`` (d,) is."""
-    references = References(of)
-    weights = np.zeros(len(references))
-    weights[references.index(place[None])] = 1.0
-    return TakenIn(fraction, references, weights)
+def single_box(of: Scene, place: np.ndarray, fraction: float) -> Injection:
+    """A belief in the anchor's box in which ``place`` (d,) is."""
+    anchors = Anchors(of, 200)
+    weights = np.zeros(len(anchors))
+    weights[anchors.index(place[None])] = 1.0
+    return Injection(fraction, anchors, weights)
 
 
 @both
@@ -118,9 +118,9 @@ def test_whatever_happens_the_belief_sums_to_one(make: Make, seed: int, size: fl
     made = make(PLANE, 25.0)
     for _ in range(5):
         displacement = 0.01 * rng.standard_normal(2)
-        taken_in = single_box(PLANE, 0.05 * rng.random(2), 0.1 * float(rng.random()))
+        injection = single_box(PLANE, 0.05 * rng.random(2), 0.1 * float(rng.random()))
         travel = float(np.hypot(*displacement))
-        belief, _ = step(made, model, rng.standard_normal(16), displacement, travel, taken_in)
+        belief, _ = step(made, model, rng.standard_normal(16), displacement, travel, injection)
         states, weights = made.hypotheses()
         assert weights.sum() == pytest.approx(1.0, abs=1e-12)
         assert (weights >= 0).all()
@@ -140,7 +140,7 @@ def test_resampled_states_come_from_what_they_copy(make: Make) -> None:
 
 
 @both
-def test_a_state_continues_its_ancestor_but_for_what_was_taken_in(make: Make) -> None:
+def test_a_state_continues_its_ancestor_but_for_what_was_injected(make: Make) -> None:
     made = make(LINE, 1_000.0)
     assert not made.predict(np.zeros(1), 0.0).continued.any(), "nothing was there before"
     made.seed(np.array([0.02]), np.array([0.003]))
@@ -160,9 +160,9 @@ def test_hypotheses_handed_out_do_not_change_afterwards(make: Make) -> None:
 
 
 @both
-def test_belief_is_taken_in_wherever_a_reference_is(make: Make) -> None:
+def test_belief_is_injected_wherever_an_anchor_is(make: Make) -> None:
     made = make(LINE, 200.0)
-    for place in References(LINE).states[::7]:
+    for place in Anchors(LINE, 200).states[::7]:
         made.seed(np.array([0.02]), np.array([0.003]))
         prediction = made.predict(np.zeros(1), 0.0, single_box(LINE, place, 0.4))
         near = np.abs(prediction.states[:, 0] - place) < 0.0006

@@ -30,7 +30,7 @@ def slide(of: np.ndarray = MAP, seed: int = 1) -> np.ndarray:
 
 
 def log_odds(strains: np.ndarray) -> np.ndarray:
-    """Log-odds (PLACES,) of the map to chance, by place at which the palm is estimated to have begun."""
+    """Log-odds (PLACES,) of the map to chance, by place at which the palm is known to have begun."""
     places = np.arange(PLACES) * NODES // PLACES
     trend_filter = Drift(MEMORY, 1.0, np.full(CHANNELS, np.inf))
     correlation = Correlation(innovations(MAP, MEMORY, PITCH), 1.0, PLACES)
@@ -38,10 +38,24 @@ def log_odds(strains: np.ndarray) -> np.ndarray:
     for n, strain in enumerate(strains):
         expected = MAP[(places + n) % NODES].astype(np.float32)
         innovation, trend = trend_filter.update(trend, strain, expected, PITCH, 1.0)
-        sums = correlation.update(sums, innovation.strain, innovation.map, np.ones(PLACES), PITCH)
+        along = np.concatenate([innovation.map[:1], innovation.map])
+        sums = correlation.update(
+            sums, innovation.strain, along, np.ones(1 + PLACES), np.ones(1), PITCH
+        )
     away = (np.arange(PLACES) - np.arange(PLACES)[:, None]) % PLACES
     far = np.minimum(away, PLACES - away) > 2
-    return np.array([correlation.log_odds(sums, np.eye(PLACES)[p], far[p]) for p in range(PLACES)])
+    # A belief in one place has the sums of the anchor there.
+    beliefs = [np.concatenate([[place], 1 + np.arange(PLACES)]) for place in 1 + np.arange(PLACES)]
+    return np.array(
+        [
+            correlation.log_odds(
+                sums._replace(strain=sums.strain[rows], map=sums.map[rows], product=sums.product[rows]),
+                np.eye(PLACES)[place],
+                far[place],
+            )
+            for place, rows in enumerate(beliefs)
+        ]
+    )
 
 
 OWN = log_odds(slide())

@@ -7,17 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.hypotheses.explanations import RELOCATION_RATE, Explanations
-from tactile_localizer.core.likelihood.evaluation import Likelihoods
+from tactile_localizer.core.hypotheses.explanations import RELOCATION_RATE, RELOCATION_TRAVEL, Explanations
 
-PLACES = 20
-EVERYWHERE, NOWHERE = np.ones(PLACES, bool), np.zeros(PLACES, bool)
+PLACES, PITCH = 20, 0.0005
 IMPOSSIBLE = -math.inf
 
 
-def likelihoods(references: float, unknown: float = -10.0, featureless: float = -10.0) -> Likelihoods:
-    """Of a place of the map that is far from the estimate; the other places are improbable."""
-    return Likelihoods(np.zeros(1), np.where(np.arange(PLACES) == 7, references, -20.0), unknown, featureless)
+def at_one_place(log_likelihood: float, places: int = PLACES) -> np.ndarray:
+    """Log-likelihoods of anchors of which one explains the strain and the others do not."""
+    return np.where(np.arange(places) == 1, log_likelihood, -20.0)
 
 
 log_likelihood = st.floats(-1e4, 1e4) | st.just(IMPOSSIBLE)
@@ -25,19 +23,16 @@ log_likelihood = st.floats(-1e4, 1e4) | st.just(IMPOSSIBLE)
 
 @given(
     st.booleans(),
-    st.lists(
-        st.tuples(*[log_likelihood] * 4, st.floats(0, 10), st.floats(0, 1), st.floats(0.01, 1)), max_size=20
-    ),
+    st.lists(st.tuples(log_likelihood, log_likelihood, st.floats(0, 10), st.floats(0, 1)), max_size=20),
 )
 def test_probabilities_always_sum_to_one(only_map: bool, steps: list[tuple[float, ...]]) -> None:
     explanations = Explanations.start(PLACES, only_map)
-    for tracked, references, unknown, featureless, travel, left, exponent in steps:
+    for elsewhere, other, travel, left in steps:
         explanations = explanations.predict(travel, left)
-        felt = likelihoods(references, unknown, featureless)
-        explanations = explanations.update(tracked, felt, EVERYWHERE, exponent)
-        assert sum(explanations[:4]) == pytest.approx(1.0)
+        explanations = explanations.update(travel, at_one_place(elsewhere), other)
+        assert sum(explanations[:3]) == pytest.approx(1.0)
         assert np.exp(explanations.elsewhere).sum() == pytest.approx(1.0)
-        assert 0.0 <= explanations.taken_in <= 1.0
+        assert 0.0 <= explanations.injection <= 1.0
 
 
 def test_where_the_map_alone_explains_no_hand_leaves_it() -> None:
@@ -46,32 +41,49 @@ def test_where_the_map_alone_explains_no_hand_leaves_it() -> None:
     assert moved.relocated == pytest.approx(-math.expm1(-RELOCATION_RATE * 0.3))
 
 
-def test_what_moves_beyond_the_bounds_is_on_unknown_or_featureless_material() -> None:
+def test_what_moves_beyond_the_bounds_is_on_other_material() -> None:
     moved = Explanations.start(PLACES, only_map=False).predict(0.0, 0.4)
-    assert moved[:4] == pytest.approx((0.3, 0.0, 0.35, 0.35))
+    assert moved[:3] == pytest.approx((0.3, 0.0, 0.7))
+
+
+def relocated(nats: float, places: int = PLACES, travel: float = 0.05) -> tuple[Explanations, float]:
+    """Explanations once a place that is better by ``nats`` at every update takes over, and the travel."""
+    explanations = Explanations.start(places, only_map=True)
+    for n in range(round(travel / PITCH)):
+        explanations = explanations.predict(PITCH, 0.0).update(PITCH, at_one_place(nats, places), -5.0)
+        if explanations.injection:
+            return explanations, (n + 1) * PITCH
+    return explanations, math.inf
 
 
 def test_a_relocated_hand_takes_over_once_another_place_explains_more() -> None:
-    explanations = Explanations.start(PLACES, only_map=False)
-    for _ in range(20):
-        explanations = explanations.predict(0.0005, 0.0).update(-10.0, likelihoods(-2.0), EVERYWHERE, 1.0)
-        if explanations.taken_in:
-            break
+    explanations, _ = relocated(2.0)
     assert explanations.relocated > 0.5 * explanations.tracked
-    assert explanations.elsewhere.argmax() == 7
-    assert explanations.taken_in == pytest.approx(explanations.relocated / explanations.on_map)
+    assert explanations.elsewhere.argmax() == 1
+    assert explanations.injection == pytest.approx(explanations.relocated / explanations.on_map)
     moved = explanations.predict(0.0, 0.0)
     assert moved.relocated == 0.0
     assert moved.tracked == pytest.approx(explanations.on_map)
 
 
+@pytest.mark.parametrize("places", [4, 200, 1600])
+@pytest.mark.parametrize("nats", [20.0, 1e3, 1e9])
+def test_it_takes_a_centimetre_however_much_better_the_other_place_is(nats: float, places: int) -> None:
+    """What a finger brushes over is no reason to give a place up."""
+    _, travel = relocated(nats, places)
+    assert RELOCATION_TRAVEL <= travel <= 1.3 * RELOCATION_TRAVEL
+
+
 def test_of_a_place_near_the_estimate_no_hand_is_relocated() -> None:
     explanations = Explanations.start(PLACES, only_map=False).predict(0.01, 0.0)
-    assert explanations.update(0.0, likelihoods(50.0), NOWHERE, 1.0).relocated == 0.0
-    assert explanations.update(0.0, likelihoods(50.0), EVERYWHERE, 1.0).relocated > 0.99
+    near = np.full(PLACES, IMPOSSIBLE)
+    assert explanations.update(0.01, near, IMPOSSIBLE).relocated == 0.0
+    assert explanations.update(0.02, at_one_place(50.0), IMPOSSIBLE).relocated > 0.99
 
 
-def test_nothing_is_learned_when_all_is_impossible() -> None:
-    explanations = Explanations.start(PLACES, only_map=False).predict(0.01, 0.0)
-    impossible = Likelihoods(np.zeros(1), np.full(PLACES, IMPOSSIBLE), IMPOSSIBLE, IMPOSSIBLE)
-    assert explanations.update(IMPOSSIBLE, impossible, EVERYWHERE, 1.0) is explanations
+def test_other_material_takes_over_where_it_explains_more_and_gives_way() -> None:
+    explanations, nowhere = Explanations(0.98, 0.01, 0.01, at_one_place(0.0)), at_one_place(-20.0)
+    left = explanations.update(PITCH, nowhere, 10.0)
+    assert left.other > 0.99
+    assert left.predict(0.3, 0.0).other < 0.5, "patches of other material are some 0.3 m long"
+    assert left.update(PITCH, nowhere, -15.0).tracked > 0.95

@@ -43,7 +43,7 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
         np.testing.assert_allclose(innovation.strain - innovation.map[trajectory], direct, atol=1e-4)
 
 
-def test_a_trajectory_continues_its_ancestor_and_what_was_taken_in_by_their_fractions() -> None:
+def test_a_trajectory_continues_its_ancestor_and_what_was_injected_by_their_fractions() -> None:
     drift = Drift(np.inf, 1.0, np.ones(2))
     _, trend = drift.update(drift.start(2), np.zeros(2), np.array([[0, 0], [8, 8]], np.float32), STEP, 1.0)
     mixed = trend.followed(np.array([0, 1]), np.array([0.25, 1.0]), np.array([1, 0]))

@@ -39,7 +39,7 @@ def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
 def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene) -> None:
     constant = np.full(8, 3e6)  # of noise 1
     plain, moved = (estimate_noise(replace(made, strain=made.strain + c), scene) for c in (0.0, constant))
-    assert moved.featureless == plain.featureless
+    assert moved.material == plain.material
     np.testing.assert_allclose(moved.model.centre - constant, plain.model.centre, atol=1e-3)
     for one, other in zip(moved.tracks, plain.tracks, strict=True):
         np.testing.assert_allclose(one.strain, other.strain, atol=1e-2)
@@ -58,10 +58,24 @@ def test_whitened_residuals_have_unit_covariance() -> None:
     np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
 
 
-def test_phalanges_are_whitened_separately() -> None:
-    whitening = estimate_noise(cloth(), CLOTH).model.whitening
-    assert (whitening[:4, 4:] == 0.0).all()
-    assert (whitening[4:, :4] == 0.0).all()
+def test_phalanges_are_whitened_separately_but_together_where_the_material_is_felt_everywhere() -> None:
+    """There the ripple of the force is common to them."""
+    sheet = estimate_noise(bump_scan(SHEET), SHEET).model
+    assert sheet.layout == SHEET.layout
+    assert (sheet.whitening[:4, 4:] == 0.0).all()
+    assert (sheet.whitening[4:, :4] == 0.0).all()
+    joint = estimate_noise(cloth(), CLOTH).model
+    assert joint.layout.counts == (8,)
+    assert joint.whitening[4:, :4].any()
+
+
+def test_a_sweep_is_whitened_anew_by_the_sum_of_the_covariances() -> None:
+    model, excess = estimate_noise(cloth(), CLOTH).model, np.array([0.0, 2.0, 0.0, 0.0, 50.0, 0.0, 1e9, 0.1])
+    usual = np.linalg.inv(model.whitening)
+    np.testing.assert_allclose(model.variance, np.diag(usual @ usual.T))
+    whitening = model.rewhitening(excess) @ model.whitening
+    noisier = whitening @ (usual @ usual.T + np.diag(excess)) @ whitening.T
+    np.testing.assert_allclose(noisier, np.eye(8), atol=1e-6)
 
 
 def test_the_volume_is_the_determinant_of_the_whitening() -> None:
@@ -75,12 +89,12 @@ def test_whitened_strains_do_not_depend_on_the_unit(volts: float, seed: int) -> 
     one, other = (estimate_noise(cloth(2, seed, unit), CLOTH) for unit in (1.0, volts))
     for mine, theirs in zip(one.tracks, other.tracks, strict=True):
         np.testing.assert_allclose(theirs.strain, mine.strain, atol=1e-5)
-    np.testing.assert_allclose(other.model.log_volume, one.model.log_volume - 4 * np.log(volts), atol=1e-5)
+    np.testing.assert_allclose(other.model.log_volume, one.model.log_volume - 8 * np.log(volts), atol=1e-5)
 
 
 def test_featureless_places_are_exactly_equal() -> None:
     estimate = estimate_noise(bump_scan(SHEET), SHEET)
-    assert estimate.featureless
+    assert estimate.material.has_level
     far = np.concatenate(
         [
             track.strain[np.linalg.norm(track.positions - 0.025, axis=1) > 0.018].any(axis=1)
@@ -94,15 +108,15 @@ def test_featureless_places_are_exactly_equal() -> None:
 
 def test_textured_material_is_not_shrunk() -> None:
     estimate = estimate_noise(cloth(), CLOTH)
-    assert not estimate.featureless
+    assert not estimate.material.has_level
     for track, visit in zip(estimate.tracks, estimate.visits, strict=True):
         np.testing.assert_array_equal(track.strain, visit.strain)
-    assert not estimate.model.offset_variance.any(), "an offset cannot be told from a place"
+    assert np.isinf(estimate.model.offset_variance).all(), "an offset cannot be told from a place"
 
 
 def test_offsets_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
     estimate = estimate_noise(bump_scan(SHEET, offsets=5.0), SHEET)
-    assert estimate.featureless
+    assert estimate.material.has_level
     assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
     variance = np.var(estimate.offsets @ estimate.model.whitening.T, axis=0, ddof=1)
     assert estimate.model.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.models import noise_model
 from support.scans import raster, slides
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.base import flatten_axes
+from tactile_localizer.core.likelihood.material import SHEET
 from tactile_localizer.core.likelihood.noise_model import estimate_noise
 from tactile_localizer.core.likelihood.strain_map import (
     MOST_CELLS_IN_SPACE,
@@ -45,7 +47,7 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
 
 def test_tables_hold_the_expectation_at_the_nodes() -> None:
     """Of strains that are linear in the place, whose mean is exact between any two lines."""
-    table = build_map(TRACKS, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), True, np.zeros(3))
+    table = build_map(TRACKS, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), SHEET, noise_model(PLANE.layout))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     inner = ((nodes > SPACING) & (nodes < SIDE - SPACING)).all(axis=1)
@@ -60,7 +62,7 @@ def test_tables_hold_the_expectation_at_the_nodes() -> None:
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
 def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> None:
     cell = np.full(2, 0.005)
-    table = build_map(TRACKS, PLANE, SPACING, cell, VarianceModel(), False, np.zeros(3))
+    table = build_map(TRACKS, PLANE, SPACING, cell, VarianceModel(), SHEET, noise_model(PLANE.layout))
     index = table.nearest(np.array(states))
     node = table.origin + table.step * np.stack(np.unravel_index(index, table.shape), axis=1)
     inside = np.clip(states, PLANE.lower, PLANE.upper)

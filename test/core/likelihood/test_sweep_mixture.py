@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.special import gammaln, logsumexp
+from support.models import noise_model
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.drift import Drift, Innovation
-from tactile_localizer.core.likelihood.evaluation import INFLATION, Likelihoods
-from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.evaluation import Likelihoods
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -17,42 +18,37 @@ NODES, COMPONENTS = 30, 3
 STATES = (np.arange(NODES) + 0.5)[:, None] * 0.001
 
 
-def mixture(
-    counts: tuple[int, ...], featureless: float | None = 1.3, seed: int = 0, nodes: int = NODES
-) -> SweepMixture:
+def mixture(counts: tuple[int, ...]) -> SweepMixture:
     """Random tables on a line with one node per mm, whitened by a factor of 4."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     layout, size = ChannelLayout(counts), sum(counts)
-    mean = 3.0 * rng.standard_normal((nodes, COMPONENTS, size))
-    variance = rng.uniform(1.0, 4.0, (nodes, COMPONENTS, len(counts)))
-    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), nodes))
+    mean = 3.0 * rng.standard_normal((NODES, COMPONENTS, size))
+    variance = rng.uniform(1.0, 4.0, (NODES, COMPONENTS, len(counts)))
+    prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
     strain_map = StrainMap(
-        np.array([0.0005]), np.array([0.001]), (nodes,), *tables, featureless, *np.zeros((2, 1, size))
+        np.array([0.0005]), np.array([0.001]), (NODES,), *tables, 1.3, np.zeros((1, size))
     )
-    volume = np.array(counts) * np.log(0.25)
-    noise = NoiseModel(layout, np.full(size, 0.1), 0.25 * np.eye(size), volume, *np.zeros((2, size)))
+    other = OtherMaterial(layout, np.eye(size), 1.3)
     drift = Drift(np.inf, 1.0, np.zeros(size))
-    return SweepMixture(noise, strain_map, drift, 0.002)
+    return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, 0.002)
 
 
 def evaluated(
     model: SweepMixture,
     strain: np.ndarray,
     used: np.ndarray | None = None,
-    states: np.ndarray = STATES,
     level_variance: float = 0.0,
+    scale: np.ndarray | None = None,
 ) -> Likelihoods:
-    """Likelihoods of a strain, V, of a sweep without an offset; the nodes of the map are the references."""
+    """Likelihoods of a strain, V, of a sweep without an offset; the nodes of the map are the anchors."""
     layout = model.noise.layout
-    places = np.concatenate([states, STATES[: len(model.map.mean)]])
-    nodes, expected = model.expected(places)
+    nodes, expected = model.expected(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), expected, np.zeros_like(expected), level)
-    weights = np.full(len(states), -np.log(len(states)))
-    return model.evaluate(
-        nodes, weights, innovation, np.ones(layout.phalanges, bool) if used is None else used
-    )
+    every = np.ones(layout.phalanges)
+    scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
+    return model.evaluate(nodes, NODES, innovation, scale, used)
 
 
 def log_constant(channels: int) -> float:
@@ -61,43 +57,32 @@ def log_constant(channels: int) -> float:
 
 
 def direct(
-    model: SweepMixture, node: int, volts: np.ndarray, inflation: float = 1.0, components: int = COMPONENTS
+    model: SweepMixture, node: int, volts: np.ndarray, scale: np.ndarray, components: int = COMPONENTS
 ) -> float:
     """The density at a node, by scipy and float64."""
     total, strain = 0.0, model.whitened(volts)
     for phalanx, own in enumerate(model.noise.layout.slices):
         terms, size = [], own.stop - own.start
         for component in range(components):
-            shape = inflation * float(model.map.variance[node, component, phalanx])
+            shape = scale[phalanx] * float(model.map.variance[node, component, phalanx])
             mean = model.map.mean[node, component, own].astype(np.float64)
             density = stats.multivariate_t(mean, shape * np.eye(size), df=NU).logpdf(strain[own])
             prior = model.map.log_prior[node, component] if components > 1 else 0.0
             terms.append(float(prior) + density)
-        total += float(logsumexp(terms)) + float(model.noise.log_volume[phalanx]) - log_constant(size)
+        total += float(logsumexp(terms)) - log_constant(size)
     return total
 
 
 @pytest.mark.parametrize("counts", [(1,), (3, 5), (8, 8)])
 def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) -> None:
     model, rng = mixture(counts), np.random.default_rng(1)
-    for scale in (1.0, 10.0, 1e3):
-        strain = scale * rng.standard_normal(sum(counts))
-        found = evaluated(model, strain)
-        expected = [direct(model, node, strain) for node in range(NODES)]
-        first, wide = (
-            np.array([direct(model, node, strain, inflation, 1) for node in range(NODES)])
-            for inflation in (1.0, INFLATION)
-        )
+    for volts in (1.0, 10.0, 1e3):
+        strain, scale = volts * rng.standard_normal(sum(counts)), rng.uniform(1.0, 4.0, len(counts))
+        found = evaluated(model, strain, scale=scale)
+        expected = [direct(model, node, strain, scale) for node in range(NODES)]
+        first = [direct(model, node, strain, scale, 1) for node in range(NODES)]
         np.testing.assert_allclose(found.states, expected, atol=2e-3)
-        np.testing.assert_allclose(found.references, first, atol=2e-3)
-        # Half of unknown material resembles the places of the belief, a quarter each any place.
-        unknown = logsumexp([logsumexp(wide), logsumexp(first) - np.log(2), logsumexp(wide) - np.log(2)])
-        assert found.unknown == pytest.approx(unknown - np.log(2 * NODES), abs=2e-3)
-        off = [
-            stats.multivariate_t(np.zeros(size), 1.3 * np.eye(size), df=NU).logpdf(own) - log_constant(size)
-            for size, own in zip(counts, model.noise.layout.split(model.whitened(strain)), strict=True)
-        ]
-        assert found.featureless == pytest.approx(sum(off) + model.noise.log_volume.sum(), abs=2e-3)
+        np.testing.assert_allclose(found.anchors, first, atol=2e-3)
 
 
 def test_the_mixture_drops_an_absent_phalanx() -> None:
@@ -107,8 +92,20 @@ def test_the_mixture_drops_an_absent_phalanx() -> None:
     strain[:3] = 1e6
     other = evaluated(model, strain, used)
     np.testing.assert_array_equal(one.states, other.states)
-    np.testing.assert_array_equal(one.references, other.references)
-    assert (one.unknown, one.featureless) == (other.unknown, other.featureless)
+    np.testing.assert_array_equal(one.anchors, other.anchors)
+
+
+def test_a_noisy_channel_loses_its_weight_and_the_others_keep_theirs() -> None:
+    """Of one phalanx of two channels, one of which is noise alone in this sweep."""
+    model, volts = mixture((2,)), np.array([3.0, -2.0])
+    noisy = model.with_noise(np.array([1e12, 0.0]))
+    found = evaluated(noisy, volts)
+    np.testing.assert_allclose(evaluated(noisy, volts + [1e3, 0.0]).anchors, found.anchors, atol=1e-3)
+    residual = model.whitened(volts)[1] - model.map.mean[:, 0, 1]
+    variance = model.map.variance[:, 0, 0]
+    alone = -0.5 * ((NU + 2.0) * np.log(variance + residual**2 / NU) - NU * np.log(variance))
+    np.testing.assert_allclose(found.anchors, alone, atol=2e-3)
+    np.testing.assert_array_equal(evaluated(model, volts).anchors, evaluated(mixture((2,)), volts).anchors)
 
 
 def test_uncertainty_of_the_level_widens_every_density() -> None:
@@ -118,16 +115,10 @@ def test_uncertainty_of_the_level_widens_every_density() -> None:
         assert (np.asarray(other) > one).all()
 
 
-def test_material_felt_everywhere_is_never_featureless_or_unknown() -> None:
-    found = evaluated(mixture((3,), featureless=None), np.zeros(3))
-    assert found.featureless == found.unknown == -np.inf
-
-
 @pytest.mark.parametrize("strain", [1e6, -1e6, 1e12])
 def test_outliers_have_a_finite_mixture_density(strain: float) -> None:
     found = evaluated(mixture((3, 5)), np.full(8, strain))
     assert np.isfinite(found.states).all()
-    assert np.isfinite(found.unknown)
     assert np.ptp(found.states) < 2 * 0.5 * NU * np.log(4.0), "the variance alone tells places apart"
 
 

@@ -1,4 +1,4 @@
-"""Measurement models known in closed form, for tests of the filters."""
+"""Measurement models known in closed form."""
 
 from __future__ import annotations
 
@@ -7,9 +7,33 @@ import math
 import numpy as np
 from scipy.special import logsumexp
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.references import TakenIn
+from tactile_localizer.core.geometry.anchors import Injection
+from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.white_noise import WhiteNoise
+
+
+def noise_model(
+    layout: ChannelLayout,
+    width: float = 1.0,
+    centre: float = 0.0,
+    offset_variance: float = 0.0,
+    turning: np.ndarray | float = 0.0,
+) -> NoiseModel:
+    """Independent channels whose visits deviate by ``width`` V from ``centre``."""
+    size = layout.size
+    white = WhiteNoise(np.array([0.0, 1.0]), np.full((2, size), width**2))
+    return NoiseModel(
+        layout,
+        np.full(size, centre),
+        np.eye(size) / width,
+        -np.log(width) * np.array(layout.counts),
+        np.full(size, offset_variance),
+        np.broadcast_to(turning, size),
+        white,
+    )
 
 
 class LinearModel:
@@ -68,12 +92,12 @@ def step(
     strain: np.ndarray,
     displacement: np.ndarray | None = None,
     travel: float = 0.0,
-    taken_in: TakenIn | None = None,
+    injection: Injection | None = None,
 ) -> tuple[Belief, float]:
     """The belief after a motion and a measurement, and the logarithm of the marginal likelihood."""
     dimension = bayes_filter.hypotheses()[0].shape[1]
     moved = np.zeros(dimension) if displacement is None else displacement
-    prediction = bayes_filter.predict(moved, travel, taken_in)
+    prediction = bayes_filter.predict(moved, travel, injection)
     log_likelihood = model.log_likelihood(prediction.states, strain)
     belief = bayes_filter.update(log_likelihood)
     return belief, float(logsumexp(prediction.log_weights + log_likelihood))

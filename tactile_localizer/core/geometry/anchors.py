@@ -11,13 +11,9 @@ from tactile_localizer.scene import Scene
 
 _LEAST_PITCH = 0.001
 """Least size of a box, m: a filter's cells are smaller."""
-COARSE, FINE = 200, 1600
-"""Number of boxes, about, where the material is felt at some places only, and where it is felt everywhere. In
-a square of 50 mm they are 3.5 and 1.3 mm wide. On two bumps 100, 200 and 400 coarse ones were equal; the fine
-ones by judgement, not varied."""
 
 
-class References:
+class Anchors:
     """Trajectories that represent the whole map, whatever the belief.
 
     What leaves the scene at one bound returns at the opposite one.
@@ -32,7 +28,7 @@ class References:
     pitch : (d,) size of the boxes, m (yaw: rad)
     """
 
-    def __init__(self, scene: Scene, count: int = COARSE) -> None:
+    def __init__(self, scene: Scene, count: int) -> None:
         self._lower, self._extent = scene.lower, scene.extent
         extent = self._extent * levers(scene)
         pitch = max((float(np.prod(extent)) / count) ** (1.0 / scene.dimension), _LEAST_PITCH)
@@ -73,16 +69,16 @@ class References:
         return np.maximum(index, 0.0).astype(np.intp)
 
 
-class TakenIn(NamedTuple):
-    """Belief that a filter takes in, uniform within each reference's box.
+class Injection(NamedTuple):
+    """Belief that a filter takes in, uniform within each anchor's box.
 
     Parameters
     ----------
     fraction : of the filter's belief that it replaces
-    references : the boxes
+    anchors : the boxes
     weights : (R,) of the boxes, with a sum of one
     """
 
     fraction: float
-    references: References
+    anchors: Anchors
     weights: np.ndarray

@@ -1,0 +1,92 @@
+"""Other material of any strength: the alternative to the map that is as flexible as the map."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+
+_STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
+"""Variances of the signal of other material, in those of the map's own signal; zero is featureless."""
+_FORGOTTEN = 0.01
+"""Fraction by which the probabilities of the strengths return to equal ones at each update."""
+
+
+class OtherMaterial:
+    """Likelihood of innovations on material that was not scanned, whose signal may have any strength.
+
+    The innovation v of phalanx f has the density sum over g of w_g t_8(v; 0, A I + g S_f), with S_f the
+    covariance of the map's own signal, A the least variance of a visit, and weights w_g that follow the
+    sweep.
+
+    Parameters
+    ----------
+    layout : channels of the strain by phalanx
+    covariance : (C, C) of the map's signal, a block per phalanx
+    variance : least variance of a visit
+    """
+
+    def __init__(self, layout: ChannelLayout, covariance: np.ndarray, variance: float) -> None:
+        self._layout, self._covariance, self._variance = layout, covariance, variance
+        self._rotation = np.eye(layout.size)
+        strength = np.zeros(layout.size)
+        for own in layout.slices:
+            values, self._rotation[own, own] = np.linalg.eigh(covariance[own, own])
+            strength[own] = np.maximum(values, 0.0)
+        self._spread = np.outer(_STRENGTHS, strength)
+
+    def transformed(self, transform: np.ndarray) -> OtherMaterial:
+        """The same for innovations ``transform @ v``; ``transform`` (C, C) has a block per phalanx."""
+        covariance = transform @ self._covariance @ transform.T
+        return OtherMaterial(self._layout, covariance, self._variance)
+
+    def start(self) -> np.ndarray:
+        """Log-weights (G, F) of the strengths before the first strain."""
+        return np.full((len(_STRENGTHS), self._layout.phalanges), -np.log(len(_STRENGTHS)))
+
+    def energy(self, strain: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
+        """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
+
+        Large ones are bounded as by the weights of the t-distribution.
+        """
+        squared = self._layout.sum(np.square(strain)) / (self._variance + level_variance)
+        widths = self._layout.widths
+        return np.asarray(squared * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + squared) / widths)
+
+    def update(
+        self,
+        log_weights: np.ndarray,
+        strain: np.ndarray,
+        level_variance: np.ndarray,
+        scale: np.ndarray,
+        used: np.ndarray,
+        exponent: float,
+    ) -> tuple[float, np.ndarray]:
+        """Log-likelihood of an innovation, and the log-weights after it.
+
+        Parameters
+        ----------
+        log_weights : (G, F) of the strengths
+        strain : (C,) innovation
+        level_variance : (F,) of the level from which it deviates
+        scale : (F,) factor of the least variance in this sweep
+        used : (F,) bool, phalanges that count
+        exponent : fraction of an independent measurement that the innovation is
+        """
+        layout, tails = self._layout, DEGREES_OF_FREEDOM
+        variance = self._spread + layout.expand(self._variance * scale + level_variance)
+        squared = np.square(strain @ self._rotation) / variance
+        densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
+        densities -= 0.5 * layout.sum(np.log(variance))
+        following = log_weights + exponent * densities
+        weights = np.exp(following - _log_sum(following))
+        weights += _FORGOTTEN * (1.0 / len(weights) - weights)
+        total = float(_log_sum(log_weights + densities)[used].sum())
+        return total, np.where(used, np.log(weights), log_weights)
+
+
+def _log_sum(values: np.ndarray) -> np.ndarray:
+    """Logarithms of sums over the strengths, (G, F) to (F,)."""
+    largest = values.max(axis=0)
+    return np.asarray(largest + np.log(np.exp(values - largest).sum(axis=0)))

@@ -1,0 +1,114 @@
+"""White noise of each raw channel, from second differences of successive strains.
+
+It needs no map, and so it can be measured in the sweep at hand and compared with that of the scan.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.scene import Scene
+
+_LAGS = 1, 2, 4, 8
+"""Strains between those of a second difference at which the scan is measured: the farther apart they are, the
+more of the signal is in it."""
+_BOUND, _MEAN = 4.0, 0.9205
+"""Bound of a squared difference in variances, and the mean of bounded ones of a normal distribution."""
+_PRIOR, _MEMORY = 20, 50
+"""Strains that the scan's noise counts as at the start of a sweep, and over which the noise is averaged. By
+judgement."""
+_MOST = 20_000
+"""Differences from which the noise of a scan is measured."""
+
+
+class WhiteNoise(NamedTuple):
+    """Variance of second differences of a scan's strains, in units of the variance of one strain.
+
+    Parameters
+    ----------
+    spacing : (L,) m between successive strains, ascending
+    variance : (L, C) V^2
+    """
+
+    spacing: np.ndarray
+    variance: np.ndarray
+
+    def at(self, spacing: float) -> np.ndarray:
+        """Variance (C,) at strains so far apart."""
+        upper = min(max(int(np.searchsorted(self.spacing, spacing)), 1), len(self.spacing) - 1)
+        near, far = self.spacing[upper - 1], self.spacing[upper]
+        ratio = min(max((spacing - near) / max(far - near, 1e-12), 0.0), 1.0)
+        return np.asarray(self.variance[upper - 1] * (1.0 - ratio) + self.variance[upper] * ratio)
+
+
+def white_noise(scan: Scan, scene: Scene) -> WhiteNoise:
+    """White noise of a scan."""
+    positions, strain = scan.positions_on(scene) * levers(scene), scan.strain_on(scene)
+    rows = np.argsort(scan.sweep, kind="stable")
+    spacing, variance = [], []
+    for lag in _LAGS:
+        first, middle, last = rows[: -2 * lag], rows[lag:-lag], rows[2 * lag :]
+        whole = scan.sweep[first] == scan.sweep[last]
+        keep = np.flatnonzero(whole)[:: max(1, int(whole.sum()) // _MOST)]
+        first, middle, last = first[keep], middle[keep], last[keep]
+        if not len(keep):
+            continue
+        spacing.append(float(np.median(np.linalg.norm(positions[last] - positions[first], axis=1))) / 2.0)
+        variance.append(_robust(np.square(strain[first] - 2.0 * strain[middle] + strain[last]) / 6.0))
+    if not spacing:
+        return WhiteNoise(np.array([0.0, 1.0]), np.zeros((2, strain.shape[1])))
+    order = np.argsort(spacing, kind="stable")
+    return WhiteNoise(np.array(spacing)[order], np.maximum.accumulate(np.array(variance)[order], axis=0))
+
+
+def _robust(squares: np.ndarray) -> np.ndarray:
+    """Variance (C,) under which bounded squares (n, C) have the mean of a normal distribution's."""
+    variance = squares.mean(axis=0) + 1e-300
+    for _ in range(50):
+        variance *= np.minimum(squares / variance, _BOUND).mean(axis=0) / _MEAN + 1e-300
+    return np.asarray(variance)
+
+
+class SweepNoise:
+    """White noise of the sweep at hand, as far as it exceeds that of the scan.
+
+    Parameters
+    ----------
+    scan : noise of the scan
+    """
+
+    def __init__(self, scan: WhiteNoise) -> None:
+        self._scan = scan
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a sweep: its noise is that of the scan."""
+        self._variance = self._scan.variance[0] + 1e-300
+        self._spacing = self._scan.spacing[0]
+        self._count = 0
+        self._last: np.ndarray | None = None
+        self._step: np.ndarray | None = None
+        self._present = b""
+
+    def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
+        """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool."""
+        if self._present != present.tobytes():  # compared faster than arrays
+            self._present, self._last, self._step = present.tobytes(), None, None
+        step = None if self._last is None else strain - self._last
+        if step is not None and self._step is not None:
+            self._count += 1
+            gain = 1.0 / min(_PRIOR + self._count, _MEMORY)
+            squares = np.square(step - self._step) / (6.0 * self._variance)
+            change = gain * (np.minimum(squares, _BOUND) - _MEAN)
+            self._variance = self._variance * (1.0 + change * present)
+            self._spacing += gain * (travel - self._spacing)
+        self._last, self._step = strain, step
+
+    def excess(self, pitch: float) -> np.ndarray:
+        """Variance (C,), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's."""
+        more = np.maximum(self._variance - self._scan.at(self._spacing), 0.0)
+        return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))

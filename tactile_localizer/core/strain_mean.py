@@ -1,0 +1,64 @@
+"""Mean of the strains since the last measurement update."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_localizer.core.geometry.motion import MotionModel
+
+
+class StrainMean:
+    """Mean of the strains since the last measurement update, at their mean position.
+
+    The map is made of means over short stretches too, so that every strain counts once, in the scan as in
+    the sweep at hand. Where the set of present phalanges changes, the mean begins anew.
+
+    Parameters
+    ----------
+    motion : motion model of the scene
+    """
+
+    def __init__(self, motion: MotionModel) -> None:
+        self._motion = motion
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a sweep."""
+        self._begun, self._count = False, 0
+        self._last = self._updated_at = self._mean_at = np.zeros(0)
+        self._sum, self._moved, self._present = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
+
+    def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> float:
+        """Add a strain (C,) at a palm position (d,); returns the travel since the strain before it, m."""
+        if not self._begun:
+            self._begun, self._last, self._updated_at, self._mean_at = True, position, position, position
+        if not self._count or not np.array_equal(present, self._present):
+            self._count, self._present = 0, present
+            self._sum, self._moved = np.zeros_like(strain), np.zeros_like(position)
+        step = self._motion.travel(self._motion.displacement(self._last, position))
+        self._last = position
+        self._count += 1
+        self._sum = self._sum + strain
+        self._moved = self._moved + self._motion.displacement(self._updated_at, position)
+        return step
+
+    @property
+    def travel(self) -> float:
+        """Distance from the last strain of the last update, m: a pose that trembles does not travel."""
+        return self._motion.travel(self._motion.displacement(self._updated_at, self._last))
+
+    @property
+    def pending(self) -> np.ndarray:
+        """Displacement (d,) from the mean position of the last update to the last strain, m (yaw: rad)."""
+        return self._motion.displacement(self._mean_at, self._last)
+
+    def take(self) -> tuple[np.ndarray, np.ndarray]:
+        """The mean strain (C,), and the displacement (d,) to its mean position from that of the last update.
+
+        Then the mean begins anew.
+        """
+        mean_at = self._motion.wrapped(self._updated_at + self._moved / self._count)
+        displacement = self._motion.displacement(self._mean_at, mean_at)
+        self._mean_at, self._updated_at = mean_at, self._last
+        strain, self._count = self._sum / self._count, 0
+        return strain, displacement

@@ -1,0 +1,102 @@
+"""Other material of any strength, the alternative to the map."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import quad
+from scipy.special import gammaln
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
+
+LAYOUT = ChannelLayout((3, 1))
+SIGNAL = np.zeros((4, 4))
+SIGNAL[:3, :3] = 40.0 * np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
+SIGNAL[3, 3] = 40.0
+MATERIAL = OtherMaterial(LAYOUT, SIGNAL, 1.3)
+NONE, BOTH, SCALE = np.zeros(2), np.ones(2, dtype=bool), np.ones(2)
+EXPONENT = 0.3
+
+
+def log_constant(channels: int) -> float:
+    """Constant of the t-density, omitted as in the likelihoods of the map."""
+    return float(gammaln((NU + channels) / 2) - gammaln(NU / 2) - channels / 2 * np.log(NU * np.pi))
+
+
+def after(material: OtherMaterial, innovations: np.ndarray) -> np.ndarray:
+    """Probabilities (G, F) of the strengths after innovations (n, C)."""
+    log_weights = material.start()
+    for innovation in innovations:
+        _, log_weights = material.update(log_weights, innovation, NONE, SCALE, BOTH, EXPONENT)
+    return np.asarray(np.exp(log_weights))
+
+
+def test_its_likelihood_is_a_density() -> None:
+    """One channel; wherever the level and the scale are and whatever the weights of the strengths."""
+    material = OtherMaterial(ChannelLayout((1,)), np.array([[40.0]]), 1.3)
+    weights = np.log(np.random.default_rng(0).dirichlet(np.ones(len(material.start()))))[:, None]
+
+    def density(strain: float) -> float:
+        innovation, one = np.array([strain]), np.ones(1)
+        total, _ = material.update(weights, innovation, 0.7 * one, 2.0 * one, one.astype(bool), 1.0)
+        return float(np.exp(total + log_constant(1)))
+
+    assert 2.0 * quad(density, 0.0, np.inf)[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_without_a_signal_it_is_featureless_material() -> None:
+    featureless = np.full_like(MATERIAL.start(), -np.inf)
+    featureless[0] = 0.0
+    innovation, level, scale = np.array([1.0, -2.0, 0.5, 3.0]), np.array([0.7, 0.0]), np.array([2.0, 1.0])
+    with np.errstate(divide="ignore"):
+        total, _ = MATERIAL.update(featureless, innovation, level, scale, BOTH, EXPONENT)
+    expected = sum(
+        stats.multivariate_t(np.zeros(size), variance * np.eye(size), df=NU).logpdf(own) - log_constant(size)
+        for size, variance, own in zip(
+            LAYOUT.counts, 1.3 * scale + level, LAYOUT.split(innovation), strict=True
+        )
+    )
+    assert total == pytest.approx(expected)
+
+
+def test_strengths_follow_the_signal_of_each_phalanx_and_are_forgotten() -> None:
+    rng = np.random.default_rng(0)
+    like_the_map = rng.multivariate_normal(np.zeros(4), SIGNAL, 400)
+    still = np.sqrt(1.3) * rng.standard_normal((400, 4))
+    first = np.concatenate([like_the_map[:, :3], still[:, 3:]], axis=1)
+    second = np.concatenate([still[:, :3], like_the_map[:, 3:]], axis=1)
+    for series, strengths in (
+        (first, [4, 0]),
+        (second, [0, 4]),
+        (np.concatenate([first, second]), [0, 4]),
+    ):
+        np.testing.assert_array_equal(after(MATERIAL, series).argmax(axis=0), strengths)
+
+
+def test_a_phalanx_that_does_not_count_changes_nothing() -> None:
+    first, start = np.array([True, False]), MATERIAL.start()
+    one, other = (np.array([1.0, 2.0, 3.0, last]) for last in (0.0, 1e6))
+    found = [MATERIAL.update(start, strain, NONE, SCALE, first, EXPONENT) for strain in (one, other)]
+    assert found[0][0] == found[1][0]
+    for _, log_weights in found:
+        np.testing.assert_array_equal(log_weights[:, 1], start[:, 1])
+
+
+def test_energy_is_in_variances_and_bounded() -> None:
+    """One, where the squared length is the number of channels; of outliers as much as a t-distribution's."""
+    unit = np.sqrt(1.3 + 0.7) * np.ones(4)
+    np.testing.assert_allclose(MATERIAL.energy(unit, np.full(2, 0.7)), 1.0)
+    np.testing.assert_allclose(MATERIAL.energy(1e9 * unit, NONE), (NU + LAYOUT.widths) / LAYOUT.widths)
+
+
+def test_it_is_the_same_material_in_other_coordinates() -> None:
+    """Of a phalanx that is whitened anew the determinant of the transform is left."""
+    rotation = stats.ortho_group.rvs(3, random_state=0)
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    innovation, start = np.array([1.0, -20.0, 5.0, 3.0]), MATERIAL.start()
+    plain, _ = MATERIAL.update(start, innovation, NONE, SCALE, BOTH, EXPONENT)
+    turned = MATERIAL.transformed(transform)
+    moved, _ = turned.update(start, transform @ innovation, NONE, SCALE, BOTH, EXPONENT)
+    assert moved == pytest.approx(plain)

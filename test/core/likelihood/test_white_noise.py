@@ -1,0 +1,80 @@
+"""White noise of raw channels, in the scan and in the sweep at hand."""
+
+import numpy as np
+import pytest
+from support.scans import slides
+
+from tactile_localizer.core.likelihood.white_noise import SweepNoise, white_noise
+from tactile_localizer.scene import Axis, Phalanx, Scene
+
+LENGTH, PITCH = 2.0, 0.0005
+SCENE = Scene("line", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,), 3),))
+WIDTH = np.array([0.1, 1.0, 10.0])
+EVERY = np.ones(3, dtype=bool)
+
+
+def felt(spacing: float, seed: int, factor: np.ndarray | float = 1.0) -> np.ndarray:
+    """Waves of 60 noise widths over 40 mm and noise of ``factor`` variances, every ``spacing`` m, (n, 3)."""
+    x = np.arange(0.0, LENGTH, spacing)
+    wave = 60.0 * np.sin(x[:, None] * 2.0 * np.pi / 0.04 + [0.0, 1.0, 2.0])
+    noise = np.random.default_rng(seed).standard_normal((len(x), 3))
+    return np.asarray(WIDTH * (wave + np.sqrt(factor) * noise))
+
+
+SCAN = white_noise(
+    slides(SCENE, np.arange(0.0, LENGTH, PITCH), [felt(PITCH, seed) for seed in range(3)]), SCENE
+)
+
+
+def mean_excess(strain: np.ndarray, spacing: float, pitch: float | None = None) -> np.ndarray:
+    """Mean excess over a sweep (C,), in variances of the scan's noise."""
+    sweep, found = SweepNoise(SCAN), []
+    for row in strain:
+        sweep.observe(row, EVERY, spacing)
+        found.append(sweep.excess(spacing if pitch is None else pitch))
+    return np.asarray(np.mean(found[200:], axis=0) / WIDTH**2)
+
+
+def test_the_noise_of_a_scan_is_measured_through_its_signal() -> None:
+    assert SCAN.spacing[0] == pytest.approx(PITCH)
+    np.testing.assert_allclose(SCAN.variance[0], WIDTH**2, rtol=0.2)
+    assert (np.diff(SCAN.variance, axis=0) >= 0.0).all(), "farther apart there is more of the signal in it"
+
+
+@pytest.mark.parametrize("factor", [2.0, 5.0])
+def test_noise_beyond_that_of_the_scan_is_measured(factor: float) -> None:
+    """Within some per cent, as the strains of a sweep are few and each has a part of the signal."""
+    excess = mean_excess(felt(PITCH, 9, factor), PITCH)
+    np.testing.assert_allclose(1.0 + excess, factor, rtol=0.08)
+
+
+@pytest.mark.parametrize("spacing", [0.5 * PITCH, PITCH, 2.0 * PITCH])
+def test_a_sweep_like_the_scan_has_none_at_any_spacing_of_its_strains(spacing: float) -> None:
+    """But for the error of a mean of fifty squares, whose negative part is cut off."""
+    assert mean_excess(felt(spacing, 9), spacing).max() < 0.12
+
+
+def test_one_noisy_channel_is_found_among_the_others() -> None:
+    excess = mean_excess(felt(PITCH, 9, np.array([1.0, 9.0, 1.0])), PITCH)
+    np.testing.assert_allclose(excess, [0.0, 8.0, 0.0], atol=0.5)
+
+
+def test_a_mean_of_strains_has_a_part_of_their_noise() -> None:
+    strain = felt(PITCH, 9, 3.0)
+    np.testing.assert_allclose(mean_excess(strain, PITCH, 5.0 * PITCH), mean_excess(strain, PITCH) / 5.0)
+
+
+def test_a_channel_that_is_absent_keeps_its_noise() -> None:
+    sweep = SweepNoise(SCAN)
+    for row in felt(PITCH, 9, 5.0):
+        sweep.observe(np.where([True, False, True], row, 1e9), np.array([True, False, True]), PITCH)
+    excess = sweep.excess(PITCH)
+    assert excess[1] == 0.0
+    assert (excess[[0, 2]] > WIDTH[[0, 2]] ** 2).all()
+    sweep.reset()
+    assert not sweep.excess(PITCH).any()
+
+
+def test_strains_of_a_single_pair_have_no_noise_to_measure() -> None:
+    one = white_noise(slides(SCENE, np.zeros(1), [np.ones((1, 3))]), SCENE)
+    np.testing.assert_array_equal(one.at(PITCH), 0.0)
