@@ -38,6 +38,8 @@ ENERGY_MEMORY = 0.025
 """m over which the energy of a sweep on featureless material is averaged. By judgement."""
 _LARGEST_SCALE = 4.0
 """Largest factor of the variance of a visit in a sweep: another squeezing force, other slack."""
+_LARGEST_EXCESS = 100.0
+"""Largest noise of a channel above the scan's, in variances of a visit; more is another sensor or unit."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
 _SILENT = 1e9
@@ -317,7 +319,8 @@ class Localizer:
 
     def _with_noise(self, used: np.ndarray) -> tuple[SweepMixture, Correlation | None]:
         """The models for the noise of the sweep, whitened anew where it has changed by a fifth."""
-        excess, usual = self._noise.excess(self._update_distance), self.model.noise.variance
+        usual = self.model.noise.variance
+        excess = np.minimum(self._noise.excess(self._update_distance), _LARGEST_EXCESS * usual)
         if (
             self._correlation is not None
         ):  # a phalanx that does not count has no factor of its own to leave out

@@ -101,7 +101,7 @@ def test_a_burst_counts_no_more_than_an_ordinary_strain() -> None:
         there = np.tile(burst, (2, 1)).astype(np.float32)
         sums = correlation().update(empty, burst, there, np.ones(2), np.ones(1), MEMORY)
         for total in sums[1:4]:
-            assert ((0.0 < total) & (total < 2.0)).all(), "two channels with a variance of one"
+            assert ((total > 0.0) & (total < 2.0)).all(), "two channels with a variance of one"
 
 
 def test_the_correlation_is_not_raised_by_a_place_chosen_after_the_strain() -> None:

@@ -36,7 +36,7 @@ class ConvergenceCriteria:
     """
 
     radius: np.ndarray
-    probability: float = 0.95
+    probability: float = 0.98
     sustain: float = 0.001
     release: float = 0.9
     unknown: float = 0.95

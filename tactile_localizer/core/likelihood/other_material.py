@@ -16,9 +16,10 @@ _FORGOTTEN = 0.01
 class OtherMaterial:
     """Likelihood of innovations on material that was not scanned, whose signal may have any strength.
 
-    The innovation v of phalanx f has the density sum over g of w_g t_8(v; 0, A I + g S_f), with S_f the
+    The innovation v of phalanx f has the density sum over g of w_g t_8(v; 0, A I + g S_f), with S_f from the
     covariance of the map's own signal, A the least variance of a visit, and weights w_g that follow the
-    sweep.
+    sweep. The eigenvalues of S_f are halfway, geometrically, between those of the signal and their mean. One
+    more component has the largest variance in all directions.
 
     Parameters
     ----------
@@ -30,11 +31,15 @@ class OtherMaterial:
     def __init__(self, layout: ChannelLayout, covariance: np.ndarray, variance: float) -> None:
         self._layout, self._covariance, self._variance = layout, covariance, variance
         self._rotation = np.eye(layout.size)
-        strength = np.zeros(layout.size)
+        strength, largest = np.zeros(layout.size), np.zeros(layout.size)
         for own in layout.slices:
             values, self._rotation[own, own] = np.linalg.eigh(covariance[own, own])
-            strength[own] = np.maximum(values, 0.0)
-        self._spread = np.outer(_STRENGTHS, strength)
+            values = np.maximum(values, 0.0)
+            # Errors of the map, whose variance is even, lie in the signal's directions too: so half the shape.
+            strength[own] = np.sqrt(values * values.mean())
+            largest[own] = strength[own].max()
+        # Last a signal in any direction: strains in another unit are off the map too.
+        self._spread = np.vstack([np.outer(_STRENGTHS, strength), _STRENGTHS[-1] * largest])
 
     def transformed(self, transform: np.ndarray) -> OtherMaterial:
         """The same for innovations ``transform @ v``; ``transform`` (C, C) has a block per phalanx."""
@@ -43,7 +48,8 @@ class OtherMaterial:
 
     def start(self) -> np.ndarray:
         """Log-weights (G, F) of the strengths before the first strain."""
-        return np.full((len(_STRENGTHS), self._layout.phalanges), -np.log(len(_STRENGTHS)))
+        count = len(self._spread)
+        return np.full((count, self._layout.phalanges), -np.log(count))
 
     def energy(self, strain: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
         """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.

@@ -39,9 +39,7 @@ def log_odds(strains: np.ndarray) -> np.ndarray:
         expected = MAP[(places + n) % NODES].astype(np.float32)
         innovation, trend = trend_filter.update(trend, strain, expected, PITCH, 1.0)
         along = np.concatenate([innovation.map[:1], innovation.map])
-        sums = correlation.update(
-            sums, innovation.strain, along, np.ones(1 + PLACES), np.ones(1), PITCH
-        )
+        sums = correlation.update(sums, innovation.strain, along, np.ones(1 + PLACES), np.ones(1), PITCH)
     away = (np.arange(PLACES) - np.arange(PLACES)[:, None]) % PLACES
     far = np.minimum(away, PLACES - away) > 2
     # A belief in one place has the sums of the anchor there.

@@ -47,7 +47,8 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
 
 def test_tables_hold_the_expectation_at_the_nodes() -> None:
     """Of strains that are linear in the place, whose mean is exact between any two lines."""
-    table = build_map(TRACKS, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), SHEET, noise_model(PLANE.layout))
+    model = noise_model(PLANE.layout)
+    table = build_map(TRACKS, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), SHEET, model)
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     inner = ((nodes > SPACING) & (nodes < SIDE - SPACING)).all(axis=1)

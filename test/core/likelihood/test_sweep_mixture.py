@@ -26,9 +26,7 @@ def mixture(counts: tuple[int, ...]) -> SweepMixture:
     variance = rng.uniform(1.0, 4.0, (NODES, COMPONENTS, len(counts)))
     prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
-    strain_map = StrainMap(
-        np.array([0.0005]), np.array([0.001]), (NODES,), *tables, 1.3, np.zeros((1, size))
-    )
+    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), *tables, 1.3, np.zeros((1, size)))
     other = OtherMaterial(layout, np.eye(size), 1.3)
     drift = Drift(np.inf, 1.0, np.zeros(size))
     return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, 0.002)
@@ -99,8 +97,8 @@ def test_a_noisy_channel_loses_its_weight_and_the_others_keep_theirs() -> None:
     """Of one phalanx of two channels, one of which is noise alone in this sweep."""
     model, volts = mixture((2,)), np.array([3.0, -2.0])
     noisy = model.with_noise(np.array([1e12, 0.0]))
-    found = evaluated(noisy, volts)
-    np.testing.assert_allclose(evaluated(noisy, volts + [1e3, 0.0]).anchors, found.anchors, atol=1e-3)
+    found, burst = evaluated(noisy, volts), evaluated(noisy, volts + np.array([1e3, 0.0]))
+    np.testing.assert_allclose(burst.anchors, found.anchors, atol=1e-3)
     residual = model.whitened(volts)[1] - model.map.mean[:, 0, 1]
     variance = model.map.variance[:, 0, 0]
     alone = -0.5 * ((NU + 2.0) * np.log(variance + residual**2 / NU) - NU * np.log(variance))

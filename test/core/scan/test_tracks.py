@@ -106,7 +106,7 @@ def test_interpolation_in_parts_gives_the_same_result(
     tracks = [Track(start + along, rng.standard_normal((40, 8))) for start in starts]
     places = rng.uniform(0.0, 0.5, (300, dimension))
     whole = expectation(tracks, wide, places, 0.01, 3)
-    for limit, value in (("_PLACES_AT_ONCE", 20), ("_EXTRA_CANDIDATES", 1000)):  # then, all tracks are candidates
+    for limit, value in (("_PLACES_AT_ONCE", 20), ("_EXTRA_CANDIDATES", 1000)):  # then, all are
         monkeypatch.setattr(f"tactile_localizer.core.scan.tracks.{limit}", value)
         for part, found in zip(whole, expectation(tracks, wide, places, 0.01, 3), strict=True):
             np.testing.assert_allclose(found, part, rtol=1e-12, atol=1e-15)
