@@ -35,7 +35,7 @@ class OtherMaterial:
         for own in layout.slices:
             values, self._rotation[own, own] = np.linalg.eigh(covariance[own, own])
             values = np.maximum(values, 0.0)
-            # Errors of the map, whose variance is even, lie in the signal's directions too: so half the shape.
+            # Errors of the map, of even variance, lie in the directions of the signal too: half the shape.
             strength[own] = np.sqrt(values * values.mean())
             largest[own] = strength[own].max()
         # Last a signal in any direction: strains in another unit are off the map too.
