@@ -29,7 +29,8 @@ def build(scan=SCAN, calibration=CALIBRATION, **choices):
 
 @pytest.fixture(scope="module", params=["grid", "particle"])
 def built(request):
-    return build(filter=request.param)
+    """With a lower threshold: the waves of 25 mm have few independent numbers to tell the map by."""
+    return build(filter=request.param, convergence_probability=0.9)
 
 
 @pytest.fixture
@@ -159,8 +160,8 @@ def test_a_hand_put_down_elsewhere_is_soon_converged_there_and_not_before(locali
     """What speaks for the place that it left does not speak against the other one."""
     *_, (end, estimate) = slide(localizer)
     assert estimate.converged
-    start, tracked = np.array([0.012, 0.036]), []
-    for truth, estimate in slide(localizer, start, 60, first_ns=10**9, anywhere=end - start + ANYWHERE):
+    start, tracked, back = np.array([0.046, 0.012]), [], (-0.0006, 0.0001)
+    for truth, estimate in slide(localizer, start, 60, back, 10**9, end - start + ANYWHERE):
         tracked.append(localizer.explanations.tracked / localizer.explanations.on_map)
         assert estimate.probability <= estimate.on_map * tracked[-1] + 1e-6
         error = np.linalg.norm(estimate.mean - truth)

@@ -9,6 +9,7 @@ from scipy.special import gammaln
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
+from tactile_localizer.core.likelihood.student_t import log_density
 
 LAYOUT = ChannelLayout((3, 1))
 SIGNAL = np.zeros((4, 4))
@@ -72,6 +73,18 @@ def test_strengths_follow_the_signal_of_each_phalanx_and_are_forgotten() -> None
         (np.concatenate([first, second]), [0, 4]),
     ):
         np.testing.assert_array_equal(after(MATERIAL, series).argmax(axis=0), strengths)
+
+
+@pytest.mark.parametrize("volts", [1e2, 1e4, 1e8])
+def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of_the_map_is(
+    volts: float,
+) -> None:
+    """Far off in every direction, also in those in which the map has no signal."""
+    strain = volts * np.random.default_rng(0).standard_normal(4)
+    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, SCALE, BOTH, EXPONENT)
+    signal = np.array([np.linalg.eigvalsh(SIGNAL[own, own]).max() for own in LAYOUT.slices])
+    there = log_density(LAYOUT.sum(strain**2), 0.1 * signal, LAYOUT.widths).sum()
+    assert total > there
 
 
 def test_a_phalanx_that_does_not_count_changes_nothing() -> None:

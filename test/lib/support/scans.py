@@ -36,7 +36,7 @@ def strain_at(states: np.ndarray, channels: int = 2 * DEFAULT_CHANNELS) -> np.nd
     """Strain without noise at palm positions (N, d): waves of a few tenths of a volt, (N, C)."""
     channel = np.arange(channels)
     scale = np.array([2.0 * math.pi / SIDE, 2.0 * math.pi / SIDE, 1.0])[: states.shape[1]]
-    phase = (states * scale) @ np.stack([1 + channel % 2, 1 + channel // 3 % 2, 1 + channel % 3])[
+    phase = (states * scale) @ np.stack([1 + channel % 3, 1 + channel // 3 % 2, 1 + channel % 3])[
         : states.shape[1]
     ]
     return 0.3 * np.sin(phase + 0.7 * channel)
