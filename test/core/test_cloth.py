@@ -101,6 +101,28 @@ def test_a_sweep_of_another_session_converges_to_its_place(
     assert_found(localizer, gain * strain(way(0.1), 1, 5) + NOISE_V * change, 0.1)
 
 
+def test_a_phalanx_that_is_silent_drops_out_although_its_noise_is_whitened_with_the_others(
+    localizer: Localizer,
+) -> None:
+    """Stuck from the beginning or from the middle on: the other one finds the place."""
+    felt, middle = strain(way(0.1), 1, 5), np.arange(200) >= 100
+    for silent in (np.ones(200, dtype=bool), middle):
+        stuck = np.where(silent[:, None] & (np.arange(16) >= 8), 0.37, felt)
+        localizer.reset()
+        assert_found(localizer, stuck, 0.1)
+
+
+def test_of_an_absent_phalanx_nothing_counts() -> None:
+    felt, first = strain(way(0.1), 1, 5), np.array([True, False])
+    ends = []
+    for silent in (0.0, 1e6):
+        felt[:, 8:] = silent
+        ends.append(fed(build(cloth_scan()), felt, present=first)[-1])
+    np.testing.assert_array_equal(ends[0].mean, ends[1].mean)
+    assert ends[0].converged, ends[0].reason
+    assert float(ends[0].mean[0]) == pytest.approx(0.1 + 199 * STEP, abs=0.001)
+
+
 @pytest.mark.parametrize("material", [2, 3, 4])
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (1.0, 30.0), (0.3, 30.0)])
 def test_another_material_never_converges(

@@ -29,8 +29,7 @@ def build(scan=SCAN, calibration=CALIBRATION, **choices):
 
 @pytest.fixture(scope="module", params=["grid", "particle"])
 def built(request):
-    """With a lower threshold: the waves of 25 mm have few independent numbers to tell the map by."""
-    return build(filter=request.param, convergence_probability=0.9)
+    return build(filter=request.param)
 
 
 @pytest.fixture
