@@ -11,6 +11,7 @@ from support.scans import bump_scan, line_scan, scene, strain_at
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.hypotheses.correlation import AWAY
 from tactile_localizer.errors import MeasurementError
 
 OF = scene()
@@ -156,17 +157,27 @@ def test_a_caller_may_fill_one_buffer_with_every_strain(localizer):
 
 
 def test_a_hand_put_down_elsewhere_is_soon_converged_there_and_not_before(localizer):
-    """What speaks for the place that it left does not speak against the other one."""
+    """What speaks for the place that it left speaks neither for nor against the other one."""
     *_, (end, estimate) = slide(localizer)
     assert estimate.converged
-    start, tracked, back = np.array([0.046, 0.012]), [], (-0.0006, 0.0001)
+    start, back, tracked, evidence = np.array([0.046, 0.012]), (-0.0006, 0.0001), [], []
     for truth, estimate in slide(localizer, start, 60, back, 10**9, end - start + ANYWHERE):
         tracked.append(localizer.explanations.tracked / localizer.explanations.on_map)
         assert estimate.probability <= estimate.on_map * tracked[-1] + 1e-6
+        evidence.append(localizer._sweep.sums.strain.max())
         error = np.linalg.norm(estimate.mean - truth)
     assert min(tracked) < 0.9
+    assert min(evidence) < 0.1 * evidence[0], "the sums begin anew"
     assert estimate.converged, estimate.reason
     assert error < 0.002
+
+
+def test_a_hand_near_the_estimate_is_tracked_and_not_relocated():
+    localizer = build()
+    *_, (_, estimate) = slide(localizer)
+    near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * AWAY
+    assert near.sum() > 100
+    assert not np.exp(localizer.explanations.elsewhere)[near].any()
 
 
 @pytest.mark.parametrize("std", [4e-4, 0.005])
@@ -183,7 +194,11 @@ def test_a_sure_belief_has_the_likelihood_of_its_place_whatever_the_tempering():
     for update_distance in (0.0005, 0.005):
         localizer = build(bump_scan(OF), update_distance=update_distance)
         localizer.seed(corner, np.full(2, 1e-4))
-        found.append(localizer.update(0, corner, np.zeros(16)).log_marginal)
+        estimate = localizer.update(0, corner, np.full(16, 0.7))
+        found.append(estimate.log_marginal)
+        odds = localizer.explanations.other / localizer.explanations.tracked
+        exponent = min(1.0, update_distance / 0.0017)  # of an independent measurement
+        assert math.log(odds) == pytest.approx(exponent * (estimate.log_other - found[-1]), abs=1e-6)
     assert found[0] == pytest.approx(found[1], rel=0.05)
 
 
