@@ -29,6 +29,7 @@ from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import LATCHED, STRAIN
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.sim.can_cells import CanLoadCells, Faults
 from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.material import FEATURES
@@ -50,9 +51,6 @@ PARAMETERS = (
         live=True,
     ),
     Parameter("speed", 1.0, "Simulated seconds per second of real time; scales all rates", "", 0.01, 100.0),
-    Parameter(
-        "sweep_speed_mps", SPEED_MPS, "Speed of the palm during a sweep, in simulated time", "m/s", 1e-4, 1.0
-    ),
     Parameter("pose_rate_hz", 100.0, "Rate of the palm poses, in simulated time", "Hz", 0.1, 1000.0),
     Parameter("load_cell_rate_hz", RATE_HZ, "Rate of the load cells, in simulated time", "Hz", 0.1, 2000.0),
     Parameter("frame_id", "base_link", "Frame of the palm poses"),
@@ -64,7 +62,6 @@ PARAMETERS = (
     Parameter("fault.drop", 0.0, "Probability that a frame is lost", "", 0.0, 1.0, live=True),
     Parameter("fault.garbage", 0.0, "Probability of garbage after each frame", "", 0.0, 1.0, live=True),
     Parameter("fault.silent", [], "Phalanges whose load cell sends no frames", choices=PHALANGES, live=True),
-    Parameter("fault.faulty", [], "Phalanges whose load cell reports a fault", choices=PHALANGES, live=True),
 )
 
 
@@ -76,6 +73,8 @@ _MOST_UNPUBLISHED = 32
 _PATIENCE_S = 1.0
 """Time to wait for strain of a driver that has published some, s."""
 _POLL_S = 0.001
+_PUNCTUAL = 0.25
+"""Most lateness of a pose or a sample, in load cell periods; during more than that the hand stands still."""
 
 
 class SimulatorNode(ManagedNode):
@@ -93,9 +92,7 @@ class SimulatorNode(ManagedNode):
         parameters, seed = self.parameters, self.parameters["seed"]
         self._speed = parameters["speed"]
         self._time_s = 0.0  # simulated; stands still while the node is inactive
-        self._rig = Rig(
-            parameters["feature"], seed, parameters["sweep_speed_mps"], parameters["load_cell_rate_hz"]
-        )
+        self._rig = Rig(parameters["feature"], seed, SPEED_MPS, parameters["load_cell_rate_hz"])
         protocol = LoadCellProtocol(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
         self._faults = self._read_faults()
         options = parse_options(parameters["bus_options"])
@@ -111,7 +108,7 @@ class SimulatorNode(ManagedNode):
 
     def activate(self) -> None:
         """Start simulated time."""
-        self._sent = self._published = self._ignored = 0
+        self._sent = self._published = self._ignored = self._pose_ns = 0
         self.create_subscription(StrainVectors, "strain", self._on_strain, STRAIN, raw=True)
         self._stop.clear()
         thread = threading.Thread(target=self._run, name="simulated hand", daemon=True)
@@ -129,7 +126,8 @@ class SimulatorNode(ManagedNode):
     def _publish_until_stopped(self) -> None:
         """Read the rig at the times of poses and samples, none of which is left out.
 
-        When this process is late by more than a sample, or the driver is, simulated time stands still.
+        When this process or the driver is late, simulated time stands still, and so does the palm: it has
+        one pose when it was due, and the same pose now.
         """
         pose_period_s = 1 / self.parameters["pose_rate_hz"]
         cell_period_s = 1 / self.parameters["load_cell_rate_hz"]
@@ -138,19 +136,24 @@ class SimulatorNode(ManagedNode):
         active = None
         while True:
             now_s = min(pose_s, cell_s)
-            late_s = time.monotonic() - (origin_s + now_s / self._speed)
-            if self._stop.wait(max(0.0, -late_s)):
+            due_s = origin_s + now_s / self._speed
+            if self._stop.wait(max(0.0, due_s - time.monotonic())):
                 return
-            origin_s += max(0.0, late_s - cell_period_s / self._speed)
+            late_s = time.monotonic() - due_s
+            is_late = late_s > _PUNCTUAL * cell_period_s / self._speed
             with self._lock:
                 self._time_s = now_s
                 reading = self._rig.read(now_s)
+            if is_late:
+                self._publish(reading, late_s)
+                origin_s += late_s
+            if is_late or now_s == pose_s:
+                self._publish(reading)
             if now_s == cell_s:
                 self._send(reading)
                 self._wait_for_driver()
                 cell_s += cell_period_s
             if now_s == pose_s:
-                self._publish(reading)
                 pose_s += pose_period_s
             if active != (reading.phase is Phase.SWEEPING):
                 active = reading.phase is Phase.SWEEPING
@@ -177,8 +180,9 @@ class SimulatorNode(ManagedNode):
         except CanError as error:
             self.get_logger().error(str(error), throttle_duration_sec=1.0)
 
-    def _publish(self, reading: Reading) -> None:
-        stamp = self.get_clock().now().to_msg()
+    def _publish(self, reading: Reading, ago_s: float = 0.0) -> None:
+        self._pose_ns = max(self.now_ns - round(ago_s * 1e9), self._pose_ns)
+        stamp = from_ns(self._pose_ns)
         self._pose.publish(_pose(stamp, self.parameters["frame_id"], reading.odometry))
         if reading.truth is not None:
             self._truth.publish(_pose(stamp, self.parameters["material_frame_id"], reading.truth))
@@ -219,8 +223,7 @@ class SimulatorNode(ManagedNode):
             self._faults = self._read_faults()
 
     def _read_faults(self) -> Faults:
-        names = ("drop", "garbage", "silent", "faulty")
-        return Faults(*(self.parameters[f"fault.{name}"] for name in names))
+        return Faults(*(self.parameters[f"fault.{name}"] for name in ("drop", "garbage", "silent")))
 
 
 def _pose(stamp: Time, frame_id: str, position: np.ndarray) -> PoseStamped:

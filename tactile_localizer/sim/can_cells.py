@@ -22,13 +22,11 @@ class Faults:
     garbage : probability per frame that an invalid frame follows: an unknown identifier, a wrong length, a
         remote frame or an error frame
     silent : phalanges whose load cell sends nothing
-    faulty : phalanges whose load cell reports a fault
     """
 
     drop: float = 0.0
     garbage: float = 0.0
     silent: Collection[str] = ()
-    faulty: Collection[str] = ()
 
 
 NO_FAULTS = Faults()
@@ -67,8 +65,7 @@ class CanLoadCells:
             if name in faults.silent:
                 continue
             voltages = strain[self._protocol.channels.slices[phalanx]]
-            status = int(name in faults.faulty)
-            for frame in self._protocol.encode(phalanx, voltages, self._sequence, status):
+            for frame in self._protocol.encode(phalanx, voltages, self._sequence):
                 if self._rng.random() >= faults.drop:
                     frames.append(frame)
                 if self._rng.random() < faults.garbage:

@@ -153,7 +153,7 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
 ):
     from diagnostic_msgs.msg import DiagnosticArray
 
-    simulator = start(load_cell_rate_hz=40.0)
+    simulator = start(speed=2.0, load_cell_rate_hz=200.0, pose_rate_hz=100.0)
     patient = {"receive_buffer": 1 << 17, "period_s": 1.0, "max_age_s": 60.0}
     driver = node_process("driver_node", {**bus, **patient, "tare_file": tmp_path / "tare.yaml"})
     arrays = probe.listen(DiagnosticArray, "/diagnostics")
@@ -168,6 +168,9 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
         probe.until(lambda: len(hand.poses) > before + more and counted("index"), "poses and diagnostics")
 
     probe.until(lambda: int(counted("index").get("samples", 0)) > 100, "samples")
+    assert hand.call("sweep").success
+    probe.until(lambda: hand.active and hand.active[-1].data, "the sweep")
+    first = len(hand.poses)
     for frozen in (simulator, driver):
         os.kill(frozen.pid, signal.SIGSTOP)
         time.sleep(0.5)  # in which the hand would send 800 frames, of which the queue of the driver holds 160
@@ -175,6 +178,12 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
         received(100)
     assert counted("CAN bus")["queue_drops"] == counted("CAN bus")["frames_late"] == "0"
     assert [counted(name)["drops"] for name in ("index", "middle")] == ["0", "0"]
+    hand.wait_for_present()
+    stamps_ns = np.array([stamp_of(pose) for pose in hand.poses[first:]])
+    paused = np.diff(stamps_ns) > 0.3e9
+    moved = np.linalg.norm(np.diff(xy(hand.poses[first:]), axis=0), axis=1)
+    assert np.count_nonzero(paused) > 0
+    assert np.max(moved[paused]) == 0.0, "a hand that waits does not move"
 
 
 def test_a_sweep_is_prepared_and_excludes_another(start, hand, probe):
