@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.scan.tracks import PITCH
+
+_LONGEST = 1.5 * PITCH
+"""m over which strains are averaged: as far as the points of a track are apart, and a step more."""
 
 
 class StrainMean:
     """Mean of the strains since the last measurement update, at their mean position.
 
-    The map is made of means over short stretches too, so that every strain counts once, in the scan as in
-    the sweep at hand. Where the set of present phalanges changes, the mean begins anew.
+    The map is made of means over short stretches too, so that every strain counts once, in the scan as in the
+    sweep at hand. Over more than :data:`_LONGEST` a mean would blur what is felt: then, and where the set of
+    present phalanges changes, it begins anew.
 
     Parameters
     ----------
@@ -25,15 +30,16 @@ class StrainMean:
     def reset(self) -> None:
         """Begin a sweep."""
         self._begun, self._count = False, 0
-        self._last = self._updated_at = self._mean_at = np.zeros(0)
+        self._last = self._updated_at = self._mean_at = self._first = np.zeros(0)
         self._sum, self._moved, self._present = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
 
     def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> float:
         """Add a strain (C,) at a palm position (d,); returns the travel since the strain before it, m."""
         if not self._begun:
             self._begun, self._last, self._updated_at, self._mean_at = True, position, position, position
-        if not self._count or not np.array_equal(present, self._present):
-            self._count, self._present = 0, present
+        far = self._count and self._motion.travel(self._motion.displacement(self._first, position)) > _LONGEST
+        if not self._count or far or not np.array_equal(present, self._present):
+            self._count, self._present, self._first = 0, present, position
             self._sum, self._moved = np.zeros_like(strain), np.zeros_like(position)
         step = self._motion.travel(self._motion.displacement(self._last, position))
         self._last = position
