@@ -44,11 +44,21 @@ def test_where_other_phalanges_are_present_it_begins_anew() -> None:
     mean = strain_mean()
     mean.add(np.zeros(2), np.zeros(4), BOTH)
     mean.take()
-    for x, present in ((0.001, BOTH), (0.002, ONE), (0.004, ONE)):
+    for x, present in ((0.0001, BOTH), (0.0002, ONE), (0.0004, ONE)):
         mean.add(np.array([x, 0.0]), np.full(4, x), present)
     strain, displacement = mean.take()
-    np.testing.assert_allclose(strain, 0.003)
-    np.testing.assert_allclose(displacement, [0.003, 0.0])
+    np.testing.assert_allclose(strain, 0.0003)
+    np.testing.assert_allclose(displacement, [0.0003, 0.0])
+
+
+def test_a_long_way_is_not_averaged() -> None:
+    """The map's points are means over 0.5 mm: of 3 mm, the last 0.6 mm are compared with them."""
+    mean = strain_mean()
+    for n in range(16):
+        mean.add(np.array([2e-4 * n, 0.0]), np.full(4, float(n)), BOTH)
+    strain, displacement = mean.take()
+    np.testing.assert_allclose(strain, np.mean([12, 13, 14, 15]))
+    np.testing.assert_allclose(displacement, [2e-4 * 13.5, 0.0])
 
 
 def test_over_a_full_turn_the_mean_is_on_the_short_way() -> None:
