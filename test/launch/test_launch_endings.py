@@ -106,7 +106,7 @@ def test_ctrl_c_ends_running_nodes_cleanly(launch: Launch, place: Place) -> None
     file.write_text(f"/**/driver:\n  ros__parameters: {dict(place.buses[0])}\n")
     launched = launch("bringup", scan_file=place.scan_file, params_file=file)
     launched.wait_for_line("pairs of")
-    wait_until(lambda: "is open" in launched.output, "the driver")
+    wait_until(lambda: "CAN bus: open" in launched.output, "the driver")
     os.killpg(launched.pid, signal.SIGINT)
     assert launched.wait() == 0, launched.output
     assert launched.output.count("process has finished cleanly") == 2, launched.output
