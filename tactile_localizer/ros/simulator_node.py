@@ -181,7 +181,7 @@ class SimulatorNode(ManagedNode):
             self.get_logger().error(str(error), throttle_duration_sec=1.0)
 
     def _publish(self, reading: Reading, ago_s: float = 0.0) -> None:
-        self._pose_ns = max(self.now_ns - round(ago_s * 1e9), self._pose_ns)
+        self._pose_ns = max(self.now_ns - round(ago_s * 1e9), self._pose_ns + 1)
         stamp = from_ns(self._pose_ns)
         self._pose.publish(_pose(stamp, self.parameters["frame_id"], reading.odometry))
         if reading.truth is not None:

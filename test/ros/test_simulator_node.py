@@ -180,6 +180,7 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     assert [counted(name)["drops"] for name in ("index", "middle")] == ["0", "0"]
     hand.wait_for_present()
     stamps_ns = np.array([stamp_of(pose) for pose in hand.poses[first:]])
+    assert np.all(np.diff(stamps_ns) > 0)
     paused = np.diff(stamps_ns) > 0.3e9
     moved = np.linalg.norm(np.diff(xy(hand.poses[first:]), axis=0), axis=1)
     assert np.count_nonzero(paused) > 0
