@@ -1,4 +1,4 @@
-"""Figures of localization stay what they are: `benchmarks/recorded.py` on three recordings.
+"""Figures of localization stay what they are: `benchmarks/recorded.py` on three recordings and a noisy channel.
 
 `figures.csv` has each figure with its tolerance: two standard errors, from the spread over the sweeps, and at
 least 1 %. After a change that is meant to alter figures, write them anew and look at the difference:
@@ -32,6 +32,8 @@ FIGURES = (
     *("foreign_strains", "foreign_sweeps"),
 )
 LENGTH, PITCH, NOISE = 0.2, 0.0005, 2.5
+NOISY = 10.0
+"""Noise of one channel in the last row, whose weight the sweep itself has to show."""
 
 
 def write_cloth(folder: Path) -> Path:
@@ -73,8 +75,13 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, An
     folders = [ENGINE_BUMP, write_cloth(tmp_path_factory.mktemp("recordings") / "cloth")]
     if directory := os.environ.get("TACTILE_LOCALIZER_DATA"):
         folders.insert(0, Path(directory) / "other_hand_smooth")
-    calls = [(folder, Variant(), Configuration(), 1) for folder in folders]
-    rows = {row["folder"]: row for own in in_parallel(measure_folder, calls, 2, "figures") for row in own}
+    variants = [(folder, Variant()) for folder in folders] + [(ENGINE_BUMP, Variant(noisy_channel=NOISY))]
+    calls = [(folder, variant, Configuration(), 1) for folder, variant in variants]
+    rows = {
+        row["folder"] + f"_channel_{NOISY:g}" * (row["channel"] == NOISY): row
+        for own in in_parallel(measure_folder, calls, 2, "figures")
+        for row in own
+    }
     if "WRITE_FIGURES" in os.environ:
         write_figures(rows)
     return rows
@@ -90,7 +97,7 @@ def write_figures(rows: dict[str, dict[str, Any]]) -> None:
                 table.writerow([name, figure, f"{value:.4g}", f"{max(2.0 * error, 0.01 * value):.2g}"])
 
 
-@pytest.mark.parametrize("recording", ["cloth", "engine_bump", "other_hand_smooth"])
+@pytest.mark.parametrize("recording", ["cloth", "engine_bump", "engine_bump_channel_10", "other_hand_smooth"])
 def test_figures_are_those_of_the_table(
     recording: str, measured: dict[str, dict[str, Any]], request: pytest.FixtureRequest
 ) -> None:
