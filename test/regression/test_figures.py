@@ -1,4 +1,4 @@
-"""Figures of localization stay what they are: `benchmarks/recorded.py` on three recordings and a noisy channel.
+"""Figures of localization stay what they are: `benchmarks/recorded.py` on three recordings, and with noise.
 
 `figures.csv` has each figure with its tolerance: two standard errors, from the spread over the sweeps, and at
 least 1 %. After a change that is meant to alter figures, write them anew and look at the difference:
