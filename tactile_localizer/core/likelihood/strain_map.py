@@ -66,7 +66,9 @@ class VarianceModel:
         counts = np.array(layout.counts)
         signal = layout.sum(expected.mean**2) / counts
         error = layout.sum(expected.interpolation_error) / counts
-        visit = self.visit * (1.0 + expected.noise[..., None])
+        # Where both tracks are exactly featureless, their mean has no noise: no place is preferred there.
+        felt = signal + error > 0.0
+        visit = self.visit * (1.0 + expected.noise[..., None] * felt)
         return visit + self.signal * signal + self.interpolation * error
 
 
