@@ -70,7 +70,7 @@ def load_yaml(
         raise error(f"{path}: expected {what}, found none") from None
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or "not UTF-8, or an invalid path"
-        raise error(f"{str(path)[:80]}: expected {what}, could not read it: {reason}") from None
+        raise error(f"{str(path)[:255]}: expected {what}, could not read it: {reason}") from None
     if len(content) > MAX_FILE_BYTES:
         raise error(f"{path}: expected {what} of at most {MAX_FILE_BYTES // 1024} kB, found a larger file")
     try:
