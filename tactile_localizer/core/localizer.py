@@ -321,9 +321,8 @@ class Localizer:
         """The models for the noise of the sweep, whitened anew where it has changed by a fifth."""
         usual = self.model.noise.variance
         excess = np.minimum(self._noise.excess(self._update_distance), _LARGEST_EXCESS * usual)
-        if (
-            self._correlation is not None
-        ):  # a phalanx that does not count has no factor of its own to leave out
+        if self._correlation is not None:
+            # All channels are whitened together: a phalanx that does not count is one that is all noise.
             excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
         before = self._noisier.excess
         if (np.abs(excess - before) > _CHANGED * (usual + before)).any():

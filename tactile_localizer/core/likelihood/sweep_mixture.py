@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -58,6 +59,8 @@ class SweepMixture:
         """
         model = copy.copy(self)
         transform = self.noise.rewhitening(excess)
+        volume = [np.log(np.diag(transform)[own]).sum() for own in self.noise.layout.slices]
+        model.noise = replace(self.noise, log_volume=self.noise.log_volume + np.array(volume))
         model._transform, model.other = transform.astype(np.float32), self.other.transformed(transform)
         return model
 
