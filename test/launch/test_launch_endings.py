@@ -11,9 +11,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from support.bags import pose, strain, write_bag
 from support.processes import Process
-from support.scenarios import Place, write_sweep_bag
+from support.scenarios import Place
+from support.sweeps import unseen_sweep
 from support.waiting import wait_for_import, wait_until
 
 pytest.importorskip("ros2launch", reason="ros2launch is not installed: only a ROS 2 distribution has it")
@@ -85,7 +88,13 @@ def test_arguments_override_the_parameter_file(launch: Launch, place: Place) -> 
     "bag" not in entry_points(group="ros2cli.command").names, reason="ros2 bag is not installed"
 )
 def test_a_replay_ends_with_its_bag_and_loses_nothing(launch: Launch, place: Place) -> None:
-    launched = launch("replay", bag=write_sweep_bag(place.folder / "bag"), scan_file=place.scan_file)
+    sweep, messages = unseen_sweep(rate=50.0), []
+    for k, (x, y) in enumerate(sweep.odometry):
+        stamp_ms, felt = 1000 + 20 * k, {"strain": sweep.strain[k], "sequence": np.full(2, k, np.uint32)}
+        messages.append(("palm_pose", stamp_ms, pose(stamp_ms, "base_link", x, y)))
+        messages.append(("strain", stamp_ms, strain(stamp_ms, ("index", "middle"), **felt)))
+    bag = write_bag(place.folder / "bag", messages)
+    launched = launch("replay", bag=bag, scan_file=place.scan_file)
     assert launched.wait(90.0) == 0, launched.output
     assert "371 strain vectors received, 371 posteriors, 0 without a pose, 0 lost" in launched.output
 

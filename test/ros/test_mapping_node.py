@@ -6,8 +6,9 @@ import time
 
 import numpy as np
 import pytest
-from support.bags import MS, SCENE, START
-from support.hand import DEEP_QUEUE, Hand, stamp_of
+from support.bags import MS, SCENE, START, x_at
+from support.hand import DEEP_QUEUE, Hand
+from support.sweeps import stamp_of
 
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -43,7 +44,7 @@ def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files)
     scan, sweeps, recording = load(files)
     strain_ms = np.arange(105, 601, 5)
     np.testing.assert_array_equal(recording.sweeps[0].stamp_ns, START + strain_ms * MS)
-    np.testing.assert_allclose(scan.states[:, 0], Hand.x(strain_ms), atol=1e-12)
+    np.testing.assert_allclose(scan.states[:, 0], x_at(strain_ms), atol=1e-12)
     np.testing.assert_allclose(scan.states[:, 1], 0.02)
     np.testing.assert_array_equal(
         scan.strain[:, 0], strain_ms + 8000, err_msg="index is the second phalanx sent"
@@ -82,7 +83,7 @@ def test_strain_stamped_before_the_start_is_ignored(node_process, probe, files, 
     hand = Hand(probe)
     hand.x = lambda stamp_ms: 0.02 + 0.01 * np.sin(stamp_ms / 1000)  # within the bounds
     begun_ns = time.time_ns() - 1000 * MS
-    monkeypatch.setattr("support.hand.START", begun_ns)
+    monkeypatch.setattr("support.bags.START", begun_ns)
 
     def slide_until(late_ms):
         """Publish 200 ms of messages up to ``late_ms`` before now; a busy machine could not publish all."""

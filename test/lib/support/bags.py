@@ -54,8 +54,8 @@ def strain(stamp_ms: int, phalanges: tuple[str, ...] = ("middle", "index"), **ch
     return _T[TYPES["strain"]](**{**values, **changes})
 
 
-def pose(stamp_ms: int, frame: str = "material", x: float | None = None) -> Any:
-    place = _T["geometry_msgs/msg/Point"](x=float(x_at(stamp_ms) if x is None else x), y=0.02, z=0.0)
+def pose(stamp_ms: int, frame: str = "material", x: float | None = None, y: float = 0.02) -> Any:
+    place = _T["geometry_msgs/msg/Point"](x=float(x_at(stamp_ms) if x is None else x), y=float(y), z=0.0)
     turn = _T["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
     pose = _T["geometry_msgs/msg/Pose"](position=place, orientation=turn)
     return _T[TYPES["palm_pose"]](header=_header(stamp_ms, frame), pose=pose)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from support.bags import MS, START
+from typing import Any
+
+import numpy as np
+from support import bags
+from support.sweeps import stamp_of
 
 DEEP_QUEUE = {"queue_depth": 1000}
 """Parameter with which a starved node loses no strain."""
@@ -22,27 +26,27 @@ class Hand:
 
         self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.Pose, self.Strain = PoseStamped, StrainVectors
         self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
-        self.poses = probe.publisher(PoseStamped, "palm_pose", 100)
-        self.strain = probe.publisher(StrainVectors, "strain", best_effort)
+        self._publishers = {
+            "palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
+            "strain": probe.publisher(StrainVectors, "strain", best_effort),
+        }
         probe.known_to(node)
+        self.x = bags.x_at
         self.now_ms = 0
-        self.published = []
+        self.published: list[tuple[str, int, bytes]] = []
 
-    @staticmethod
-    def x(stamp_ms):
-        return 0.01 + 0.00001 * stamp_ms
+    def _publish(self, topic: str, message: Any) -> None:
+        raw = bytes(bags.STORE.serialize_cdr(message, bags.TYPES[topic]))
+        self._publishers[topic].publish(raw)
+        self.published.append((topic, len(self.published), raw))
 
-    def stamp(self, message, stamp_ms):
-        total = START + stamp_ms * MS
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(total, 1_000_000_000)
+    def send_pose(self, stamp_ms):
+        self._publish("palm_pose", bags.pose(stamp_ms, self.frame, self.x(stamp_ms)))
 
-    def publish(self, publisher, topic, message):
-        from rclpy.serialization import serialize_message
-
-        publisher.publish(message)
-        self.published.append((topic, len(self.published), serialize_message(message)))
+    def send_strain(self, stamp_ms, status=(0, 0, 0)):
+        flags = np.array(status[: len(self.phalanges)], dtype=np.uint8)
+        self._publish("strain", bags.strain(stamp_ms, self.phalanges, status=flags))
 
     def published_with_status(self):
         """The messages that it published, and the statuses that it received."""
@@ -51,23 +55,6 @@ class Hand:
         first = len(self.published)
         received = [serialize_message(message) for message in self.statuses]
         return self.published + [("mapping/status", first + index, raw) for index, raw in enumerate(received)]
-
-    def send_pose(self, stamp_ms):
-        message = self.Pose()
-        self.stamp(message, stamp_ms)
-        message.header.frame_id = self.frame
-        message.pose.position.x, message.pose.position.y = self.x(stamp_ms), 0.02
-        message.pose.orientation.w = 1.0
-        self.publish(self.poses, "palm_pose", message)
-
-    def send_strain(self, stamp_ms, status=(0, 0, 0)):
-        message = self.Strain()
-        self.stamp(message, stamp_ms)
-        message.phalanges = list(self.phalanges)
-        message.strain = [float(stamp_ms + 1000 * gauge) for gauge in range(8 * len(self.phalanges))]
-        message.status = list(status)[: len(self.phalanges)]
-        message.sequence = [stamp_ms] * len(self.phalanges)
-        self.publish(self.strain, "strain", message)
 
     def slide(self, duration_ms, poses=True):
         """Publish poses and strain of the next ``duration_ms``, paced so that no message is lost."""
@@ -90,12 +77,8 @@ class Hand:
         The first status with this stamp shows that the strain was processed; poses that were sent before it
         may still be in their queue, which the executor serves before the next status.
         """
-        wanted = START + stamp_ms * MS
+        wanted = bags.START + stamp_ms * bags.MS
         self.probe.until(
             lambda: sum(stamp_of(status) >= wanted for status in self.statuses) >= 2,
             f"two statuses at {stamp_ms} ms",
         )
-
-
-def stamp_of(message):
-    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec

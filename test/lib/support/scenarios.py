@@ -12,12 +12,9 @@ import numpy as np
 import yaml
 from support.probe import Probe
 from support.processes import node_command
-from support.sweeps import START_NS, SlidingHand, set_stamp, unseen_sweep
+from support.sweeps import SlidingHand, unseen_sweep
 
-from tactile_localizer.io.bags.writer import BagWriter
 from tactile_localizer.resources import resource_path
-
-STRAIN, POSE = "tactile_localizer/msg/StrainVectors", "geometry_msgs/msg/PoseStamped"
 
 _OF_NODES = {"simulator": ("mode",), "mapping": ("scan_file", "scene_file"), "filter": ("scan_file",)}
 """Launch arguments that become parameters of each node."""
@@ -236,28 +233,6 @@ def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
     wrenches = probe.publisher(WrenchStamped, "fingertip")
     probe.until(lambda: wrenches.publish(WrenchStamped()) or strains, "strain of the fingertip")
     assert list(strains[-1].channels) == [6]
-
-
-def write_sweep_bag(path: Path) -> Path:
-    """Write a bag of a sweep that is not in the scan, without ground truth."""
-    from geometry_msgs.msg import PoseStamped
-    from rclpy.serialization import serialize_message
-
-    from tactile_localizer.msg import StrainVectors
-
-    sweep = unseen_sweep(rate=50.0)
-    with BagWriter(path, {"/strain": STRAIN, "/palm_pose": POSE}) as bag:
-        for k, stamp_ns in enumerate(sweep.stamp_ns.tolist()):
-            pose, strain = PoseStamped(), StrainVectors(phalanges=["index", "middle"])
-            for message in (pose, strain):
-                set_stamp(message, START_NS + stamp_ns)
-            pose.header.frame_id = "base_link"
-            pose.pose.position.x, pose.pose.position.y = map(float, sweep.odometry[k])
-            pose.pose.orientation.w = 1.0
-            strain.strain, strain.status, strain.sequence = sweep.strain[k].tolist(), [0, 0], [k, k]
-            bag.write("/palm_pose", START_NS + stamp_ns, serialize_message(pose))
-            bag.write("/strain", START_NS + stamp_ns, serialize_message(strain))
-    return path
 
 
 SCENARIOS = (
