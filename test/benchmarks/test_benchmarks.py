@@ -13,12 +13,11 @@ import pytest
 from recorded import white_noise_std, with_white_noise
 from support.sweeps import CALIBRATION
 
+from tactile_localizer.cli.simulate import write_csv
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_scan
-from tactile_localizer.sim.hand import PHALANGES
-from tactile_localizer.sim.scan import SimulatedScan
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,14 +41,6 @@ def rows_of(folder: Path, script: str, *arguments: str | Path) -> list[dict[str,
     return json.loads((folder / "rows.json").read_text())["rows"]
 
 
-def write_sweeps(path: Path, scan: SimulatedScan, every: int = 1) -> None:
-    """A file of true positions, of every so many-th sample."""
-    channels = [f"{phalanx}_{number}" for phalanx in PHALANGES for number in range(1, 9)]
-    rows = np.column_stack([1e-9 * scan.stamp_ns, scan.sweep, scan.truth, scan.strain, scan.felt])[::every]
-    header = ",".join(["stamp_s", "sweep", "x", "y", *channels, "felt"])
-    np.savetxt(path, rows, "%.9g", ",", header=header, comments="")
-
-
 def write_fabric(folder: Path, name: str, material: int, repeats: int) -> None:
     """A smooth random material of 100 mm, sampled each millimetre; repeats differ by white noise."""
     x = np.arange(0.0, 101.0)
@@ -69,8 +60,9 @@ def bump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of recordings of the bump."""
     folder = tmp_path_factory.mktemp("bump")
     save_scene(load_scene(resource_path("config/scenes/bump.yaml")), folder / "scene.yaml")
-    write_sweeps(folder / "train.csv.gz", simulate_scan("bump", 1), 4)
-    write_sweeps(folder / "test.csv", simulate_scan("bump", 1, "test", sweeps=1))
+    for kind, options in (("train", {"rate": 25.0}), ("test", {"sweeps": 1})):
+        scan = simulate_scan("bump", 1, kind, **options)
+        write_csv(folder / f"{kind}.csv", scan, scan.truth)
     return folder
 
 

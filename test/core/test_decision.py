@@ -127,6 +127,14 @@ def test_a_noisy_channel_loses_its_weight_in_the_correlation() -> None:
         np.testing.assert_allclose(noisy.product, change * plain.product, atol=1e-6)
 
 
+def test_the_evidence_of_a_relocated_hand_begins_anew() -> None:
+    filled = Sums(9, *np.arange(1.0, 10.0).reshape(3, 3), -2.0)
+    relocated = filled.relocated(1.5)
+    np.testing.assert_array_equal(relocated[1:4], np.zeros((3, 3)))
+    assert relocated.prior == 1.5
+    assert filled.relocated(50.0).prior == pytest.approx(math.log(100.0))
+
+
 # The level and rate by which a sweep differs from the scan.
 
 NOWHERE = np.zeros((0, 1), dtype=np.float32)

@@ -1,21 +1,18 @@
 """Extremes that must be right: one test for each row of the table in docs/numerics.md."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
-from support.models import step
 from support.scans import SIDE, raster, scan, scene, strain_at
 
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.filters.grid import GridFilter
-from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, SceneError
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -85,15 +82,6 @@ def test_strain_kernels_of_any_width_give_finite_densities(model, strain_std):
             assert np.ptp(values) < 0.1  # every strain is as good as any other
 
 
-@pytest.mark.parametrize("model", ["gaussian", "gaussian_independent"])
-@pytest.mark.parametrize("neighbours", [1, 200, 10**9])
-def test_one_neighbour_and_all_neighbours(model, neighbours):
-    built = build(model, SCAN.select(np.arange(0, 800, 4)), neighbours=neighbours)
-    values = built.log_likelihood(STATES, SCAN.strain[3])
-    assert np.isfinite(values).all()
-    assert (np.ptp(values) < 1e-6) == (neighbours >= 200)
-
-
 @every_model
 def test_a_scan_of_one_pair(model):
     one = SCAN.select(np.array([100]))
@@ -118,53 +106,22 @@ def test_duplicate_pairs_give_the_same_density(model):
         np.testing.assert_allclose(b, a, atol=0.02)
 
 
-@pytest.mark.parametrize("particles", [1, 1_000_000])
-def test_one_particle_and_a_million_particles(particles):
-    model, strain, moved = build("sum_of_gaussians"), strain_at(TRUTH[None])[0], np.array([0.0005, 0.0])
-    one = ParticleFilter(OF, np.random.default_rng(0), particles)
-    for _ in range(3):
-        belief, log_marginal = step(one, model, strain, moved, 0.0005)
-        assert math.isfinite(log_marginal)
-    assert belief.hypotheses == particles
-    assert np.linalg.eigvalsh(belief.covariance).min() >= 0.0
-    if particles > 1:
-        grid = GridFilter(OF, np.full(2, 0.0002))
-        for _ in range(3):
-            expected, expected_marginal = step(grid, model, strain, moved, 0.0005)
-        assert log_marginal == pytest.approx(expected_marginal, abs=0.05)
-        np.testing.assert_allclose(belief.mean, expected.mean, atol=5e-5)
-
-
 @every_model
 def test_the_density_integrates_to_one_over_the_strain(model):
     """Of a phalanx with one channel, on the feature and off it, among the pairs and a metre away."""
-    rng = np.random.default_rng(0)
-    x = SIDE * rng.random((150, 1))
-    made = Scan(
-        x, np.sin(200 * x) + 0.05 * rng.standard_normal(x.shape), np.arange(150) // 15, ("x",), ("a",), (1,)
-    )
     line = Scene("line", (Axis("x", 0.0, SIDE),), (Phalanx("a", (0.0,), 1),), Region((0.02,), (1.0,)))
-    built, places = build(model, made, line), np.array([[0.01], [0.03], [-1.0], [1.0]])
-    volts = np.linspace(-50.0, 50.0, 2_001)
+    built = build(model, scan(np.random.default_rng(0), line, 150), line)
+    places = np.array([[0.01], [0.03], [-1.0], [1.0]])
+    volts = np.linspace(-10.0, 10.0, 2_001)
     densities = [np.exp(built.log_likelihood(places, np.array([one]))) for one in volts]
     np.testing.assert_allclose(trapezoid(densities, volts, axis=0), 1.0, atol=5e-3)
-
-
-@pytest.mark.parametrize("model", ["sum_of_gaussians", "gaussian", "gaussian_independent"])
-def test_yaw_wraps_around(model):
-    of = scene(3, 2, full_turn=True)
-    made, width = scan(np.random.default_rng(0), of, 3000), np.array([0.004, 0.004, 0.2])
-    built = build(model, made, of, position_std=width)
-    across = np.array([[0.02, 0.03, math.pi - 0.001], [0.02, 0.03, -math.pi + 0.001]])
-    one, other = built.log_likelihood(across, strain_at(np.array([[0.02, 0.03, math.pi - 0.02]]))[0])
-    assert one == pytest.approx(other, abs=0.1)
 
 
 @every_model
 @pytest.mark.parametrize("volts", [1e-9, 1e9])
 def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(model, volts):
     """Scan, widths and measurement in other units: the density changes by the Jacobian alone."""
-    scaled = Scan(SCAN.states, SCAN.strain * volts, SCAN.sweep, SCAN.axes, SCAN.phalanges)
+    scaled = replace(SCAN, strain=SCAN.strain * volts)
     plain = build(model).log_likelihood(STATES, SCAN.strain[3])
     other = build(model, scaled, strain_std=0.06 * volts).log_likelihood(STATES, SCAN.strain[3] * volts)
     np.testing.assert_allclose(other + 16 * math.log(volts), plain, atol=0.02)

@@ -34,6 +34,11 @@ def particles(of: Scene = PLANE, cells: float = 50.0) -> BayesFilter:
     return ParticleFilter(of, np.random.default_rng(0), 20_000 if cells == 200.0 else 2_000)
 
 
+def particle(of: Scene = PLANE, _: float = 0.0) -> BayesFilter:
+    """One alone."""
+    return ParticleFilter(of, np.random.default_rng(0), 1)
+
+
 both = pytest.mark.parametrize("make", [grid, particles])
 
 
@@ -110,7 +115,7 @@ def test_yaw_wraps_around_and_keeps_its_spread(make: Make) -> None:
     assert belief.covariance[2, 2] == pytest.approx(before.covariance[2, 2], rel=0.1)
 
 
-@both
+@pytest.mark.parametrize("make", [grid, particles, particle])
 @given(seed=st.integers(0, 2**32 - 1), size=st.sampled_from([1e-12, 1e-3, 1.0, 1e3]))
 def test_whatever_happens_the_belief_sums_to_one(make: Make, seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)

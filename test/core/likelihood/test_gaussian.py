@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 from support.scans import scan, scene, strain_at
 
+from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.errors import ParameterError
 
@@ -14,25 +15,27 @@ STATE = np.array([0.021, 0.033])
 
 
 def nearest(of, made, state, k):
-    """Rows of the k pairs nearest to a state, in units of the extents of the axes."""
-    distance = np.linalg.norm((made.states - state) / (of.upper - of.lower), axis=1)
-    return np.argsort(distance)[:k]
+    """Rows of the k pairs nearest to a state, by travel."""
+    apart = made.states - state
+    apart[:, of.wraps] = np.angle(np.exp(1j * apart[:, of.wraps]))
+    return np.argsort(np.linalg.norm(apart * [1.0, 1.0, YAW_LEVER][: of.dimension], axis=1))[:k]
 
 
-@pytest.mark.parametrize("phalanges", [1, 2])
-@pytest.mark.parametrize("k", [2, 8, 30])
-def test_the_density_is_a_gaussian_of_the_nearest_pairs(k, phalanges):
-    of = scene(2, phalanges)
+@pytest.mark.parametrize(
+    ("k", "of"),
+    [(2, scene(2, 1)), *((k, scene(2, 2)) for k in (1, 2, 8, 30, 10**9)), (8, scene(3, 2, full_turn=True))],
+)
+def test_the_density_is_a_gaussian_of_the_nearest_pairs(k, of):
     made = scan(np.random.default_rng(1), of, 600, noise=0.05)
     model = Gaussian(made, of, k)
     intensity, scale = model.shrinkage
-    for state in (STATE, np.array([0.04, 0.01])):
-        own = made.strain[nearest(of, made, state, k)]
+    for state in (np.array([*STATE, math.pi]), np.array([0.04, 0.01, 0.3 - math.pi])):
+        own = made.strain[nearest(of, made, state[: of.dimension], k)]
         measured = own.mean(axis=0) + 0.3 * np.sqrt(np.diag(model._target))
         covariance = scale * ((1 - intensity) * np.cov(own.T, bias=True) + intensity * model._target)
         expected = stats.multivariate_normal(own.mean(axis=0), covariance).logpdf(measured)
-        found = model.log_likelihood(state[None], measured)[0] + math.log(1.01)  # the background's weight
-        assert found == pytest.approx(expected, abs=0.02)
+        (found,) = model.log_likelihood(state[None, : of.dimension], measured)
+        assert found + math.log(1.01) == pytest.approx(expected, abs=0.02)  # the background's weight
 
 
 @pytest.mark.parametrize("k", [1, 8, 20])
