@@ -1,5 +1,7 @@
 """Stamps in a wrong unit, and load cells that repeat themselves to the last bit, are noticed."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -36,11 +38,8 @@ def test_a_stamp_that_is_no_number_is_refused():
         StampUnit().check(None, POSITION[0])
 
 
-BOTH = np.ones(2, dtype=bool)
-
-
 def observed(
-    frozen: tuple[int, ...], steps: int = 10, present: np.ndarray = BOTH, travel: float = 0.0005
+    frozen: tuple[int, ...], steps: int = 10, present: tuple[bool, ...] = (True, True), travel: float = 0.0005
 ) -> PhalanxConsistency:
     """After ``steps`` strains, ``travel`` apart, of which those of the ``frozen`` phalanges never change."""
     consistency, rng = PhalanxConsistency(ChannelLayout((3, 3))), np.random.default_rng(0)
@@ -48,29 +47,28 @@ def observed(
         strain = rng.standard_normal(6)
         for phalanx in frozen:
             strain[3 * phalanx : 3 * phalanx + 3] = 0.123
-        consistency.observe(strain, present, travel)
+        consistency.observe(strain, np.array(present), travel)
     return consistency
 
 
-def test_a_phalanx_that_repeats_itself_over_two_millimetres_is_stuck() -> None:
-    assert observed((1,), steps=4).consistent.all()
-    assert observed((1,)).consistent.tolist() == [True, False]
-
-
-def test_where_all_repeat_themselves_none_is_stuck() -> None:
-    """A replay of the same strain, or a quantised one on featureless material."""
-    assert observed((0, 1)).consistent.all()
+@pytest.mark.parametrize(
+    ("frozen", "values", "consistent"),
+    [
+        ((1,), {}, [True, False]),
+        ((1,), {"steps": 4}, [True, True]),
+        ((0, 1), {}, [True, True]),
+        ((1,), {"present": (True, False)}, [True, True]),
+        ((1,), {"steps": 1000, "travel": 0.0}, [True, True]),
+    ],
+    ids=["stuck", "over less than 2 mm", "all: a replay, or featureless material", "absent", "at rest"],
+)
+def test_a_phalanx_that_repeats_itself_alone_over_two_millimetres_is_stuck(
+    frozen: tuple[int, ...], values: dict[str, Any], consistent: list[bool]
+) -> None:
+    assert observed(frozen, **values).consistent.tolist() == consistent
 
 
 def test_a_phalanx_that_changes_again_is_taken_back() -> None:
     consistency = observed((1,))
-    consistency.observe(np.arange(6.0), BOTH, 0.0005)
+    consistency.observe(np.arange(6.0), np.ones(2, dtype=bool), 0.0005)
     assert consistency.consistent.all()
-
-
-def test_an_absent_phalanx_is_not_stuck() -> None:
-    assert observed((1,), present=np.array([True, False])).consistent.all()
-
-
-def test_at_rest_none_is_stuck() -> None:
-    assert observed((1,), steps=1000, travel=0.0).consistent.all()

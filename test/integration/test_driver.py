@@ -3,96 +3,181 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
 import pytest
-from support.driver import Listener, Sender
+from support.load_cells import cycle, number_of, protocol
+from support.processes import Process, node_command
 
 pytestmark = pytest.mark.ros
 
+HAND = protocol()
 
-def test_each_cycle_is_one_message_with_its_receive_time(
-    driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
-) -> None:
-    driver_process()
-    listener, hand = Listener(probe), Sender(can_bus, probe)
-    listener.listen(hand)
+
+class Bench:
+    """A running driver, load cells that count the frames that they send to it, and a subscriber."""
+
+    def __init__(self, node: Process, bus: can.BusABC, probe: Any) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        from tactile_localizer.msg import StrainVectors
+
+        self.node, self._bus, self._probe = node, bus, probe
+        self._rng = np.random.default_rng(0)
+        self.number = 0  # of the next cycle
+        self.sent = self.lost = self.garbage = 0
+        self._diagnostics = probe.listen(DiagnosticArray, "/diagnostics")
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.strains: list[Any] = probe.listen(StrainVectors, "strain", best_effort)
+        self.until(lambda: self._diagnostics, "the driver")
+        self.until(self._completed, "the driver's strain")
+        self.until(lambda: self.numbers()[-1] == {self.number - 1}, "the last cycle sent")
+        self.strains.clear()
+
+    def until(self, condition: Callable[[], Any], what: str) -> None:
+        self._probe.until(condition, what)
+
+    def _completed(self) -> bool:
+        """Whether a strain vector after another cycle is complete."""
+        self.send(1)
+        return bool(self.strains) and not any(self.strains[-1].status)
+
+    def send(self, count: int, loss: float = 0.0, silent: bool = False) -> range:
+        """Send cycles, the first and last of them completely; returns their numbers.
+
+        ``loss`` is the fraction of omitted frames, and adds garbage after a tenth of the others; ``silent``
+        omits the second phalanx.
+        """
+        numbers = range(self.number, self.number + count)
+        for n in numbers:
+            at_an_end = n in (numbers[0], numbers[-1])
+            for i, frame in enumerate(cycle(HAND, n)):
+                if (silent and i >= 2) or (self._rng.random() < loss and not at_an_end):
+                    self.lost += 1
+                    continue
+                self._bus.send(frame)
+                self.sent += 1
+                if loss and self._rng.random() < 0.1:
+                    data = self._rng.bytes(8)
+                    self._bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False, data=data))
+                    self.garbage += 1
+            self._probe.executor.spin_once(timeout_sec=0.002)
+        self.number += count
+        return numbers
+
+    def send_bus_off(self) -> None:
+        self._bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
+
+    def until_counted(self, what: str = "CAN bus", **values: object) -> None:
+        """Wait for diagnostics with these values, and until the driver has counted every frame sent."""
+        wanted = {"frames_data": self.sent, "frames_unknown_id": self.garbage, **values}
+        wanted = {key: str(value) for key, value in wanted.items()}
+        self.until(lambda: wanted.items() <= self.counted(what).items(), f"{wanted} of {what}")
+
+    def counted(self, what: str) -> dict[str, str]:
+        """Values of the newest diagnostics of ``CAN bus`` or of a phalanx."""
+        (status,) = [one for one in self._diagnostics[-1].status if one.name == f"driver: {what}"]
+        return {pair.key: pair.value for pair in status.values}
+
+    def drops(self) -> int:
+        """Number of lost frames reported by the driver."""
+        return sum(int(self.counted(phalanx)["drops"]) for phalanx in ("index", "middle"))
+
+    def numbers(self) -> list[set[int]]:
+        """Numbers of the samples in each strain vector; fails on voltages that were not sent."""
+        return [
+            {
+                number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
+                for p in range(2)
+                if not message.status[p] & message.MISSING
+            }
+            for message in self.strains
+        ]
+
+
+@pytest.fixture
+def bench(
+    process: Callable[..., Process], simulated_can: dict[str, Any], probe: Any, tmp_path: Path
+) -> Iterator[Callable[..., Bench]]:
+    """Start an installed driver on a simulated bus; arguments are parameters."""
+    parameters = {
+        "interface": simulated_can["interface"],
+        "channel": simulated_can["channel"],
+        "bus_options": [f"port={simulated_can['port']}"],
+        "tare_file": str(tmp_path / "tare.yaml"),
+        "period_s": 0.4,  # on a busy machine the test can pause between two frames,
+        "max_age_s": 60.0,  # or the driver before it reads them
+    }
+    with can.Bus(**simulated_can, hop_limit=0) as bus:
+        yield lambda **more: Bench(process(node_command("driver_node", {**parameters, **more})), bus, probe)
+
+
+def test_each_cycle_is_one_message_with_its_receive_time(bench: Callable[..., Bench]) -> None:
+    one = bench()
     begin_ns = time.time_ns()
-    numbers = hand.send(300)
-    probe.until(lambda: len(listener.strains) >= 300, "300 strain vectors")
-    assert listener.numbers() == [{n} for n in numbers]
-    assert [list(message.sequence) for message in listener.strains] == [[n, n] for n in numbers]
-    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in listener.strains]
+    numbers = one.send(300)
+    one.until(lambda: len(one.strains) >= 300, "300 strain vectors")
+    assert one.numbers() == [{n} for n in numbers]
+    assert [list(message.sequence) for message in one.strains] == [[n, n] for n in numbers]
+    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in one.strains]
     assert begin_ns - 10**6 < stamps[0] < stamps[-1] < time.time_ns()
     assert stamps == sorted(stamps)
-    assert list(listener.strains[0].phalanges) == ["index", "middle"]
+    assert list(one.strains[0].phalanges) == ["index", "middle"]
 
 
-def test_losses_are_counted_exactly(
-    driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
-) -> None:
-    driver_process()
-    listener, hand = Listener(probe), Sender(can_bus, probe)
-    listener.listen(hand)
-    hand.send(400, loss=0.05)
-    hand.wait(listener)
-    assert listener.drops() == hand.lost > 40
+def test_losses_are_counted_exactly(bench: Callable[..., Bench]) -> None:
+    one = bench()
+    one.send(400, loss=0.05)
+    one.until_counted()
+    assert one.drops() == one.lost > 40
 
-    hand.send(40, silent=True)
-    last = hand.send(40)[-1]
-    hand.wait(listener)
-    assert listener.drops() == hand.lost
-    probe.until(lambda: listener.strains[-1].sequence[0] == last, "the last strain vector")
-    assert list(listener.strains[-1].status) == [0, 0]
-    listener.numbers()  # fails on a sample of frames of two
+    one.send(40, silent=True)
+    last = one.send(40)[-1]
+    one.until_counted()
+    assert one.drops() == one.lost
+    one.until(lambda: one.strains[-1].sequence[0] == last, "the last strain vector")
+    assert list(one.strains[-1].status) == [0, 0]
+    one.numbers()  # fails on a sample of frames of two
 
 
-def test_reconnect_and_bus_off_are_survived(
-    driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
-) -> None:
+def test_reconnect_and_bus_off_are_survived(bench: Callable[..., Bench], probe: Any) -> None:
     from std_srvs.srv import Trigger
 
-    node = driver_process()
-    listener, hand = Listener(probe), Sender(can_bus, probe)
-    listener.listen(hand)
-    sent = list(hand.send(10))
-    hand.wait(listener)
+    one = bench()
+    sent = list(one.send(10))
+    one.until_counted()
     assert probe.call(Trigger, "driver/reconnect").success
-    probe.until(listener.reconnects(1), "the reopened bus")
-    hand.pause(5)
-    sent += hand.send(15)
-    can_bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
-    probe.until(lambda: listener.counted("CAN bus")["controller"] == "bus off", "bus-off")
-    hand.pause(10)
-    sent += hand.send(15)
-    hand.wait(listener)
-    probe.until(lambda: listener.counted("CAN bus")["controller"] == "error active", "the controller")
-    assert listener.drops() == 0  # samples sent while the bus is closed are not counted
-    assert listener.counted("CAN bus")["frames_error"] == "1"
-    assert all(len(numbers) == 1 for numbers in listener.numbers())
-    assert {n for numbers in listener.numbers() for n in numbers} >= set(sent)
-    assert node.running
-    assert "Traceback" not in node.output
+    one.until_counted(reconnects=1)
+    one.number += 5  # as while the bus is closed
+    sent += one.send(15)
+    one.send_bus_off()
+    one.until_counted(controller="bus off")
+    one.number += 10
+    sent += one.send(15)
+    one.until_counted(controller="error active", frames_error=1)
+    assert one.drops() == 0  # samples sent while the bus is closed are not counted
+    assert all(len(numbers) == 1 for numbers in one.numbers())
+    assert {n for numbers in one.numbers() for n in numbers} >= set(sent)
+    assert one.node.running
+    assert "Traceback" not in one.node.output
 
 
-def test_simulated_time_stamps_with_the_node_clock(
-    driver_process: Callable[..., Any], can_bus: can.BusABC, probe: Any
-) -> None:
+def test_simulated_time_stamps_with_the_node_clock(bench: Callable[..., Bench], probe: Any) -> None:
     from builtin_interfaces.msg import Time
     from rosgraph_msgs.msg import Clock
 
-    driver_process(use_sim_time=True)
+    one = bench(use_sim_time=True)  # diagnostics continue while time stands still
     clock = probe.publisher(Clock, "/clock")
-    listener, hand = Listener(probe), Sender(can_bus, probe)  # diagnostics continue while time stands still
-    listener.listen(hand)
-    assert listener.strains == []
 
     def stamped() -> bool:
         clock.publish(Clock(clock=Time(sec=17, nanosec=5)))
-        hand.send(1)
-        return bool(listener.strains) and listener.strains[-1].header.stamp.sec == 17
+        one.send(1)
+        return bool(one.strains) and one.strains[-1].header.stamp.sec == 17
 
-    probe.until(stamped, "a stamp of simulated time")
-    assert listener.strains[-1].header.stamp.nanosec == 5
+    one.until(stamped, "a stamp of simulated time")
+    assert one.strains[-1].header.stamp.nanosec == 5

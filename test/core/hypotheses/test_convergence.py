@@ -13,6 +13,10 @@ from tactile_localizer.core.hypotheses.convergence import (
 CRITERIA = ConvergenceCriteria(np.array([0.005]), probability=0.99, sustain=0.002)
 
 
+HOLDS, FAR = (1.0, 0.999, 0.0), (0.1, 0.9, 0.0)
+"""Probabilities of being near the estimate, on the map, and on unknown material."""
+
+
 def after(*updates: tuple[float, float, float], travel: float = 0.001) -> Convergence:
     """After updates with (near, on map, unknown), each ``travel`` metres on."""
     convergence = Convergence(CRITERIA)
@@ -21,49 +25,33 @@ def after(*updates: tuple[float, float, float], travel: float = 0.001) -> Conver
     return convergence
 
 
-HOLDS = (1.0, 0.999, 0.0)
-
-
-def test_a_probability_held_over_the_distance_is_converged() -> None:
-    assert after(*[HOLDS] * 1000, travel=0.0).state is State.SEARCHING, "a hand at rest"
-    assert after(HOLDS).state is State.SEARCHING
-    assert after(HOLDS).reason == "not converged: held over 1.0 of 2.0 mm"
-    assert after(HOLDS, HOLDS).state is State.CONVERGED
-    assert after(HOLDS, HOLDS).reason == "converged: probability 0.999"
-
-
-def test_an_interruption_begins_the_distance_anew() -> None:
-    assert after(HOLDS, (0.5, 1.0, 0.0), HOLDS).state is State.SEARCHING
-
-
 @pytest.mark.parametrize(
-    ("update", "reason"),
+    ("updates", "state", "reason"),
     [
-        ((0.6, 1.0, 0.0), "not converged: the position is within the radius with probability 0.60"),
-        ((1.0, 0.7, 0.2), "not converged: the map explains what is felt with probability 0.70"),
-        ((1.0, 0.02, 0.98), "unknown material: the map explains what is felt with probability 0.02"),
+        ([HOLDS], State.SEARCHING, "not converged: held over 1.0 of 2.0 mm"),
+        ([HOLDS] * 2, State.CONVERGED, "converged: probability 0.999"),
+        ([HOLDS, FAR, HOLDS], State.SEARCHING, "not converged: held over 1.0"),
+        ([HOLDS, HOLDS, (1.0, 0.92, 0.08)], State.CONVERGED, "converged: probability 0.92"),
+        ([HOLDS, HOLDS, (1.0, 0.88, 0.12)], State.LOST, "lost: the map explains what is felt"),
+        ([HOLDS, HOLDS, FAR, FAR], State.LOST, "lost: the position is within the radius"),
+        ([HOLDS, HOLDS, FAR, HOLDS], State.SEARCHING, "not converged: held over 1.0"),
+        ([HOLDS, HOLDS, FAR, HOLDS, HOLDS], State.CONVERGED, "converged"),
+        ([FAR], State.SEARCHING, "not converged: the position is within the radius with probability 0.10"),
+        ([(1.0, 0.7, 0.2)], State.SEARCHING, "not converged: the map explains what is felt with probability"),
+        ([(1.0, 0.02, 0.98)], State.UNKNOWN, "unknown material: the map explains what is felt with"),
+        ([(1.0, 0.01, 0.5)], State.SEARCHING, "not converged"),  # featureless material is not unknown
     ],
 )
-def test_the_reason_names_the_factor_that_fails(update: tuple[float, float, float], reason: str) -> None:
-    assert after(update).reason == reason
+def test_a_probability_held_over_the_distance_is_converged_until_it_is_improbable(
+    updates: list[tuple[float, float, float]], state: State, reason: str
+) -> None:
+    found = after(*updates)
+    assert found.state is state
+    assert found.reason.startswith(reason)
 
 
-def test_a_converged_position_is_kept_until_it_is_improbable() -> None:
-    assert after(HOLDS, HOLDS, (1.0, 0.92, 0.08)).state is State.CONVERGED
-    lost = after(HOLDS, HOLDS, (1.0, 0.88, 0.12))
-    assert lost.state is State.LOST
-    assert lost.reason.startswith("lost: the map explains")
-
-
-def test_what_was_lost_can_be_found_again() -> None:
-    assert after(HOLDS, HOLDS, (0.1, 0.9, 0.0), (0.1, 0.9, 0.0)).state is State.LOST
-    assert after(HOLDS, HOLDS, (0.1, 0.9, 0.0), HOLDS).state is State.SEARCHING
-    assert after(HOLDS, HOLDS, (0.1, 0.9, 0.0), HOLDS, HOLDS).state is State.CONVERGED
-
-
-def test_unknown_material_is_a_state_of_its_own() -> None:
-    assert after((1.0, 0.01, 0.96)).state is State.UNKNOWN
-    assert after((1.0, 0.01, 0.5)).state is State.SEARCHING, "featureless material is not unknown"
+def test_a_hand_at_rest_does_not_converge() -> None:
+    assert after(*[HOLDS] * 1000, travel=0.0).state is State.SEARCHING
 
 
 def test_a_reset_forgets() -> None:
