@@ -148,43 +148,32 @@ def show(rows: Sequence[Row]) -> None:
 
 
 def convergence_figure(rows: Sequence[Row]) -> Figure:
-    """Early against false convergence, a point per threshold."""
+    """Early and false convergence over the threshold, in percent of the sweeps."""
     points = [row for row in totals(rows) if row["over"] == "probability"]
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    curve, thresholds = figure.subplots(1, 2)
-    seam = [100 * point["seam_strains"] for point in points]
-    for name, label in (("within_5_mm", "within 5 mm"), ("within_10_mm", "within 10 mm")):
-        early = [100 * point[name] for point in points]
-        curve.plot(seam, early, "o-", ms=4, label=f"{label} of contact")
-        for point, x, y in zip(points, seam, early, strict=True):
-            if name == "within_10_mm":
-                curve.annotate(
-                    f"{point['probability']:g}", (x, y), (4, 4), textcoords="offset points", size=7
-                )
-            if point["probability"] == Configuration().convergence_probability:
-                curve.plot(x, y, "o", ms=11, mfc="none", mec="black")
-    curve.margins(x=0.12)
-    curve.set_ylim(-3.0, 110.0)
-    curve.set_xlabel("falsely converged strains on a seam, %")
-    curve.set_ylabel("converged sweeps over the feature, %")
-    places = range(len(points))
-    for name, label in (
-        ("seam_sweeps", "seam, sweeps"),
-        ("seam_strains", "seam, strains"),
-        ("false_sweeps", "on the feature, sweeps"),
-    ):
-        thresholds.plot(places, [100 * point[name] for point in points], "o-", ms=4, label=label)
-    nothing = [
-        100 * max(point[f"false_{name}"] for name in ("before", "blank", "none")) / point["sweeps"]
-        for point in points
+    curves = (
+        ("within_10_mm", "over the feature, 10 mm after contact", "o-", "tab:green"),
+        ("within_5_mm", "over the feature, 5 mm after contact", "o-", "tab:blue"),
+        ("seam_sweeps", "false, on a seam that was not scanned", "s--", "tab:red"),
+        ("false_sweeps", "false, on the feature", "^--", "tab:orange"),
+    )
+    figure = Figure(figsize=(7.6, 3.4), layout="constrained")
+    plot = figure.subplots()
+    places = np.arange(len(points))
+    default = Configuration().convergence_probability
+    for name, label, style, colour in curves:
+        plot.plot(places, [100 * point[name] for point in points], style, color=colour, ms=5, label=label)
+    nothing = [max(point[f"false_{name}"] for name in ("before", "blank", "none")) for point in points]
+    share = 100 * np.array(nothing) / [point["sweeps"] for point in points]
+    plot.plot(places, share, "x--", color="0.4", ms=5, label="false, before contact, blank or featureless")
+    labels = [
+        f"{p:g} (default)" if p == default else f"{p:g}" for p in (one["probability"] for one in points)
     ]
-    thresholds.plot(places, nothing, "o--", ms=4, label="before contact, blank, featureless: sweeps")
-    thresholds.set_xticks(places, [f"{point['probability']:g}" for point in points])
-    thresholds.set_xlabel("convergence_probability")
-    thresholds.set_ylabel("false convergence, %")
-    for plot in (curve, thresholds):
-        plot.grid(color="0.92")
-        plot.legend(fontsize=8)
+    plot.set_xticks(places, labels)
+    plot.set_ylim(-3.0, 103.0)
+    plot.set_xlabel("convergence_probability")
+    plot.set_ylabel("sweeps that converge, %")
+    plot.grid(color="0.92")
+    figure.legend(loc="outside right center", fontsize=8, frameon=False)
     return figure
 
 

@@ -44,7 +44,7 @@ def material(axes: Axes, region: bool = True) -> None:
 
 def frames() -> None:
     """Palm, phalanges, material and reference frame, seen from above."""
-    figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(6.8, 4.0), layout="constrained")
     material(axes)
     palm = np.array([21.0, 25.0])
     axes.add_patch(Circle((32.0, 25.4), 5.5, fc="#e0b765", ec="#b98a2f"))
@@ -61,7 +61,7 @@ def frames() -> None:
         arrow(axes, tuple(palm), tuple(place - np.sign(place - palm) * (0, 3.4)), colour, "-|>")
     axes.text(palm[0] - 1.0, palm[1] + 5.4, "offset", ha="right", color=INDEX)
     axes.plot(*palm, "o", color=PALM)
-    axes.text(palm[0] + 1.2, palm[1] - 2.6, "palm", color=PALM, weight="bold")
+    axes.text(palm[0] + 1.0, palm[1] - 2.8, "palm", color=PALM, weight="bold", fontsize=8)
     arrow(axes, (0.0, 0.0), tuple(palm), PALM, "-|>")
     axes.text(11.2, 11.6, "state", color=PALM, rotation=50, ha="center", va="center")
     for end, name in (((9.0, 0.0), "x"), ((0.0, 9.0), "y")):
@@ -69,9 +69,9 @@ def frames() -> None:
         axes.text(end[0] + 1.0, end[1] + 1.0, name, weight="bold")
     axes.text(-2.4, -4.4, "material frame", weight="bold")
     base = np.array([-33.0, -2.0])
-    for end, name in ((base + np.array([9, 0]), "x"), (base + np.array([0, 9]), "y")):
-        arrow(axes, tuple(base), tuple(end), "black", "-|>")
-        axes.text(end[0] + 0.8, end[1] + 0.8, name, weight="bold")
+    for end, place, name in (((9, 0), (9.4, -3.2), "x"), ((0, 9), (0.8, 9.8), "y")):
+        arrow(axes, tuple(base), tuple(np.add(base, end)), "black", "-|>")
+        axes.text(*np.add(base, place), name, weight="bold")
     axes.text(base[0], base[1] - 4.4, "reference frame", weight="bold", ha="center")
     arrow(axes, tuple(base), (0.0, 0.0), "tab:green", "-|>")
     axes.text(-14.0, -7.0, "material_pose,\nto scan with", ha="center", color="tab:green")
@@ -80,8 +80,8 @@ def frames() -> None:
     axes.annotate(
         "bounds", (50.0, 51.8), (54.5, 47.0), color="0.4", arrowprops={"arrowstyle": "-", "color": "0.4"}
     )
-    axes.set_xlim(-47, 62)
-    axes.set_ylim(-10, 55)
+    axes.set_xlim(-43, 62)
+    axes.set_ylim(-9, 53)
     axes.axis("off")
     save(figure, "frames")
 
@@ -95,7 +95,7 @@ def scan() -> None:
     material(above, region=False)
     x, y = recorded.odometry[::4].T * MM
     colours = above.scatter(x, y, 1.5, recorded.strain[::4, STRAIN], cmap="viridis")
-    figure.colorbar(colours, ax=above, label="volts", shrink=0.8)
+    figure.colorbar(colours, ax=above, label="strain, V", shrink=0.8)
     above.set_title(f"pairs of 21 sweeps, coloured by index {STRAIN + 1}")
     for number in (9, 10, 11):
         part = recorded.slices()[number]
@@ -103,7 +103,7 @@ def scan() -> None:
         along.plot(recorded.odometry[part, 0] * MM, recorded.strain[part, STRAIN], lw=0.8, label=label)
     along.axvspan(*(np.array([SCENE.feature.lower[0], SCENE.feature.upper[0]]) * MM), color=FEATURE, zorder=0)
     along.set_xlabel("x, mm")
-    along.set_ylabel("volts")
+    along.set_ylabel("strain, V (shaded: feature region)")
     along.set_title(f"index {STRAIN + 1} along three neighbouring sweeps")
     along.legend(frameon=False)
     save(figure, "scan")
@@ -134,11 +134,13 @@ def belief() -> None:
         axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), cmap="Blues")
         material(axes, region=False)
         axes.plot(*(sweep.truth[row] * MM), "+", color="tab:red", ms=9, mew=1.6)
-        axes.set_title(f"palm at x = {sweep.truth[row, 0] * MM:.0f} mm")
+        axes.set_title(f"palm (+) at x = {sweep.truth[row, 0] * MM:.0f} mm")
         axes.label_outer()
     x = sweep.truth[:, 0] * MM
     spread, proof = below.subplots(1, 2)
     spread.semilogy(x, [np.sqrt(estimate.trace / 2) * MM for estimate in estimates])
+    spread.set_yticks((1, 2, 5, 10, 20), ("1", "2", "5", "10", "20"))
+    spread.minorticks_off()
     spread.set_title("standard deviation per axis, mm")
     proof.plot(x, [estimate.on_map for estimate in estimates], label="on the map")
     proof.plot(x, [estimate.probability for estimate in estimates], label="and within the radius")

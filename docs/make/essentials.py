@@ -50,11 +50,11 @@ VALUES = {
     "lines": [2.54, 5.08, 7.62, 12.7],
 }
 LABELS = {
-    "bounds": "bounds farther out than needed, mm",
-    "passes": "sweeps along each line of the scan",
-    "motion_std": "motion_std, times that of the scene;\nthe arm reports 15 % too much travel",
-    "convergence_radius": "convergence_radius, mm",
-    "lines": "distance of the scanned lines, mm",
+    "bounds": "bounds farther out\nthan needed, mm",
+    "passes": "sweeps along each\nline of the scan",
+    "motion_std": "motion_std, times the\nscene's; the arm reports\n15 % too much travel",
+    "convergence_radius": "convergence_radius,\nmm",
+    "lines": "distance of the\nscanned lines, mm",
 }
 SLIP = 1.15
 """Travel reported by the arm relative to that of the palm, in the trials of motion_std."""
@@ -107,7 +107,7 @@ def main() -> None:
     for task, outcome in outcomes.items():
         found[task] = outcome.mean(axis=1), outcome.std(axis=1, ddof=1) / np.sqrt(outcome.shape[1])
         print(*task, *(f"{mean:.2f} +- {error:.2f}" for mean, error in zip(*found[task], strict=True)))
-    figure = Figure(figsize=(15, 5.4), layout="constrained")
+    figure = Figure(figsize=(10, 4.6), layout="constrained")
     panels = figure.subplots(2, len(VALUES), sharex="col", sharey="row")
     for (above, below), (name, values) in zip(panels.T, VALUES.items(), strict=True):
         mean, error = (np.array(rows) for rows in zip(*(found[name, value] for value in values), strict=True))
@@ -123,7 +123,8 @@ def main() -> None:
             below.set_xticks(values)
     panels[0, 0].set_ylabel("error from contact on, mm")
     panels[1, 0].set_ylabel("strains from contact on, %")
-    panels[1, 0].legend(loc="center right", fontsize=8)
+    handles, labels = panels[1, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(PICTURE, dpi=110)
 
 

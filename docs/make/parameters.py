@@ -15,21 +15,17 @@ from tactile_localizer.ros.simulator_node import SimulatorNode
 HEAD = """\
 # Parameters
 
-Every parameter of the nodes, with default, range and unit. `ros2 param describe NODE NAME` prints
-the same for a running node.
+Every parameter of the nodes, with default, range and unit, as `ros2 param describe NODE NAME`
+prints it for a running node.
 
 Parameters marked *live* can be changed at any time. The others are read when the node is
 configured, and rejected while it is configured. A value of the wrong type or out of range is
 rejected with the reason; an unknown name is ignored with a warning. On the command line an empty
 list of strings is `"['']"`, because `[]` has no type.
 
-Those marked **essential** must match the robot; [essentials.md](essentials.md) explains the values
-that matter most. The others are advanced, and their defaults usually suffice. Recommended values
-are in `config/*.yaml`; a launch argument of the same name overrides them. The bounds of the
-material, its motion noise and the kernel widths are part of the [scene](concepts.md#scene), not
-parameters of a node.
-
-*This page is generated from the nodes by `make docs`.*"""
+Those marked **essential** must match the robot; the defaults of the others usually suffice. The
+bounds of the material, its motion noise and the kernel widths are part of the
+[scene](concepts.md#scene), not parameters of a node. `make docs` writes this page."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",
@@ -58,12 +54,26 @@ def page() -> str:
             node.close()
             node.destroy_node()
         rclpy.shutdown()
-    shared = [parameter for parameter in declared[0] if all(parameter in others for others in declared[1:])]
-    parts = [HEAD, section("Every node", "In addition to `use_sim_time` and `qos_overrides` of ROS.", shared)]
-    for heading, purpose, parameters in zip(titles, NODES.values(), declared, strict=True):
+    by_node = dict(zip(NODES, declared, strict=True))
+    every = common(declared)
+    inputs = [one for one in common([by_node[MappingNode], by_node[FilterNode]]) if one not in every]
+    parts = [
+        HEAD,
+        section("Every node", "In addition to `use_sim_time` and `qos_overrides` of ROS.", every),
+        section(
+            "Inputs of mapping_node and filter_node", "Strain, and palm poses on a topic or in tf.", inputs
+        ),
+    ]
+    for heading, (kind, purpose), parameters in zip(titles, NODES.items(), declared, strict=True):
+        shared = every + inputs if kind in (MappingNode, FilterNode) else every
         own = [parameter for parameter in parameters if parameter not in shared]
         parts.append(section(heading, purpose, own))
     return "\n\n".join(parts)
+
+
+def common(declared: list[list[Parameter]]) -> list[Parameter]:
+    """Parameters that several nodes have alike."""
+    return [parameter for parameter in declared[0] if all(parameter in others for others in declared[1:])]
 
 
 def title(node: ManagedNode) -> str:

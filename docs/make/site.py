@@ -1,11 +1,13 @@
-"""Hook of mkdocs: takes pages from all over the repository under their own paths, so that links hold."""
+"""Hooks of mkdocs: pages from all over the repository keep their paths; links to messages show them."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 PAGES = (
@@ -28,3 +30,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if path.is_file()
     ]
     return Files([*(file for file in files if file.src_dir != config.docs_dir), *own])
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """The text of a page, followed by the definitions of the messages and services that it links to."""
+    links = re.findall(r"\]\((\.\./(?:msg|srv)/(\w+)\.\w+)\)", markdown)
+    for path, name in links:
+        markdown = markdown.replace(f"]({path})", f"](#{name.lower()})")
+        markdown += f"\n### {name}\n\n```\n{(ROOT / 'docs' / path).read_text()}```\n"
+    return markdown
