@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.console import Console
 from rows import Row, in_parallel
 from simulated import recording_of, shipped_scene
 
@@ -309,7 +308,7 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     for feature in given.features:
         paper_figure(rows, feature).savefig(given.out / f"{feature}.png", dpi=120)
-    Console().print(f"{given.out}/{', '.join(f'{feature}.png' for feature in given.features)}")
+    print(f"{given.out}/{', '.join(f'{feature}.png' for feature in given.features)}")
 
 
 if __name__ == "__main__":

@@ -8,16 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
+from tactile_localizer.cli.progress import progress_line
+from tactile_localizer.cli.tables import print_table
 from tactile_localizer.io.whole_file import whole_file
 
 Row = dict[str, Any]
-
-_LEAST_WIDTH = 220
-"""Least width of the printed table, characters, also if the output is a file."""
 
 
 def in_parallel(
@@ -27,7 +23,10 @@ def in_parallel(
     calls = [joblib.delayed(function)(*each) for each in arguments]
     with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
         results = joblib.Parallel(return_as="generator_unordered", batch_size=1)(calls)
-        yield from track(results, what, total=len(calls), console=Console(stderr=True))
+        with progress_line() as show:
+            for done, rows in enumerate(results):
+                show(what, done / len(calls))
+                yield rows
 
 
 def write_rows(path: Path, arguments: Mapping[str, Any], rows: Sequence[Row], totals: Sequence[Row]) -> None:
@@ -52,21 +51,10 @@ def print_rows(
     rows, totals : values by key; ``None`` where unknown
     """
     shown = {key: column for key, column in columns.items() if any(key in row for row in rows)}
-    table = Table()
-    for name in names:
-        table.add_column(name, no_wrap=True)
-    for heading, _ in shown.values():
-        table.add_column(heading, justify="right", min_width=6)
 
     def texts(row: Row) -> list[str]:
         measured = ["-" if row.get(key) is None else f"{row[key]:{form}}" for key, (_, form) in shown.items()]
         return [*(str(row.get(name, "")) for name in names), *measured]
 
-    for row in rows:
-        table.add_row(*texts(row))
-    table.add_section()
-    for row in totals:
-        table.add_row(*texts(row))
-    console = Console()
-    console.width = max(console.width, _LEAST_WIDTH)
-    console.print(table)
+    headings = (*names, *(heading for heading, _ in shown.values()))
+    print_table(headings, [texts(row) for row in (*rows, *totals)])

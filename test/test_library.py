@@ -1,6 +1,5 @@
 """The package as a library, the example of the README, and shell completion."""
 
-import os
 import re
 import subprocess
 import sys
@@ -99,29 +98,3 @@ def test_every_public_name_is_there():
     assert set(tactile_localizer.__all__) <= set(dir(tactile_localizer))
     with pytest.raises(AttributeError, match="no attribute 'localise'"):
         tactile_localizer.localise  # noqa: B018
-
-
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("tactile-localizer sc", {"scan"}),
-        ("tactile-localizer import ", {"csv", "bag"}),
-        ("tactile-localizer replay --fil", {"--filter"}),
-        ("tactile-localizer replay --filter ", {"grid", "particle"}),
-    ],
-)
-def test_the_shell_completes_the_command(tmp_path, line, expected):
-    pytest.importorskip("argcomplete")
-    answer = tmp_path / "answer"
-    environment = {
-        **os.environ,
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
-        "_ARGCOMPLETE_IFS": "\n",
-        "COMP_LINE": line,
-        "COMP_POINT": str(len(line)),
-    }
-    code = "from tactile_localizer.cli import main; main()"
-    subprocess.run([sys.executable, "-c", code], env=environment, check=False, timeout=60)
-    found = {word.strip() for word in answer.read_text().split("\n")}
-    assert expected <= found

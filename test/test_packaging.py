@@ -25,7 +25,7 @@ ROSDEP_KEYS = {
     "scipy": "python3-scipy",
 }
 
-EXTRAS = ("joblib", "matplotlib", "msgpack", "rich", "rosbags")
+EXTRAS = ("joblib", "matplotlib", "msgpack", "rosbags")
 
 ROS_PACKAGE = r"\w+_(msgs|srvs|interfaces)|rclpy|launch|launch_ros|ament_index_python|tf2_\w+"
 

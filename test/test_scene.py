@@ -95,11 +95,6 @@ def test_a_scene_survives_its_file(tmp_path: Path) -> None:
     assert load_scene(tmp_path / "scene.yaml") == scene
 
 
-def test_a_write_error_names_the_file(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"none/scene.yaml: could not write the scene, No such file"):
-        save_scene(scene_from_dict(GOOD), tmp_path / "none" / "scene.yaml")
-
-
 def test_numbers_may_have_an_exponent_and_a_full_turn_wraps(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(

@@ -45,9 +45,6 @@ _NEEDED = {
 }
 """Libraries that only some commands need, with what to do where they are absent."""
 
-_COMPLETING = "_ARGCOMPLETE"
-"""Environment variable that a shell sets to request completions."""
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
@@ -59,8 +56,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     # With BLAS threads, updates of small matrices take ten times longer on a busy machine.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    if _COMPLETING in os.environ:
-        _complete()
     try:
         args = command_parser(arguments).parse_args(arguments)
         status: int = args.run(args)
@@ -82,14 +77,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The interpreter flushes standard output again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
-
-
-def _complete() -> None:
-    """Print the completions of the shell's command line, and exit."""
-    import argcomplete
-
-    words = os.environ.get("COMP_LINE", "").split()[1:]
-    argcomplete.autocomplete(command_parser(words))
 
 
 def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:

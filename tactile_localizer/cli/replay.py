@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_configuration_arguments,
     add_recording_arguments,
@@ -25,6 +25,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import with_contact
@@ -46,10 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay and print errors, convergence and the verdict; 0 if it is a success, else 1."""
+    if args.plot is not None:  # before the work, which would be lost without matplotlib
+        from tactile_localizer.offline.figures.replay import replay_figure
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
-    with progress_bars() as progress:
+    with progress_line() as progress:
         calibration = learned_calibration(args.scan, scan, scene, progress)
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
@@ -63,10 +66,8 @@ def run(args: argparse.Namespace) -> int:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {document['summary']['strains']} updates")
     if args.plot is not None:
-        from tactile_localizer.offline.figures.replay import replay_figure  # matplotlib takes a second
-
-        args.plot.parent.mkdir(parents=True, exist_ok=True)
-        replay_figure(scene, sweeps).savefig(args.plot, dpi=120)
+        with whole_file(args.plot) as unfinished:
+            replay_figure(scene, sweeps).savefig(unfinished, dpi=120)
         print(args.plot)
     for line in filter(None, (*recording.notes, _misfit(scan, scene, recording))):
         print(f"note: {printable(line)}")

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.errors import ScanError, printable
+from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import Recording, scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
+from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.offline.scan_quality import findings
 
 
@@ -64,13 +65,10 @@ def _plot(args: argparse.Namespace) -> int:
     from tactile_localizer.offline.figures.tactile_map import scan_figures
 
     folder = ScanFolder(args.scan)
-    try:
-        args.output.mkdir(parents=True, exist_ok=True)
-        figures = scan_figures(folder.load(), folder.scene, folder.sweeps()[0].strain_unit)
-        for name, figure in figures.items():
-            path = args.output / f"{name.replace('/', '_')}.png"
-            figure.savefig(path, dpi=args.dpi)
-            print(path)
-    except OSError as error:
-        raise ScanError(f"{args.output}: expected a folder for the figures, {error.strerror}") from None
+    figures = scan_figures(folder.load(), folder.scene, folder.sweeps()[0].strain_unit)
+    for name, figure in figures.items():
+        path = args.output / f"{name.replace('/', '_')}.png"
+        with whole_file(path) as unfinished:
+            figure.savefig(unfinished, dpi=args.dpi)
+        print(path)
     return 0

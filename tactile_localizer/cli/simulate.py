@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.cli.seeds import add_seed_argument
-from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import channel_names
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.io.whole_file import whole_file
@@ -80,9 +79,5 @@ def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
     header = ",".join(["stamp_s", "sweep", *AXES, *strain_names, "felt"])
     table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain, scan.felt])
     formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names), "%d"]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as unfinished:
-            np.savetxt(unfinished, table, formats, delimiter=",", header=header, comments="")
-    except OSError as error:
-        raise ScanError(f"{path}: expected to write a recording, {error.strerror}") from error
+    with whole_file(path) as unfinished:
+        np.savetxt(unfinished, table, formats, delimiter=",", header=header, comments="")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from tactile_localizer.cli.progress import progress_bars
+from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
     add_scan_arguments,
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     scan, scene = scan_from_arguments(args)
     recording, _ = odometry_from_arguments(args, scene, args.recordings)
     named = [Candidate(Path(name).stem, named_configuration(name)) for name in args.configurations or ()]
-    with progress_bars() as progress:
+    with progress_line() as progress:
         calibration = learned_calibration(args.scan, scan, scene, progress)
         trades, failed = trade(
             scan,
@@ -89,8 +89,8 @@ def run(args: argparse.Namespace) -> int:
     _print(trades)
     for name, reason in failed.items():
         print(f"{name}: not measured, {reason}")
-    args.output.mkdir(parents=True, exist_ok=True)
-    tradeoff_figure(trades).savefig(args.output / "tradeoff.png", dpi=120)
+    with whole_file(args.output / "tradeoff.png") as unfinished:
+        tradeoff_figure(trades).savefig(unfinished, dpi=120)
     rows = [_row(one, trades[0]) for one in trades]
     write_json(args.output / "tradeoff.json", {"candidates": rows, "not_measured": failed})
     print(f"{args.output}/tradeoff.png, tradeoff.json")

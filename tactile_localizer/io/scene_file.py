@@ -58,11 +58,8 @@ def save_scene(scene: Scene, path: str | Path) -> None:
         The file cannot be written.
     """
     text = yaml.safe_dump(scene_to_dict(scene), sort_keys=False, default_flow_style=None, width=100)
-    try:
-        with whole_file(path) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"{path}: could not write the scene, {error.strerror}") from None
+    with whole_file(path, SceneError) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
 
 
 def scene_from_dict(content: Any) -> Scene:

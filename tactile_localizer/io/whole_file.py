@@ -9,6 +9,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from tactile_localizer.errors import ScanError, TactileLocalizerError
+
 
 def open_file(path: str | Path) -> BinaryIO:
     """Open a regular file for reading; a pipe or a device could block or never end.
@@ -26,28 +28,35 @@ def open_file(path: str | Path) -> BinaryIO:
 
 
 @contextmanager
-def whole_file(path: str | Path) -> Iterator[Path]:
+def writing(path: str | Path, error: type[TactileLocalizerError] = ScanError) -> Iterator[None]:
+    """Context that turns a failure to write a file into an ``error`` that names it."""
+    try:
+        yield
+    except OSError as problem:
+        raise error(f"{path}: could not be written, {problem.strerror or problem}") from None
+
+
+@contextmanager
+def whole_file(path: str | Path, error: type[TactileLocalizerError] = ScanError) -> Iterator[Path]:
     """Context that gives a temporary path to write to, and renames it to ``path`` on success.
 
-    If the block raises, the temporary file is removed. If ``path`` is a symbolic link, its target is
-    replaced.
+    Missing folders are created. If the block raises, the temporary file is removed. If ``path`` is a symbolic
+    link, its target is replaced.
 
     Raises
     ------
-    OSError
-        The file cannot be written or renamed; its ``filename`` is ``path``, not the temporary one.
+    TactileLocalizerError
+        As ``error``: the file cannot be written.
     """
     target = Path(path).resolve()
     unfinished = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
-        yield unfinished
-        with unfinished.open("rb") as written:
-            os.fsync(written.fileno())  # otherwise power loss after the rename could leave an empty file
-        unfinished.replace(target)
-    except OSError as error:
-        if error.errno is not None:
-            raise type(error)(error.errno, error.strerror, str(path)) from None
-        raise
+        with writing(path, error):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            yield unfinished
+            with unfinished.open("rb") as written:
+                os.fsync(written.fileno())  # otherwise power loss after the rename could leave an empty file
+            unfinished.replace(target)
     finally:
         with suppress(OSError):  # it was renamed, or could not be made
             unfinished.unlink()

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.errors import ScanError
 from tactile_localizer.io.whole_file import whole_file
 
 
@@ -45,16 +44,11 @@ def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = No
         The file cannot be written.
     """
     text = json.dumps(plain({name: entry for name, entry in value.items() if name != rows}), indent=1)
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as unfinished, unfinished.open("w", encoding="utf-8") as file:
-            if rows is None:
-                file.write(text + "\n")
-                return
-            file.write(f'{text[:-2]},\n "{rows}": [\n')
-            for number, row in enumerate(value[rows]):
-                file.write((",\n" if number else "") + json.dumps(plain(row)))
-            file.write("\n]\n}\n")
-    except OSError as error:
-        raise ScanError(f"{path}: expected to write results, {error.strerror}") from None
+    with whole_file(path) as unfinished, unfinished.open("w", encoding="utf-8") as file:
+        if rows is None:
+            file.write(text + "\n")
+            return
+        file.write(f'{text[:-2]},\n "{rows}": [\n')
+        for number, row in enumerate(value[rows]):
+            file.write((",\n" if number else "") + json.dumps(plain(row)))
+        file.write("\n]\n}\n")

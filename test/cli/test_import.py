@@ -166,7 +166,7 @@ def test_a_proposal_has_every_axis(folder, run):
     assert run("csv touch.csv --column stamp_s=time -o own_scan")[0] == 0
     assert load_scene("own_scan.scene.yaml").axis_names == ("x", "y", "yaw")
     refusal = run(f"csv touch.csv --column stamp_s=time -o {'x' * 300}")[2]
-    assert "could not write the scene, File name too long" in refusal
+    assert "could not be written, File name too long" in refusal
 
 
 def test_a_proposal_in_millimetres_is_noticed(folder, run):

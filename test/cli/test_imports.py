@@ -26,7 +26,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-@pytest.mark.parametrize("name", ["matplotlib", "rosbags", "rich.progress"])
+@pytest.mark.parametrize("name", ["matplotlib", "rosbags"])
 def test_replay_does_not_import(imported: set[str], name: str) -> None:
     assert "tactile_localizer.offline.replay" in imported
     assert name not in imported

@@ -83,7 +83,7 @@ def test_plot_draws_every_figure(scan, capsys):
         ("info none", "none: expected a scan folder, found none"),
         ("info scan.txt", "scan.txt: expected a scan folder, found none (with"),
         ("plot empty", "empty: expected at least one state-measurement pair"),
-        ("plot bump_scan -o scan.txt", "scan.txt: expected a folder for the figures"),
+        ("plot bump_scan -o scan.txt", "scan.txt/map.png: could not be written, File exists"),
     ],
 )
 def test_mistakes_are_refused_in_one_line(scan, capsys, arguments, message):

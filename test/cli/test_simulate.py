@@ -46,7 +46,7 @@ def test_errors_are_one_line(tmp_path, capsys):
     assert "at least one sweep" in capsys.readouterr().err
     (tmp_path / "file").touch()
     assert cli.main(["simulate", "bump", "-o", str(tmp_path / "file"), "--train", "1", "--test", "1"]) == 2
-    assert "expected to write a recording" in capsys.readouterr().err
+    assert "train.csv: could not be written" in capsys.readouterr().err
 
 
 def test_shipped_scenes_contain_every_sweep_and_contact():

@@ -5,17 +5,18 @@ from pathlib import Path
 import pytest
 from support.disk import full_disk
 
+from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.whole_file import whole_file
 
 
 def test_a_file_appears_when_complete(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
+    path = tmp_path / "made" / "a.txt"
     with whole_file(path) as unfinished:
         unfinished.write_text("all")
         assert not path.exists()
         assert unfinished.suffix == ".txt", "some writers go by it"
     assert path.read_text() == "all"
-    assert list(tmp_path.iterdir()) == [path]
+    assert list(path.parent.iterdir()) == [path]
 
 
 def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
@@ -33,16 +34,21 @@ def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_full_disk_names_the_users_file(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("a.txt", "File too large"), ("folder", "Is a directory"), ("file/a.txt", "File exists")],
+)
+def test_an_error_names_the_users_file(tmp_path: Path, name: str, reason: str) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    path = tmp_path / name
     with (
-        pytest.raises(OSError, match="File too large") as refusal,
+        pytest.raises(ParameterError, match=f"^{path}: could not be written, {reason}"),
         full_disk(100),
-        whole_file(path) as unfinished,
+        whole_file(path, ParameterError) as unfinished,
     ):
-        unfinished.write_text("x" * 1000)
-    assert refusal.value.filename == str(path)
-    assert list(tmp_path.iterdir()) == []
+        unfinished.write_text("x" * (1000 if name == "a.txt" else 10))
+    assert {path.name for path in tmp_path.iterdir()} == {"folder", "file"}
 
 
 def test_a_link_is_preserved(tmp_path: Path) -> None:

@@ -7,14 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from simulated import recording_of
 from support.sweeps import CALIBRATION, scene_of
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.replay import replay
@@ -83,11 +81,3 @@ def test_rows_are_written_as_json_can_hold_them(tmp_path: Path) -> None:
         "n": 2,
         "rows": [{**row, "mean": [0.1, None], "evidence": None}, {}],
     }
-
-
-def test_unwritable_results_leave_no_file(tmp_path: Path) -> None:
-    (tmp_path / "out.json").mkdir()
-    for path, reason in ((tmp_path / "out.json", "Is a directory"), (Path("/proc/none/out.json"), "No such")):
-        with pytest.raises(ScanError, match=f"{path}: expected to write results, {reason}"):
-            write_json(path, {"n": 1})
-    assert [path.name for path in tmp_path.iterdir()] == ["out.json"]

@@ -95,13 +95,9 @@ def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray, layout:
         stored.pop(name, None)
         if values.any():
             stored[name] = [float(value) for value in values]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as unfinished:
-            text = yaml.safe_dump(stored, default_flow_style=None)
-            unfinished.write_text(f"# Tare offsets, V, one per channel\n{text}", encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"tare file {path}: could not write it, {error.strerror}") from error
+    text = yaml.safe_dump(stored, default_flow_style=None)
+    with whole_file(path, ParameterError) as unfinished:
+        unfinished.write_text(f"# Tare offsets, V, one per channel\n{text}", encoding="utf-8")
 
 
 def _read(path: Path) -> dict[str, list[float]]:

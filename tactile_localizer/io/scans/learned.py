@@ -22,6 +22,7 @@ from tactile_localizer.core.factory import learn
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import ScanError
 from tactile_localizer.io.whole_file import open_file, whole_file
 from tactile_localizer.scene import Scene
 
@@ -61,14 +62,12 @@ def learned_calibration(
 
 def store_calibration(path: str | Path, digest: str, calibration: Calibration) -> None:
     """Write a calibration into the folder of a scan; a failure is logged as a warning."""
-    file = Path(path, FILE)
+    text = json.dumps(_content(digest, calibration), indent=2) + "\n"
     try:
-        with whole_file(file) as unfinished:
-            unfinished.write_text(
-                json.dumps(_content(digest, calibration), indent=2) + "\n", encoding="utf-8"
-            )
-    except OSError as error:
-        _log.warning("%s: could not be written, %s; the next start calibrates again", file, error.strerror)
+        with whole_file(Path(path, FILE)) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
+    except ScanError as error:
+        _log.warning("%s; the next start calibrates again", error)
 
 
 def _content(digest: str, calibration: Calibration) -> dict[str, Any]:

@@ -11,8 +11,6 @@ import io
 import json
 import os
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +20,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import ENDED, ENDED_EARLY, RecordedSweep
 from tactile_localizer.io.scene_file import require_same_scene, scene_to_dict
 from tactile_localizer.io.status import OK
-from tactile_localizer.io.whole_file import open_file
+from tactile_localizer.io.whole_file import open_file, writing
 from tactile_localizer.scene import Scene
 
 _END = b"\nsweep "
@@ -63,7 +61,7 @@ class OpenSweep:
         self._scene, self._pairs = scene, 0
         with writing(path):
             self._file = path.open("xb", buffering=0)
-        self._write(_header(scene, 0))
+        self._write(_header(scene, 0), sync=False)
 
     def append(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
         """Append pairs; they are on disk when the method returns.
@@ -97,24 +95,16 @@ class OpenSweep:
         details = {"gaps": self.gaps, "skipped": self.skipped, "strain_unit": self.strain_unit}
         text = json.dumps({**details, "scene": scene_to_dict(self._scene)}).encode()
         with self._file:
-            self._write(_END + b"%08x %s\n" % (zlib.crc32(text), text))
+            self._write(_END + b"%08x %s\n" % (zlib.crc32(text), text), sync=False)
             self._file.seek(0)
             self._write(_header(self._scene, self._pairs))
 
-    def _write(self, content: bytes) -> None:
-        with writing(Path(self._file.name)):
+    def _write(self, content: bytes, *, sync: bool = True) -> None:
+        with writing(self._file.name):
             while content:
                 content = content[self._file.write(content) :]
-            os.fdatasync(self._file.fileno())
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Context that turns errors of writing a file into a :class:`ScanError`."""
-    try:
-        yield
-    except OSError as error:
-        raise ScanError(f"{path}: could not be written, {error.strerror}") from None
+            if sync:
+                os.fdatasync(self._file.fileno())
 
 
 def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, int]:

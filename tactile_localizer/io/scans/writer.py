@@ -18,8 +18,9 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scans.folder import DROPPED, HISTORY, ScanFolder
-from tactile_localizer.io.scans.sweep_files import OpenSweep, writing
+from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scene_file import require_same_scene, save_scene, scene_to_dict
+from tactile_localizer.io.whole_file import writing
 from tactile_localizer.scene import Scene
 
 

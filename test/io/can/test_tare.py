@@ -76,5 +76,5 @@ def test_other_files_than_tare_files_are_refused(tmp_path: Path, text: str) -> N
 
 def test_an_unwritable_tare_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(ParameterError, match="tare file"):
+    with pytest.raises(ParameterError, match=r"tare\.yaml: could not be written"):
         store_tare(tmp_path / "file" / "tare.yaml", HAND, np.ones(16), LAYOUT)

@@ -67,9 +67,9 @@ def test_a_folder_that_cannot_be_written_gives_a_warning(path, calibrated, caplo
     # Loggers that are made after ``launch`` has been imported, as by its pytest plugin, do not propagate.
     monkeypatch.setattr(logging.getLogger(module.__name__), "propagate", True)
     for _ in range(2):
-        learned_calibration(path / "none", *load_scan(path))
+        learned_calibration(path / "scene.yaml", *load_scan(path))
     assert len(calibrated) == 2
-    assert "none/calibration.json: could not be written, No such file or directory" in caplog.text
+    assert "scene.yaml/calibration.json: could not be written, File exists" in caplog.text
 
 
 def test_the_digest_changes_with_scan_and_scene(path):
