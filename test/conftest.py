@@ -114,6 +114,7 @@ def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
         arguments = [*node_command(name, parameters)[1:], "--disable-rosout-logs"]
         assert run(getattr(module, name.title().replace("_", "")), arguments) == 2
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         return "".join(capfd.readouterr()).splitlines()
 
     return refused

@@ -118,11 +118,7 @@ class DriverNode(ManagedNode):
         # Receive times cannot be converted to simulated time, so use the time of the node's clock.
         stamp_ns = self.now_ns if self._use_sim_time else cycle.stamp_ns
         fill(self._message, stamp_ns, cycle.strain, cycle.status, cycle.sequence)
-        try:
-            self._strain.publish(self._message)
-        except RuntimeError:
-            if self.context.ok():  # otherwise the process is shutting down
-                raise
+        self._strain.publish(self._message)
 
     def _publish_offset(self) -> None:
         protocol = self._driver.protocol

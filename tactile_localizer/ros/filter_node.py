@@ -135,8 +135,7 @@ class FilterNode(ManagedNode):
         """Log what became of the strain since the map was loaded."""
         received, counts = self._inputs.received["strain"], self._online.counts
         without = counts.gaps + self._inputs.pairing.waiting
-        # At the end of the process nothing can be published: a logger that /rosout does not know.
-        rclpy.logging.get_logger(f"{self.get_logger().name}.strain").info(
+        self.get_logger().info(
             f"{received} strain vectors received, {counts.updated + counts.moved} posteriors, "
             f"{without} without a pose, {self._inputs.lost} lost in transport"
         )

@@ -180,8 +180,6 @@ class MappingNode(ManagedNode):
     def _publish_status(self, stamp_ns: int) -> None:
         """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""
         recorder = self._recorder
-        if not self.context.ok():
-            return
         message = ScanStatus()
         message.header.stamp = from_ns(max(stamp_ns, 0))
         message.header.frame_id = self.parameters["material_frame"]

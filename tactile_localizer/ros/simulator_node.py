@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import threading
 import time
-import traceback
 
 import numpy as np
 import rclpy
@@ -111,17 +110,10 @@ class SimulatorNode(ManagedNode):
         self._sent = self._published = self._ignored = self._pose_ns = 0
         self.create_subscription(StrainVectors, "strain", self._on_strain, STRAIN, raw=True)
         self._stop.clear()
-        thread = threading.Thread(target=self._run, name="simulated hand", daemon=True)
+        thread = threading.Thread(target=self._publish_until_stopped, name="simulated hand", daemon=True)
         thread.start()
         self.defer(thread.join)
         self.defer(self._stop.set)
-
-    def _run(self) -> None:
-        try:
-            self._publish_until_stopped()
-        except Exception:
-            if self.context.ok():  # otherwise the process is shutting down
-                self.get_logger().fatal(traceback.format_exc())
 
     def _publish_until_stopped(self) -> None:
         """Read the rig at the times of poses and samples, none of which is left out.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, TypeVar
+from contextlib import suppress
+from functools import partial
+from typing import TypeVar
 
 from rclpy.node import Node
 from rclpy.task import Future
@@ -28,18 +30,11 @@ async def run_in_thread(node: Node, work: Callable[[], T]) -> T:
 
     def run() -> None:
         try:
-            result = work()
+            finish = partial(future.set_result, work())
         except Exception as error:
-            finish(future.set_exception, error)
-        else:
-            finish(future.set_result, result)
-
-    def finish(set_outcome: Callable[[Any], None], outcome: Any) -> None:
-        try:
-            set_outcome(outcome)
-        except Exception:  # from rclpy, if the executor was shut down in the meantime
-            if node.context.ok():
-                raise
+            finish = partial(future.set_exception, error)
+        with suppress(Exception):  # from rclpy, if the executor was shut down in the meantime
+            finish()
 
     threading.Thread(target=run, name=f"{node.get_name()}: background", daemon=True).start()
     result: T = await future

@@ -69,6 +69,4 @@ def guard_service(
 
 
 def _log(node: Node, name: str, error: Exception) -> None:
-    if not node.context.ok():  # shutting down: nothing can be published or logged any more
-        raise error
     node.get_logger().error(f"{name}: {one_line(error)}", throttle_duration_sec=_LOG_PERIOD_S)

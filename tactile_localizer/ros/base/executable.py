@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 import gc
-import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from types import FrameType
 
 import rclpy
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
-from tactile_localizer.errors import ParameterError, TactileLocalizerError
 from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
 
-_WAKE_PERIOD_S = 0.5
+_WAKE_PERIOD_S = 0.2
 
 REJECTED = 2
 """Exit status for an invalid command line or configuration: starting the node again would fail again."""
 
 
 def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> int:
-    """Run a node until SIGINT, SIGTERM or shutdown.
+    """Run a node until SIGINT or SIGTERM.
+
+    A signal ends spinning after the running callback. The handlers of rclpy would shut down the context of
+    the node at any moment, also while it publishes or releases its resources.
 
     Parameters
     ----------
@@ -37,64 +37,45 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     int
         Exit status: 0, or :data:`REJECTED` if the node could not be constructed or autostarted.
     """
-    spinning = threading.Event()
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        # The handler of rclpy runs first and ends spinning after the running callback; do not interrupt it.
-        if not spinning.is_set():
-            os._exit(0)  # nothing to release yet; an exception would end in a traceback
-
-    signal.signal(signal.SIGINT, interrupt)
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
     try:
-        rclpy.init(args=args)
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # invalid arguments
         print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
         return REJECTED
-    node = None
     try:
-        node = _construct(make)
-        with SingleThreadedExecutor() as executor:
-            executor.add_node(node)
-            # On a signal rclpy wakes the executor before it shuts down; an executor that waits again at that
-            # moment misses the shutdown. After a timer callback it checks again.
-            node.create_steady_timer(_WAKE_PERIOD_S, lambda: None)
-            spinning.set()
-            if node.parameters["autostart"] and not _autostart(node, executor):
-                return REJECTED
-            # Exclude the existing objects from garbage collection, which would pause the node for 50 ms.
-            gc.collect()
-            gc.freeze()
-            executor.spin()
-    except ExternalShutdownException:
-        pass
-    except TactileLocalizerError as error:
-        rclpy.logging.get_logger("tactile_localizer").error(str(error))
+        node = make()
+    except Exception as error:  # also from rclpy, for invalid parameter overrides
+        rclpy.logging.get_logger("tactile_localizer").error(one_line(error))
+        rclpy.shutdown()
         return REJECTED
-    except RuntimeError:  # from rclpy, if a signal arrives while it prepares to wait
-        if rclpy.ok():
-            raise
+    try:
+        return _spin(node, ended)
     finally:
         # Ctrl-C reaches a launched node twice, from the terminal and from launch; the second would kill it.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        if node is not None:
-            node.close()
-            node.destroy_node()
-        with suppress(RuntimeError):  # from rclpy, if a signal shuts down at the same moment
-            rclpy.try_shutdown()
+        node.close()
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def _spin(node: ManagedNode, ended: threading.Event) -> int:
+    """Start a node and run its callbacks; returns the exit status."""
+    with SingleThreadedExecutor() as executor:
+        executor.add_node(node)
+        # Python handles a signal between two waits of the executor, which none of them interrupts.
+        node.create_steady_timer(_WAKE_PERIOD_S, lambda: None)
+        if node.parameters["autostart"]:
+            started = executor.create_task(node.start())
+            while not (started.done() or ended.is_set()):
+                executor.spin_once()
+            if started.done() and not started.result():
+                return REJECTED
+        # Exclude the existing objects from garbage collection, which would pause the node for 50 ms.
+        gc.collect()
+        gc.freeze()
+        while not ended.is_set():
+            executor.spin_once()
     return 0
-
-
-def _construct(make: Callable[[], ManagedNode]) -> ManagedNode:
-    try:
-        return make()
-    except (ExternalShutdownException, TactileLocalizerError):
-        raise
-    except Exception as error:  # from rclpy, for invalid parameter overrides
-        raise ParameterError(one_line(error)) from None
-
-
-def _autostart(node: ManagedNode, executor: Executor) -> bool:
-    """Whether autostart succeeded, or was interrupted before its result was known."""
-    started = executor.create_task(node.start())
-    executor.spin_until_future_complete(started)
-    return bool(started.result()) if started.done() else True

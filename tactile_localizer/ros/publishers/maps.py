@@ -122,8 +122,7 @@ class MapPublisher:
         try:
             self._publish(await run_in_thread(self._node, make))
         except Exception as error:
-            if self._node.context.ok():
-                self._node.get_logger().warning(f"map: {one_line(error)}")
+            self._node.get_logger().warning(f"map: {one_line(error)}")
         finally:
             self._is_drawing = False
 
