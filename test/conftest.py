@@ -14,9 +14,6 @@ from typing import Any
 import pytest
 from hypothesis import settings
 from support.processes import Process, node_command
-from support.reruns import (
-    pytest_terminal_summary as pytest_terminal_summary,  # prints why a test was repeated
-)
 
 from tactile_localizer.demo.nodes import own_domain
 
@@ -47,6 +44,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for item in items:
             if item.get_closest_marker("ros"):
                 item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Print why each test was repeated; pytest-rerunfailures only counts them."""
+    for report in terminalreporter.stats.get("rerun", ()):
+        terminalreporter.section(f"starved and repeated: {report.nodeid}", sep="-")
+        terminalreporter.write_line(report.longreprtext)
+        for name, content in report.sections:
+            terminalreporter.write_line(f"--- {name}\n{content}")
 
 
 @pytest.fixture
@@ -97,16 +103,12 @@ def process() -> Iterator[Callable[..., Process]]:
 @pytest.fixture
 def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
     """Start a node: ``node_process("driver_node", parameters={...})``; see ``node_command``."""
-    if reason := _why_no_ros():
-        pytest.skip(reason)
     return lambda *args, **kwargs: process(node_command(*args, **kwargs), forked=True)
 
 
 @pytest.fixture
 def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
     """Run a node here that cannot start: ``refusal("driver_node", parameters)`` returns its output."""
-    if reason := _why_no_ros():
-        pytest.skip(reason)
     from tactile_localizer.ros.base.executable import run
 
     def refused(name: str, parameters: dict[str, Any]) -> list[str]:
@@ -123,8 +125,6 @@ def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
 @pytest.fixture
 def probe() -> Iterator[Any]:
     """A :class:`support.probe.Probe`."""
-    if reason := _why_no_ros():
-        pytest.skip(reason)
     from support.probe import Probe
 
     probe = Probe()

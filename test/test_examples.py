@@ -68,13 +68,10 @@ def frames() -> list[can.Message]:
 def test_the_driver_publishes_own_load_cells(
     copied: Callable[[str], Path], node_process: Any, probe: Any, simulated_can: dict[str, Any]
 ) -> None:
-    from rclpy.qos import QoSProfile, ReliabilityPolicy
-
     from tactile_localizer.msg import StrainVectors
 
     folder = copied("own_dbc")
-    best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-    received = probe.listen(StrainVectors, "strain", best_effort)
+    received = probe.listen(StrainVectors, "strain", probe.best_effort)
     bus = {name: simulated_can[name] for name in ("interface", "channel")}
     bus |= {"bus_options": [f"port={simulated_can['port']}"], "period_s": 0.4}
     own = {**bus, "dbc": folder / "hand.dbc", "tare_file": folder / "tare.yaml"}

@@ -127,7 +127,7 @@ def test_strains_of_a_nanovolt_and_a_gigavolt_are_only_another_unit(model, volts
     np.testing.assert_allclose(other + 16 * math.log(volts), plain, atol=0.02)
 
 
-@pytest.mark.parametrize(("length", "bound"), [(2.0, 2.1), (0.06, 30.0)])
+@pytest.mark.parametrize(("length", "bound"), [(1.0, 1.1), (0.06, 30.0)])
 def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
     """Of three lines on material that is felt everywhere."""
     rng = np.random.default_rng(0)

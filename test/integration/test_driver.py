@@ -10,6 +10,7 @@ from typing import Any
 import can
 import numpy as np
 import pytest
+from support.diagnostics import status_of
 from support.load_cells import cycle, number_of, protocol
 from support.processes import Process, node_command
 
@@ -22,18 +23,14 @@ class Bench:
     """A running driver, load cells that count the frames that they send to it, and a subscriber."""
 
     def __init__(self, node: Process, bus: can.BusABC, probe: Any) -> None:
-        from diagnostic_msgs.msg import DiagnosticArray
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
-
         from tactile_localizer.msg import StrainVectors
 
         self.node, self._bus, self._probe = node, bus, probe
         self._rng = np.random.default_rng(0)
         self.number = 0  # of the next cycle
         self.sent = self.lost = self.garbage = 0
-        self._diagnostics = probe.listen(DiagnosticArray, "/diagnostics")
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.strains: list[Any] = probe.listen(StrainVectors, "strain", best_effort)
+        self._diagnostics = probe.diagnostics()
+        self.strains: list[Any] = probe.listen(StrainVectors, "strain", probe.best_effort)
         self.until(lambda: self._diagnostics, "the driver")
         self.until(self._completed, "the driver's strain")
         self.until(lambda: self.numbers()[-1] == {self.number - 1}, "the last cycle sent")
@@ -81,8 +78,7 @@ class Bench:
 
     def counted(self, what: str) -> dict[str, str]:
         """Values of the newest diagnostics of ``CAN bus`` or of a phalanx."""
-        (status,) = [one for one in self._diagnostics[-1].status if one.name == f"driver: {what}"]
-        return {pair.key: pair.value for pair in status.values}
+        return status_of(self._diagnostics, f"driver: {what}")[2]
 
     def drops(self) -> int:
         """Number of lost frames reported by the driver."""

@@ -26,9 +26,7 @@ def test_an_interrupt_during_the_imports_is_no_crash(process: Callable[..., Any]
 
 def test_a_second_interrupt_is_ignored(process: Callable[..., Any], probe: Any) -> None:
     """Ctrl-C reaches a launched node twice: from the terminal, and from launch."""
-    from diagnostic_msgs.msg import DiagnosticArray
-
-    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    reports = probe.diagnostics()
     node = process(node_command("adapter_node"))
     probe.until(lambda: reports, "the active node")
     while node.running:

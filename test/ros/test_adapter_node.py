@@ -129,10 +129,9 @@ def test_what_does_not_exist_is_rejected_in_one_line(refusal, tmp_path, entry, r
 
 
 def test_a_silent_sensor_is_reported(node_process, probe):
-    from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import WrenchStamped
 
-    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    reports = probe.diagnostics()
     node_process("adapter_node", {"adapter_file": "wrench.yaml"})
     messages = lambda: [report.status[0].message for report in reports]  # noqa: E731
     probe.until(lambda: "no messages on /wrench" in messages(), "the report")

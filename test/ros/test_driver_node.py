@@ -11,6 +11,7 @@ from typing import Any
 import can
 import numpy as np
 import pytest
+from support.diagnostics import status_of
 from support.load_cells import cycle, number_of, protocol
 from support.processes import node_command
 
@@ -107,25 +108,24 @@ def test_parameters_are_described_and_numbers_have_ranges(
             assert descriptor.description.endswith(("[s]", "[V]")), descriptor.name
 
 
-def values(array: Any, what: str) -> tuple[bytes, str, dict[str, str]]:
-    (status,) = [status for status in array.status if status.name == f"driver: {what}"]
-    return status.level, status.message, {pair.key: pair.value for pair in status.values}
+def values(arrays: list[Any], what: str) -> tuple[bytes, str, dict[str, str]]:
+    return status_of(arrays, f"driver: {what}")
 
 
 def test_diagnostics_distinguish_idle_ok_and_stale(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
 ) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticStatus
 
-    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    arrays = probe.diagnostics()
     node_process("driver_node", parameters=parameters)
 
     def reports(what: str, message: str) -> bool:
-        return bool(arrays) and message in values(arrays[-1], what)[1]
+        return message in values(arrays, what)[1]
 
     probe.until(lambda: reports("CAN bus", "open, idle"), "an idle bus")
     assert all(status.level == DiagnosticStatus.OK for status in arrays[-1].status)
-    assert "idle" in values(arrays[-1], "index")[1]
+    assert "idle" in values(arrays, "index")[1]
 
     sent = hand.number
 
@@ -138,15 +138,15 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
         return condition
 
     probe.until(sending("middle", "OK"), "a phalanx with status OK")
-    level, _, index = values(arrays[-1], "index")
+    level, _, index = values(arrays, "index")
     assert level == DiagnosticStatus.OK
     assert float(index["rate_hz"]) > 1
     assert 0 <= float(index["age_s"]) < 0.5  # else it would be stale
 
     hand.silent = {1}
     probe.until(sending("middle", "stale"), "a stale phalanx")
-    assert values(arrays[-1], "middle")[0] == DiagnosticStatus.ERROR
-    assert values(arrays[-1], "index")[0] == DiagnosticStatus.OK
+    assert values(arrays, "middle")[0] == DiagnosticStatus.ERROR
+    assert values(arrays, "index")[0] == DiagnosticStatus.OK
 
     hand.silent = set()
     error = can.Message(arbitration_id=0x04, is_error_frame=True, data=bytes(8))
@@ -159,24 +159,24 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     probe.until(
         lambda: reports("index", "stale") and reports("middle", "stale"), "both stale, as nothing is sent"
     )
-    _, _, counted = values(arrays[-1], "CAN bus")
+    _, _, counted = values(arrays, "CAN bus")
     assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
-    complete = int(values(arrays[-1], "index")[2]["samples"])
+    complete = int(values(arrays, "index")[2]["samples"])
     assert complete == hand.number - sent
-    middle = values(arrays[-1], "middle")[2]
+    middle = values(arrays, "middle")[2]
     assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
 
 
 def test_an_absent_interface_is_waited_for(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
 ) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticStatus
 
-    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    arrays = probe.diagnostics()
     absent = {"interface": "socketcan", "channel": "can7", "bus_options": []}
     node = node_process("driver_node", parameters={**parameters, **absent})
     probe.until(lambda: arrays, "diagnostics of an active driver")
-    level, message, counted = values(arrays[-1], "CAN bus")
+    level, message, counted = values(arrays, "CAN bus")
     assert level == DiagnosticStatus.ERROR
     assert message.startswith("waiting: CAN bus socketcan can7: expected an interface that opens")
     assert re.search(r" at 20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC$", counted["last_error"])
@@ -187,18 +187,17 @@ def test_an_absent_interface_is_waited_for(
 def test_two_senders_and_two_drivers_are_reported(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
 ) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray
 
     from tactile_localizer.msg import StrainVectors
 
-    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    arrays = probe.diagnostics()
     node_process("driver_node", parameters=parameters)
 
     def reported(what: str, message: str) -> Callable[[], bool]:
         def condition() -> bool:
             frames = [f for n in (hand.number, hand.number + 5) for f in cycle(HAND, n)]
             hand.send(frames)
-            return bool(arrays) and message in values(arrays[-1], what)[1]
+            return message in values(arrays, what)[1]
 
         return condition
 
@@ -212,14 +211,10 @@ class Tares:
     """Strain, offsets and services of a driver node while ``hand`` sends."""
 
     def __init__(self, probe: Any, hand: Hand) -> None:
-        from rclpy.qos import DurabilityPolicy, QoSProfile
-        from rclpy.qos import qos_profile_sensor_data as sensor_data
-
         from tactile_localizer.msg import StrainVectors
 
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.strains = probe.listen(StrainVectors, "strain", sensor_data)
-        self.offsets = probe.listen(StrainVectors, "driver/tare_offset", latched)
+        self.strains = probe.listen(StrainVectors, "strain", probe.best_effort)
+        self.offsets = probe.listen(StrainVectors, "driver/tare_offset", probe.latched)
         self._probe, self._hand = probe, hand
 
     def sending(self, condition: Callable[[], Any], what: str) -> None:
@@ -307,13 +302,12 @@ def test_a_tare_is_published_stored_and_cleared(
 def test_two_hands_have_separate_diagnostics_and_tares(
     process: Callable[..., Any], parameters: dict[str, Any], probe: Any, tmp_path: Path
 ) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray
     from std_srvs.srv import Trigger
 
     del parameters["tare_file"]
     for hand in ("left", "right"):
         process(node_command("driver_node", parameters, namespace=f"/{hand}"), {"ROS_HOME": str(tmp_path)})
-    reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics")
+    reports = probe.diagnostics()
     wanted = {"left/driver: CAN bus", "right/driver: CAN bus"}
     probe.until(lambda: wanted <= {status.name for array in reports for status in array.status}, "both")
     for hand in ("left", "right"):
@@ -325,11 +319,9 @@ def test_two_hands_have_separate_diagnostics_and_tares(
 def test_a_signal_ends_the_driver_promptly(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand, sig: signal.Signals
 ) -> None:
-    from rclpy.qos import qos_profile_sensor_data as sensor_data
-
     from tactile_localizer.msg import StrainVectors
 
-    strains = probe.listen(StrainVectors, "strain", sensor_data)
+    strains = probe.listen(StrainVectors, "strain", probe.best_effort)
     node = node_process("driver_node", parameters=parameters)
 
     def flowing() -> bool:

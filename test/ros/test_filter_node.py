@@ -93,7 +93,6 @@ def test_live_posteriors_equal_offline_estimates(start, scan_file):
 
 
 def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, tmp_path):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
 
     from tactile_localizer.srv import LoadScan
@@ -105,8 +104,7 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     (directory / "foreign_scan").write_text("not a scan " * 100)
     (directory / "link_scan").symlink_to(scan_file)
     node = start(scan_directory=directory)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    maps = probe.listen(PointCloud2, "filter/map", latched)
+    maps = probe.listen(PointCloud2, "filter/map", probe.latched)
     node.slide(50)
     probe.until(lambda: maps, "the map to display")
     for path, reason, result in (

@@ -98,13 +98,11 @@ def test_pose_flag_trace_and_particles_agree_with_the_posterior(node, probe):
 
 
 def test_the_map_is_latched(node, probe):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
     from visualization_msgs.msg import Marker
 
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    clouds = probe.listen(PointCloud2, "filter/map", latched)
-    regions = probe.listen(Marker, "filter/feature_region", latched)
+    clouds = probe.listen(PointCloud2, "filter/map", probe.latched)
+    regions = probe.listen(Marker, "filter/feature_region", probe.latched)
     probe.until(lambda: clouds and regions, "the map and the region")
     assert [field.name for field in clouds[0].fields][:4] == ["x", "y", "z", "intensity"]
     assert clouds[0].width > 15_000

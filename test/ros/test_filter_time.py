@@ -30,9 +30,7 @@ class Clock:
 
     def show_until_seen(self):
         """Publish and wait until the filter received it: clock and strain arrive in any order."""
-        from diagnostic_msgs.msg import DiagnosticArray
-
-        seen = self._probe.listen(DiagnosticArray, "/diagnostics")
+        seen = self._probe.diagnostics()
         self.show()
         self._probe.until(lambda: seen and stamp_of(seen[-1]) == self.now_ns, "diagnostics at this time")
 
@@ -46,14 +44,12 @@ class Clock:
 
 @pytest.fixture
 def filter_in_simulated_time(node_process, probe, scan_file):
-    from diagnostic_msgs.msg import DiagnosticArray
-
     from tactile_localizer.msg import Posterior
 
     process = node_process("filter_node", {"scan_file": scan_file, "cell": 1.0, "use_sim_time": True})
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
     hand = SlidingHand(probe, unseen_sweep())
-    diagnostics = probe.listen(DiagnosticArray, "/diagnostics")
+    diagnostics = probe.diagnostics()
     probe.until(lambda: diagnostics, "diagnostics: all are matched by now")
     return process, posteriors, hand
 
@@ -75,8 +71,6 @@ def test_without_a_clock_stamps_determine_the_time(filter_in_simulated_time, pro
 
 
 def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe):
-    from diagnostic_msgs.msg import DiagnosticArray
-
     process, posteriors, hand = filter_in_simulated_time
     clock = Clock(probe)
     clock.show()
@@ -92,7 +86,7 @@ def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe
     clock.show()
     hand.offset_ns = clock.now_ns - int(hand.strain_ns[20])
     slide(probe, hand, posteriors, 20)
-    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    reports = probe.diagnostics()
     probe.until(lambda: len(reports) >= 2, "diagnostics while the clock stands still")
     assert not posteriors[-1].stale, "a fresh estimate is not repeated as stale"
     clock.run(0.2)

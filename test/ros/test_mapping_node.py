@@ -121,7 +121,6 @@ def test_invalid_messages_prevent_a_sweep(node_process, probe, files, wrong, ref
 
 
 def test_the_map_is_latched_after_a_sweep(node_process, probe, files):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
     from sensor_msgs.msg import PointCloud2
 
     node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
@@ -130,20 +129,18 @@ def test_the_map_is_latched_after_a_sweep(node_process, probe, files):
     hand.slide(300)
     hand.wait_for_stamp(300)
     hand.service("end_sweep")
-    clouds = probe.listen(
-        PointCloud2, "mapping/map", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    )
+    clouds = probe.listen(PointCloud2, "mapping/map", probe.latched)
     probe.until(lambda: clouds, "the map")
     assert clouds[-1].header.frame_id == "material"
     assert clouds[-1].width > 0
 
 
 def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
-    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticStatus
 
     node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
-    reports = probe.listen(DiagnosticArray, "/diagnostics", 10)
+    reports = probe.diagnostics()
 
     def latest():
         return reports[-1].status[0] if reports else None

@@ -47,16 +47,14 @@ def record(path: Path) -> Path:
 def play(bag: Path, probe: Any) -> list[Any]:
     """Publish the messages of a bag in order; returns the posteriors."""
     from geometry_msgs.msg import PoseStamped
-    from rclpy.qos import QoSProfile, ReliabilityPolicy
     from rclpy.serialization import deserialize_message
 
     from tactile_localizer.msg import Posterior, StrainVectors
 
-    best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
     received = probe.listen(Posterior, "filter/posterior", 1000)
     kinds = {"/strain": StrainVectors, "/palm_pose": PoseStamped}
     publishers = {
-        "/strain": probe.publisher(StrainVectors, "strain", best_effort, timeout_s=60.0),
+        "/strain": probe.publisher(StrainVectors, "strain", probe.best_effort, timeout_s=60.0),
         "/palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
     }
     probe.known_to("/filter")

@@ -9,6 +9,7 @@ import time
 import can
 import numpy as np
 import pytest
+from support.diagnostics import status_of
 from support.sweeps import stamp_of
 from support.waiting import wait_until
 
@@ -58,15 +59,13 @@ class Hand:
 
     def __init__(self, probe):
         from geometry_msgs.msg import PoseStamped
-        from rclpy.qos import DurabilityPolicy, QoSProfile
         from std_msgs.msg import Bool
         from std_srvs.srv import Trigger
 
         self._probe, self._trigger = probe, Trigger
         self.poses = probe.listen(PoseStamped, "palm_pose", 1000)
         self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
-        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.active = probe.listen(Bool, "simulator/sweep_active", latched)
+        self.active = probe.listen(Bool, "simulator/sweep_active", probe.latched)
 
     def call(self, service):
         return self._probe.call(self._trigger, f"simulator/{service}")
@@ -151,16 +150,13 @@ def test_frames_carry_the_simulated_strain(start, hand, frames):
 def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     start, node_process, bus, hand, probe, tmp_path
 ):
-    from diagnostic_msgs.msg import DiagnosticArray
-
     simulator = start(speed=2.0, load_cell_rate_hz=200.0, pose_rate_hz=100.0)
     patient = {"receive_buffer": 1 << 17, "period_s": 1.0, "max_age_s": 60.0}
     driver = node_process("driver_node", {**bus, **patient, "tare_file": tmp_path / "tare.yaml"})
-    arrays = probe.listen(DiagnosticArray, "/diagnostics")
+    arrays = probe.diagnostics()
 
     def counted(name):
-        statuses = [one for array in arrays for one in array.status if one.name == f"driver: {name}"]
-        return {pair.key: pair.value for pair in statuses[-1].values} if statuses else {}
+        return status_of(arrays, f"driver: {name}")[2]
 
     def received(more):
         arrays.clear()

@@ -31,7 +31,6 @@ class System:
     """Simulator, driver and filter as processes, and a probe that watches them."""
 
     def __init__(self, process: Callable[..., Process], probe: Probe, place: Place) -> None:
-        from diagnostic_msgs.msg import DiagnosticArray
         from std_msgs.msg import Bool
 
         from tactile_localizer.msg import Posterior
@@ -47,7 +46,7 @@ class System:
             name: process(node_command(f"{name}_node", own, parameter_files=[shipped]))
             for name, own in parameters.items()
         }
-        self.reports: list[Any] = probe.listen(DiagnosticArray, "/diagnostics", 100)
+        self.reports = probe.diagnostics()
         self.posteriors: list[Any] = probe.listen(Posterior, "filter/posterior", 1000)
         self.sweeping: list[Any] = probe.listen(Bool, "simulator/sweep_active")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from support.diagnostics import status_of
 from support.sweeps import stamp_of
 
 CELL = {"cell": 1.0}
@@ -75,11 +76,7 @@ class Filter:
 
     def status(self, name):
         """Level, message and values of the newest diagnostic status ``name``."""
-        for array in reversed(self.diagnostics):
-            for status in array.status:
-                if status.name == f"filter: {name}":
-                    return status.level, status.message, {v.key: v.value for v in status.values}
-        return b"", "", {}
+        return status_of(self.diagnostics, f"filter: {name}")
 
     def count(self, name):
         """Counter ``name`` of the inputs in diagnostics of the present."""

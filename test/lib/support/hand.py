@@ -20,16 +20,14 @@ class Hand:
 
     def __init__(self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="mapping"):
         from geometry_msgs.msg import PoseStamped
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
 
         from tactile_localizer.msg import ScanStatus, StrainVectors
 
         self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
         self._publishers = {
             "palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
-            "strain": probe.publisher(StrainVectors, "strain", best_effort),
+            "strain": probe.publisher(StrainVectors, "strain", probe.best_effort),
         }
         probe.known_to(node)
         self.x = bags.x_at

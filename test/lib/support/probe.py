@@ -7,11 +7,12 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from support.waiting import Deadline
 
 T = TypeVar("T")
@@ -26,6 +27,9 @@ class Probe:
 
     Messages of :meth:`listen` gather in lists; :meth:`until` spins until a condition is true.
     """
+
+    best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
     def __init__(self, name: str = "probe", namespace: str = "") -> None:
         self.context = Context()
@@ -47,6 +51,10 @@ class Probe:
         messages: list[Any] = []
         self.node.create_subscription(kind, topic, messages.append, qos)
         return messages
+
+    def diagnostics(self) -> list[Any]:
+        """The messages on ``/diagnostics``, as of :meth:`listen`; see :mod:`support.diagnostics`."""
+        return self.listen(DiagnosticArray, "/diagnostics", 100)
 
     def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10, timeout_s: float = 30.0) -> Any:
         """A publisher, once it is matched with a subscriber."""

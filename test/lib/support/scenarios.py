@@ -105,11 +105,10 @@ def _hardware(place: Place) -> Started:
 
 def _check_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
     from geometry_msgs.msg import PoseStamped
-    from rclpy.qos import qos_profile_sensor_data
 
     from tactile_localizer.msg import StrainVectors
 
-    strains = probe.listen(StrainVectors, f"{namespace}strain", qos_profile_sensor_data)
+    strains = probe.listen(StrainVectors, f"{namespace}strain", probe.best_effort)
     poses = probe.listen(PoseStamped, f"{namespace}palm_pose")
     probe.until(lambda: len(strains) > 50 and len(poses) > 20, "strain and poses", 30.0)
     assert list(strains[-1].phalanges) == ["index", "middle"]
@@ -225,11 +224,10 @@ def _adapted(place: Place) -> Sequence[Started]:
 
 def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
     from geometry_msgs.msg import WrenchStamped
-    from rclpy.qos import qos_profile_sensor_data
 
     from tactile_localizer.msg import StrainVectors
 
-    strains = probe.listen(StrainVectors, "strain", qos_profile_sensor_data)
+    strains = probe.listen(StrainVectors, "strain", probe.best_effort)
     wrenches = probe.publisher(WrenchStamped, "fingertip")
     probe.until(lambda: wrenches.publish(WrenchStamped()) or strains, "strain of the fingertip")
     assert list(strains[-1].channels) == [6]

@@ -98,15 +98,13 @@ class SlidingHand:
         poses: bool = True,
     ) -> None:
         from geometry_msgs.msg import PoseStamped
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
 
         from tactile_localizer.msg import StrainVectors
 
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._Pose, self._Strain = PoseStamped, StrainVectors
         self._probe, self._phalanges = probe, phalanges
         self._poses = probe.publisher(PoseStamped, topics[1], 100, timeout_s=60.0) if poses else None
-        self._strains = probe.publisher(StrainVectors, topics[0], best_effort)
+        self._strains = probe.publisher(StrainVectors, topics[0], probe.best_effort)
         self.sweep = sweep
         self.offset_ns = START_NS
         self.next = 0

@@ -47,11 +47,10 @@ def test_an_invalid_transition_is_rejected(node_process, probe, change, tmp_path
 
 
 def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, change, tmp_path):
-    from diagnostic_msgs.msg import DiagnosticArray
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
-    reports = probe.listen(DiagnosticArray, "/diagnostics")
+    reports = probe.diagnostics()
     process = managed_filter(node_process, tmp_path, calibrated=False)
     client = probe.node.create_client(ChangeState, "filter/change_state")
     probe.until(client.service_is_ready, "the filter", 60.0)
@@ -78,12 +77,9 @@ def test_an_interrupt_ends_a_calibrating_node(node_process, tmp_path):
 
 
 def test_inactive_nodes_publish_nothing(node_process, probe, change, tmp_path):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
-
     from tactile_localizer.msg import ScanStatus
 
-    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    statuses = probe.listen(ScanStatus, "mapping/status", latched)
+    statuses = probe.listen(ScanStatus, "mapping/status", probe.latched)
     parameters = {"scan_file": tmp_path / "bump_scan", "scene_file": "bump.yaml", "autostart": False}
     node_process("mapping_node", parameters)
     assert change("mapping", "configure")
