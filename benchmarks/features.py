@@ -49,14 +49,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from measures import Row, ever_converged, falsely_converged, on_feature, on_unscanned, update_times
 from rows import in_parallel, print_rows, write_rows
-from simulated import read_us, recording_of, shipped_scene
+from simulated import read_us
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 
@@ -65,9 +65,9 @@ def measure_feature(
 ) -> list[Row]:
     """The rows of one seed and feature, one for each configuration."""
     scene = bare(shipped_scene(feature), region)
-    scan = simulate_scan(feature, seed).to_scan()
+    scan = simulate_scan(feature, seed)
     own, blank, seam, none = (
-        recording_of(simulate_scan(material, seed, "test", sweeps=sweeps, reach_feature=reach))
+        simulate_recording(material, seed, "test", sweeps=sweeps, reach_feature=reach)
         for material, reach in ((feature, True), (feature, False), ("seam", True), ("none", True))
     )
     began = time.process_time()

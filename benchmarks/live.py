@@ -19,14 +19,13 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
-from simulated import recording_of, shipped_scene
 
 from tactile_localizer.demo.nodes import node_command, own_domain
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.msg import Posterior, StrainVectors
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import fill, from_ns, to_ns
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording
 
 _POSE_RATE_HZ = 100.0
 
@@ -73,7 +72,7 @@ def measure(hand: Hand, filter_node: subprocess.Popen[bytes], rate_hz: float, se
         hand.send_strain(np.zeros(16), 0)
         hand.send_pose(0.0, 0.0)
         hand.receive_until(time.monotonic() + 0.1)
-    sweep = simulate_scan("bump", 1, "test", sweeps=1, rate=rate_hz)
+    (sweep,) = simulate_recording("bump", 1, "test", sweeps=1, rate=rate_hz).sweeps
     forth = np.arange(len(sweep))
     samples = np.resize(np.concatenate([forth, forth[::-1]]), round(seconds * rate_hz))
     hand.delays_ms.clear()
@@ -82,7 +81,7 @@ def measure(hand: Hand, filter_node: subprocess.Popen[bytes], rate_hz: float, se
         hand.receive_until(began_s + number / rate_hz)
         hand.send_strain(sweep.strain[sample], number + 1)
         if number % max(1, round(rate_hz / _POSE_RATE_HZ)) == 0:
-            hand.send_pose(*map(float, sweep.odometry[sample]))
+            hand.send_pose(*map(float, sweep.position[sample]))
     load = (_processor_s(filter_node.pid) - used_s) / (time.monotonic() - began_s)
     hand.receive_until(time.monotonic() + 1.0)
     median_ms, late_ms = np.quantile(hand.delays_ms, [0.5, 0.99])
@@ -106,7 +105,7 @@ def main() -> None:
         rclpy.init()
         path = Path(name, "bump_scan")
         with ScanWriter(path, shipped_scene("bump")) as writer:
-            for sweep in recording_of(simulate_scan("bump", 1)).sweeps:
+            for sweep in simulate_recording("bump", 1).sweeps:
                 writer.add(sweep)
         hand = Hand()
         for rate_hz in given.rate:

@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 from rows import Row, in_parallel
-from simulated import recording_of, shipped_scene
 
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.configuration import Configuration
@@ -32,7 +31,7 @@ from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep, replay
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 PAPER_PARAMETERS = {
@@ -122,7 +121,7 @@ class Finding(NamedTuple):
 
 def localize(feature: str, seed: int, sweeps: int) -> list[Row]:
     """A row for each method and sweep over the feature, or sweep that ends before it."""
-    scene, scan = shipped_scene(feature), simulate_scan(feature, seed).to_scan()
+    scene, scan = shipped_scene(feature), simulate_scan(feature, seed)
     calibration = learn(scan, replace(scene, measurement={}))
     rows = []
     for method, configuration in METHODS.items():
@@ -131,8 +130,8 @@ def localize(feature: str, seed: int, sweeps: int) -> list[Row]:
         rng = np.random.default_rng(seed)
         localizer = build_localizer(scan, own, configuration, rng, calibration=calibration)
         for reach in (True, False):
-            test = simulate_scan(feature, seed, "test", sweeps=sweeps, reach_feature=reach)
-            for sweep in replay(localizer, recording_of(test)):
+            test = simulate_recording(feature, seed, "test", sweeps=sweeps, reach_feature=reach)
+            for sweep in replay(localizer, test):
                 rows.append({"feature": feature, "method": method, "blank": not reach, **outcome(own, sweep)})
     return rows
 

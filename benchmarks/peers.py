@@ -169,7 +169,9 @@ def compare(scan: Scan, scene: Scene, strains: np.ndarray) -> list[dict[str, Any
 
 if __name__ == "__main__":
     from rows import print_rows
-    from simulated import paper_sized_scan, shipped_scene
+    from simulated import paper_sized_scan
+
+    from tactile_localizer.sim import shipped_scene
 
     scan = paper_sized_scan()
     measured = compare(scan, shipped_scene("bump"), scan.strain[:: len(scan) // 50])

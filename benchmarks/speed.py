@@ -36,7 +36,7 @@ from fabrics import measure_map
 from measures import Row, update_times
 from recorded import Variant, measure_folder
 from rows import print_rows, write_rows
-from simulated import paper_sized_scan, read_us, recording_of, shipped_scene
+from simulated import paper_sized_scan, read_us
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
@@ -45,7 +45,7 @@ from tactile_localizer.io.can.layout import load_dbc
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.resources import resource_path
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording
 
 REPLAY_RATE_HZ, CAN_RATE_HZ = 200.0, 500.0
 _BATCH = 1024
@@ -61,7 +61,7 @@ def on_bump(sweeps: int) -> list[Row]:
     localizer = build_localizer(
         scan, scene, Configuration(), np.random.default_rng(0), calibration=calibration
     )
-    recording = recording_of(simulate_scan("bump", 1, "test", sweeps=sweeps, rate=REPLAY_RATE_HZ))
+    recording = simulate_recording("bump", 1, "test", sweeps=sweeps, rate=REPLAY_RATE_HZ)
     began = time.process_time()
     replayed = replay(localizer, recording)
     taken_s = time.process_time() - began

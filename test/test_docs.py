@@ -106,7 +106,7 @@ def test_the_way_of_a_sample_names_every_module_that_an_update_crosses(tmp_path:
     localizer = make_localizer(scan, scene, scan_file=tmp_path / "bump_scan")
     sweep, files = unseen_sweep(), set()
     sys.setprofile(lambda frame, event, argument: files.add(frame.f_code.co_filename))
-    for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.odometry, sweep.strain, strict=True):
+    for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.position, sweep.strain, strict=True):
         localizer.update(stamp_ns, position, strain)
     sys.setprofile(None)
     crossed = {

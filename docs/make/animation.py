@@ -17,12 +17,11 @@ from matplotlib.patches import Circle, Ellipse, FancyBboxPatch, Patch, Rectangle
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.resources import resource_path
-from tactile_localizer.sim import SimulatedSweep, simulate_scan, simulate_sweep
+from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.sim import shipped_scene, simulate_scan, simulate_sweep
 
 PICTURE = Path(__file__).parents[1] / "images/localization.gif"
-SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
+SCENE = shipped_scene("bump")
 MM = 1e3
 FRAME_M = 0.0006
 """Travel of the palm between two frames, m."""
@@ -38,15 +37,15 @@ BUMP_MM = (32.0, 25.4)
 OPEN, SURE = "#b3123f", "tab:green"
 
 
-def localize(sweep: SimulatedSweep) -> tuple[list[Estimate], list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+def localize(sweep: RecordedSweep) -> tuple[list[Estimate], list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
     """Estimates of a sweep, the hypotheses of each frame, and the rows of the frames."""
     localizer = build_localizer(
-        simulate_scan("bump", seed=1).to_scan(), SCENE, Configuration(), np.random.default_rng(1)
+        simulate_scan("bump", seed=1), SCENE, Configuration(), np.random.default_rng(1)
     )
     x = sweep.truth[:, 0]
     rows = np.searchsorted(x, np.arange(x[0], x[-1], FRAME_M))
     estimates, beliefs = [], []
-    for row, sample in enumerate(zip(sweep.stamp_ns.tolist(), sweep.odometry, sweep.strain, strict=True)):
+    for row, sample in enumerate(zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, strict=True)):
         estimates.append(localizer.update(*sample))
         beliefs += [localizer.hypotheses()] * int(np.count_nonzero(rows == row))
     return estimates, beliefs, rows
@@ -77,7 +76,7 @@ class Picture:
     sweep, estimates : what is shown
     """
 
-    def __init__(self, sweep: SimulatedSweep, estimates: list[Estimate]) -> None:
+    def __init__(self, sweep: RecordedSweep, estimates: list[Estimate]) -> None:
         self.sweep, self.estimates, self.x = sweep, estimates, sweep.truth[:, 0] * MM
         self.figure = plt.figure(figsize=(7.6, 3.9), layout="constrained")
         left, right = self.figure.subfigures(1, 2, width_ratios=(1, 1.05))

@@ -11,13 +11,11 @@ from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangl
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.resources import resource_path
-from tactile_localizer.sim import simulate_scan, simulate_sweep
+from tactile_localizer.io.recording import scan_of
+from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan, simulate_sweep
 
 IMAGES = Path(__file__).parents[1] / "images"
-SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
+SCENE = shipped_scene("bump")
 MM = 1e3
 INDEX, MIDDLE, PALM, FEATURE = "tab:blue", "tab:orange", "0.25", "#f3d9a4"
 STRAIN = 5
@@ -88,19 +86,20 @@ def frames() -> None:
 
 def scan() -> None:
     """A training scan: its sweeps, and one strain channel along three of them."""
-    recorded = simulate_scan("bump", seed=1)
+    recorded = simulate_recording("bump", seed=1)
     figure, (above, along) = plt.subplots(
         1, 2, figsize=(7.6, 3.1), layout="constrained", width_ratios=(1, 1.45)
     )
     material(above, region=False)
-    x, y = recorded.odometry[::4].T * MM
-    colours = above.scatter(x, y, 1.5, recorded.strain[::4, STRAIN], cmap="viridis")
+    every = scan_of(recorded, SCENE)
+    x, y = every.states[::4].T * MM
+    colours = above.scatter(x, y, 1.5, every.strain[::4, STRAIN], cmap="viridis")
     figure.colorbar(colours, ax=above, label="strain, V", shrink=0.8)
     above.set_title(f"pairs of 21 sweeps, coloured by index {STRAIN + 1}")
     for number in (9, 10, 11):
-        part = recorded.slices()[number]
-        label = f"y = {recorded.odometry[part, 1].mean() * MM:.1f} mm"
-        along.plot(recorded.odometry[part, 0] * MM, recorded.strain[part, STRAIN], lw=0.8, label=label)
+        sweep = recorded.sweeps[number]
+        label = f"y = {sweep.position[:, 1].mean() * MM:.1f} mm"
+        along.plot(sweep.position[:, 0] * MM, sweep.strain[:, STRAIN], lw=0.8, label=label)
     along.axvspan(*(np.array([SCENE.feature.lower[0], SCENE.feature.upper[0]]) * MM), color=FEATURE, zorder=0)
     along.set_xlabel("x, mm")
     along.set_ylabel("strain, V (shaded: feature region)")
@@ -111,14 +110,13 @@ def scan() -> None:
 
 def belief() -> None:
     """The belief along one new sweep, and the probabilities that determine convergence."""
-    recorded = simulate_scan("bump", seed=1)
-    training = Scan(recorded.odometry, recorded.strain, recorded.sweep, SCENE.axis_names, SCENE.phalanx_names)
+    training = simulate_scan("bump", seed=1)
     localizer = build_localizer(training, SCENE, Configuration(), np.random.default_rng(1))
     sweep = simulate_sweep("bump", seed=1, number=0, start=(0.002, 0.0241))
     estimates, pictures = [], {}
     shown = np.searchsorted(sweep.truth[:, 0], (0.012, 0.022, 0.027, 0.042))
     for row, (stamp, position, strain) in enumerate(
-        zip(sweep.stamp_ns, sweep.odometry, sweep.strain, strict=True)
+        zip(sweep.stamp_ns, sweep.position, sweep.strain, strict=True)
     ):
         estimates.append(localizer.update(int(stamp), position, strain))
         if row in shown:
@@ -152,7 +150,7 @@ def belief() -> None:
         axes.fill_between(
             x, 0, 1, where=converged, transform=axes.get_xaxis_transform(), color="tab:green", alpha=0.2
         )
-        axes.axvline(x[sweep.contact], color=FEATURE, lw=2, zorder=0)
+        axes.axvline(x[sweep.contact[0]], color=FEATURE, lw=2, zorder=0)
         axes.set_xlabel("x of the palm, mm (line: contact; green: converged)")
     save(figure, "belief")
 

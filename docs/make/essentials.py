@@ -18,7 +18,7 @@ from tactile_localizer.io.recording import USABLE, screen
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim.scan import TRAINING_SWEEPS, simulate_scan
+from tactile_localizer.sim.scan import TRAINING_SWEEPS, simulate_recording, simulate_scan
 
 PICTURE = Path(__file__).parents[1] / "images/essentials.png"
 SEEDS = 1, 2, 3
@@ -72,25 +72,24 @@ def trial(task: tuple[str, float]) -> np.ndarray:
     if name == "motion_std":
         scene = with_motion(scene, value)
     passes = int(value) if name == "passes" else 1
-    train = simulate_scan("bump", 1, "train", sweeps=passes * TRAINING_SWEEPS).to_scan()
+    train = simulate_scan("bump", 1, "train", sweeps=passes * TRAINING_SWEEPS)
     inside = screen(scene, train.states, train.strain, np.zeros((len(train), 2), np.uint8)) == USABLE
     if name == "lines":
         inside &= train.sweep % round(value / 2.54) == 0
     radius = value / MM if name == "convergence_radius" else Configuration().convergence_radius
     localizer = make_localizer(train.select(inside), scene, Configuration(convergence_radius=radius), seed=1)
     found = []
-    for test in (simulate_scan("bump", seed, "test") for seed in SEEDS):
-        position = (SLIP if name == "motion_std" else 1.0) * test.odometry
-        for part, contact in zip(test.slices(), test.contact, strict=True):
+    for test in (simulate_recording("bump", seed, "test") for seed in SEEDS):
+        for sweep in test.sweeps:
+            contact = sweep.contact[0]
             if contact < 0:
                 continue
             localizer.reset()
-            estimates = [
-                localizer.update(int(test.stamp_ns[k]), position[k], test.strain[k])
-                for k in range(part.start, part.stop)
-            ][contact - part.start :]
+            position = (SLIP if name == "motion_std" else 1.0) * sweep.position
+            samples = zip(sweep.stamp_ns.tolist(), position, sweep.strain, strict=True)
+            estimates = [localizer.update(*sample) for sample in samples][contact:]
             means = np.array([estimate.mean for estimate in estimates])
-            error = MM * np.linalg.norm(means - test.truth[contact : part.stop], axis=1)
+            error = MM * np.linalg.norm(means - sweep.truth[contact:], axis=1)
             converged = np.array([estimate.converged for estimate in estimates])
             found.append(
                 (error.mean(), 100 * converged.mean(), 100 * (converged & (error > WRONG_MM)).mean())

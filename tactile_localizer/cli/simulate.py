@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.io.csv.columns import channel_names
-from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.io.recording import Recording
+from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.io.whole_file import whole_file
-from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim.hand import PHALANGES
-from tactile_localizer.sim.material import FEATURES, SIMULATED_FEATURES
-from tactile_localizer.sim.scan import AXES, TEST_SWEEPS, TRAINING_SWEEPS, SimulatedScan, simulate_scan
+from tactile_localizer.sim import FEATURES, shipped_scene, simulate_recording
+from tactile_localizer.sim.scan import TEST_SWEEPS, TRAINING_SWEEPS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,49 +33,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the training sweeps with the arm's positions, and the test sweeps with the true ones."""
-    options = {"seed": args.seed, "channels": tuple(args.channels)}
-    train = simulate_scan(args.feature, kind="train", sweeps=args.train, **options)
-    reach = not args.never_reach
-    test = simulate_scan(args.feature, kind="test", sweeps=args.test, reach_feature=reach, **options)
-    for name, scan, position in (("train", train, train.odometry), ("test", test, test.truth)):
+    channels = tuple(args.channels)
+    simulate = partial(simulate_recording, args.feature, args.seed, channels=channels)
+    train = simulate("train", sweeps=args.train)
+    test = simulate("test", sweeps=args.test, reach_feature=not args.never_reach)
+    scene = shipped_scene(args.feature, channels)
+    for name, recording, positions in (("train", train, "position"), ("test", test, "truth")):
         path = args.output / f"{name}.csv"
-        write_csv(path, scan, position)
-        print(f"{path}: {len(scan.contact)} sweeps, {len(scan)} samples")
-    if args.channels:
+        write_csv(path, recording, scene, positions)
+        print(f"{path}: {len(recording.sweeps)} sweeps, {len(recording)} samples")
+    if channels:
         path = args.output / "scene.yaml"
-        save_scene(_scene(args.feature, args.channels), path)
-        print(f"{path}: the scene, with {args.channels[0]} and {args.channels[1]} channels")
+        save_scene(scene, path)
+        print(f"{path}: the scene, with {channels[0]} and {channels[1]} channels")
     return 0
 
 
-def _scene(feature: str, channels: Sequence[int]) -> Scene:
-    """The shipped scene of a feature (default: the bump) with other channels, without kernel widths."""
-    name = feature if feature in SIMULATED_FEATURES else SIMULATED_FEATURES[0]
-    shipped = load_scene(resource_path(f"config/scenes/{name}.yaml"))
-    phalanges = tuple(
-        replace(phalanx, channels=count) for phalanx, count in zip(shipped.phalanges, channels, strict=True)
-    )
-    return replace(shipped, name=feature, phalanges=phalanges, measurement={})
-
-
-def write_csv(path: Path, scan: SimulatedScan, position: np.ndarray) -> None:
-    """Write simulated sweeps in the standard columns.
+def write_csv(path: Path, recording: Recording, scene: Scene, positions: str) -> None:
+    """Write sweeps in the standard columns.
 
     Parameters
     ----------
     path : CSV file
-    scan : simulated sweeps, N samples
-    position : (N, 2) positions to write, m
+    recording : sweeps with known truth and contact
+    scene : its axes and phalanges
+    positions : those to write, ``position`` or ``truth``
 
     Raises
     ------
     ScanError
         The file cannot be written.
     """
-    counts = zip(PHALANGES, scan.layout.counts, strict=True)
-    strain_names = [column for name, channels in counts for column in channel_names(name, channels)]
-    header = ",".join(["stamp_s", "sweep", *AXES, *strain_names, "felt"])
-    table = np.column_stack([scan.stamp_ns * 1e-9, scan.sweep, position, scan.strain, scan.felt])
-    formats = ["%.9f", "%d", *["%.7f"] * len(AXES), *["%.6f"] * len(strain_names), "%d"]
+    strain_names = [column for each in scene.phalanges for column in channel_names(each.name, each.channels)]
+    header = ",".join(["stamp_s", "sweep", *scene.axis_names, *strain_names, "felt"])
+    sweeps = recording.sweeps
+    number = np.repeat([sweep.number for sweep in sweeps], [len(sweep) for sweep in sweeps])
+    stamp_ns, *columns = (
+        np.concatenate([getattr(sweep, name) for sweep in sweeps])
+        for name in ("stamp_ns", positions, "strain", "felt")
+    )
+    table = np.column_stack([stamp_ns * 1e-9, number, *columns])
+    formats = ["%.9f", "%d", *["%.7f"] * scene.dimension, *["%.6f"] * len(strain_names), "%d"]
     with whole_file(path) as unfinished:
         np.savetxt(unfinished, table, formats, delimiter=",", header=header, comments="")

@@ -11,12 +11,13 @@ from enum import Enum
 
 import numpy as np
 
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.sim.contact import contact
 from tactile_localizer.sim.load_cell import NOISE_V
 from tactile_localizer.sim.material import MODES
 from tactile_localizer.sim.noise import child
 from tactile_localizer.sim.scan import sweep_plan
-from tactile_localizer.sim.sweep import CELLS, KINDS, SimulatedSweep, simulate_sweep
+from tactile_localizer.sim.sweep import CELLS, KINDS, simulate_sweep
 
 _RETURN_S = 0.6
 """Time of the motion to the start of a sweep, s."""
@@ -80,7 +81,7 @@ class Rig:
         self._rng = child(seed, _NOISE_STREAM)
         self._made = dict.fromkeys(KINDS, 0)
         self._unloaded = np.concatenate([cell.bias for cell in CELLS])
-        self._sweep: SimulatedSweep | None = None
+        self._sweep: RecordedSweep | None = None
         self._from = np.zeros(2)
         self._prepared_s = self._started_s = np.inf
         simulate_sweep(feature, seed, speed=speed, rate=rate)  # validates the arguments
@@ -92,7 +93,7 @@ class Rig:
         """Time at which the fingers are closed at the start of the sweep that was prepared last, s."""
         return self._prepared_s + _RETURN_S + _CLOSE_S
 
-    def prepare(self, kind: str, now_s: float) -> SimulatedSweep:
+    def prepare(self, kind: str, now_s: float) -> RecordedSweep:
         """Open the fingers at ``now_s``, move to the start of the next sweep of ``kind``, and close them."""
         here = self.read(now_s).odometry
         number = self._made[kind]
@@ -116,6 +117,7 @@ class Rig:
         if now_s < self.ready_s:
             return self._approach(sweep, now_s - self._prepared_s)
         last = len(sweep.stamp_ns) - 1
+        assert sweep.truth is not None
         index = np.clip((now_s - self._started_s) * self._rate, 0, last)
         before = int(index)
         after = min(before + 1, last)
@@ -124,18 +126,17 @@ class Rig:
         return Reading(
             phase,
             strain if phase is Phase.SWEEPING else self._with_noise(strain),
-            _interpolate(sweep.odometry[before], sweep.odometry[after], index - before),
+            _interpolate(sweep.position[before], sweep.position[after], index - before),
             _interpolate(sweep.truth[before], sweep.truth[after], index - before),
         )
 
-    def _approach(self, sweep: SimulatedSweep, since_s: float) -> Reading:
+    def _approach(self, sweep: RecordedSweep, since_s: float) -> Reading:
         moved = np.clip(since_s / _RETURN_S, 0, 1)
         closed = np.clip((since_s - _RETURN_S) / _CLOSE_S, 0, 1)
-        odometry = _interpolate(self._from, sweep.odometry[0], moved * moved * (3 - 2 * moved))
+        odometry = _interpolate(self._from, sweep.position[0], moved * moved * (3 - 2 * moved))
         strain = self._with_noise(_interpolate(self._unloaded, sweep.strain[0], closed))
-        if closed > 0:
-            return Reading(Phase.READY, strain, odometry, sweep.truth[0])
-        return Reading(Phase.OPEN, strain, odometry, None)
+        truth = None if closed == 0 or sweep.truth is None else sweep.truth[0]
+        return Reading(Phase.OPEN if truth is None else Phase.READY, strain, odometry, truth)
 
     def _with_noise(self, strain: np.ndarray) -> np.ndarray:
         return strain + NOISE_V * self._rng.standard_normal(len(strain))

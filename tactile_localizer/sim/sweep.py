@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.io.status import OK
 from tactile_localizer.scene import MOST_CHANNELS
 from tactile_localizer.sim.deformation import deformation, mode_of_sweep
 from tactile_localizer.sim.hand import Sliding, contact_wrenches
@@ -49,30 +49,6 @@ _MODE_STREAM, _DRIFT_STREAM = 1 << 30, 2 << 30
 """Paths of the random generators for modes and drift; no sweep has so high a number."""
 
 
-@dataclass(frozen=True)
-class SimulatedSweep:
-    """A simulated sweep of n samples.
-
-    Parameters
-    ----------
-    number : number of the sweep in its scan
-    stamp_ns : (n,) int64 stamps, ns
-    truth : (n, 2) palm position relative to the material, x and y, m
-    odometry : (n, 2) palm position reported by the arm, m; its error is the motion of the material and, in
-        a test sweep, an unknown constant
-    strain : (n, C) strain voltages, index then middle, V
-    contact, feature_end : first and last sample with a pad in contact with the feature; -1 without contact
-    """
-
-    number: int
-    stamp_ns: np.ndarray
-    truth: np.ndarray
-    odometry: np.ndarray
-    strain: np.ndarray
-    contact: int
-    feature_end: int
-
-
 def simulate_sweep(
     feature: str,
     seed: int,
@@ -85,7 +61,7 @@ def simulate_sweep(
     speed: float = SPEED_MPS,
     rate: float = RATE_HZ,
     channels: tuple[int, ...] = (),
-) -> SimulatedSweep:
+) -> RecordedSweep:
     """Simulate one sweep; the result depends on the arguments only.
 
     Parameters
@@ -99,6 +75,13 @@ def simulate_sweep(
     speed : speed of the palm, m/s
     rate : sampling rate, Hz
     channels : channels of the two phalanges; empty: those of :data:`CELLS`
+
+    Returns
+    -------
+    RecordedSweep
+        Its positions are what the arm reports; their error is the motion of the material and, in a test
+        sweep, an unknown constant. ``felt`` is true from the first sample with a pad in contact with the
+        feature to the last one.
 
     Raises
     ------
@@ -128,13 +111,14 @@ def simulate_sweep(
     strain += NOISE_V * rng.standard_normal(strain.shape)
 
     signal = [np.abs(departure[:, f] @ cell.gain.T).max(axis=1) for f, cell in enumerate(cells)]
-    touching = np.flatnonzero(np.max(signal, axis=0) > _CONTACT_THRESHOLD_V)
-    contact, feature_end = (int(touching[0]), int(touching[-1])) if len(touching) else (-1, -1)
+    touching = np.max(signal, axis=0) > _CONTACT_THRESHOLD_V
+    felt = np.maximum.accumulate(touching) & np.maximum.accumulate(touching[::-1])[::-1]
     limit = _MAX_ORIGIN_OFFSET_M
     origin = rng.uniform(-limit, limit, 2) if kind == "test" else np.zeros(2)
     stamp_ns = _FIRST_STAMP_NS + np.round((begin_s + motion.time) * 1e9).astype(np.int64)
-    return SimulatedSweep(
-        number, stamp_ns, motion.truth, motion.odometry + origin, strain, contact, feature_end
+    status = np.full((len(strain), len(cells)), OK, dtype=np.uint8)
+    return RecordedSweep(
+        number, stamp_ns, motion.odometry + origin, strain, status, truth=motion.truth, felt=felt
     )
 
 

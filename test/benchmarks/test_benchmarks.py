@@ -15,9 +15,8 @@ from support.sweeps import CALIBRATION
 
 from tactile_localizer.cli.simulate import write_csv
 from tactile_localizer.io.recording import RecordedSweep, Recording
-from tactile_localizer.io.scene_file import load_scene, save_scene
-from tactile_localizer.resources import resource_path
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.sim import shipped_scene, simulate_recording
 
 ROOT = Path(__file__).parents[2]
 
@@ -59,10 +58,10 @@ def write_fabric(folder: Path, name: str, material: int, repeats: int) -> None:
 def bump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of recordings of the bump."""
     folder = tmp_path_factory.mktemp("bump")
-    save_scene(load_scene(resource_path("config/scenes/bump.yaml")), folder / "scene.yaml")
+    scene = shipped_scene("bump")
+    save_scene(scene, folder / "scene.yaml")
     for kind, options in (("train", {"rate": 25.0}), ("test", {"sweeps": 1})):
-        scan = simulate_scan("bump", 1, kind, **options)
-        write_csv(folder / f"{kind}.csv", scan, scan.truth)
+        write_csv(folder / f"{kind}.csv", simulate_recording("bump", 1, kind, **options), scene, "truth")
     return folder
 
 

@@ -6,13 +6,12 @@ import pytest
 from tactile_localizer import cli
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.resources import resource_path
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording
 
 
 @pytest.fixture
 def scene():
-    return load_scene(resource_path("config/scenes/snap.yaml"))
+    return shipped_scene("snap")
 
 
 def test_recordings_read_back_as_what_was_simulated(tmp_path, scene, capsys):
@@ -20,17 +19,16 @@ def test_recordings_read_back_as_what_was_simulated(tmp_path, scene, capsys):
     assert cli.main(command.split()) == 0
     assert "train.csv: 2 sweeps" in capsys.readouterr().out
     for kind, sweeps in (("train", 2), ("test", 3)):
-        read, expected = (
-            read_csv(tmp_path / f"{kind}.csv", scene),
-            simulate_scan("snap", 3, kind, sweeps=sweeps),
-        )
+        read = read_csv(tmp_path / f"{kind}.csv", scene)
         assert not read.notes
-        position = expected.to_scan().states if kind == "train" else expected.truth
-        np.testing.assert_allclose(np.vstack([one.position for one in read.sweeps]), position, atol=1e-7)
-        np.testing.assert_allclose(np.vstack([one.strain for one in read.sweeps]), expected.strain, atol=1e-6)
-        stamps = np.concatenate([one.stamp_ns for one in read.sweeps])
-        np.testing.assert_array_equal(stamps, expected.stamp_ns)
-        np.testing.assert_array_equal(np.concatenate([one.felt for one in read.sweeps]), expected.felt)
+        for one, expected in zip(
+            read.sweeps, simulate_recording("snap", 3, kind, sweeps=sweeps).sweeps, strict=True
+        ):
+            position = expected.position if kind == "train" else expected.truth
+            np.testing.assert_allclose(one.position, position, atol=1e-7)
+            np.testing.assert_allclose(one.strain, expected.strain, atol=1e-6)
+            np.testing.assert_array_equal(one.stamp_ns, expected.stamp_ns)
+            np.testing.assert_array_equal(one.felt, expected.felt)
 
 
 def test_blank_sweeps_end_before_the_feature(tmp_path, scene):
@@ -51,15 +49,14 @@ def test_errors_are_one_line(tmp_path, capsys):
 
 def test_shipped_scenes_contain_every_sweep_and_contact():
     for feature in ("bump", "snap", "grommet"):
-        scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
+        scene = shipped_scene(feature)
         for kind in ("train", "test"):
-            scan = simulate_scan(feature, 1, kind)
-            assert np.all((scan.odometry >= scene.lower) & (scan.odometry <= scene.upper)) or kind == "test"
-            for contact, end in zip(scan.contact, scan.feature_end, strict=True):
-                if contact >= 0:
-                    felt = np.vstack(
-                        [scan.truth[[contact, end]] + phalanx.offset for phalanx in scene.phalanges]
-                    )
+            for sweep in simulate_recording(feature, 1, kind).sweeps:
+                inside = (sweep.position >= scene.lower) & (sweep.position <= scene.upper)
+                assert np.all(inside) or kind == "test"
+                if sweep.felt.any():
+                    ends = sweep.truth[list(sweep.contact)]
+                    felt = np.vstack([ends + phalanx.offset for phalanx in scene.phalanges])
                     assert np.all(np.any(scene.feature.contains(felt).reshape(-1, 2), axis=0))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,13 +12,11 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.resources import resource_path
+from tactile_localizer.io.recording import join, scan_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording
 
-BUMP = load_scene(resource_path("config/scenes/bump.yaml"))
+BUMP = shipped_scene("bump")
 SCENE = Scene(
     "turned bump",
     (*BUMP.axes, Axis("yaw", -0.2, 0.2, 0.05)),
@@ -32,31 +32,27 @@ CALIBRATION = Calibration(
 @pytest.fixture(scope="module")
 def localizer() -> Localizer:
     """On a bump that was scanned at five angles, one session after another, without a region."""
-    sessions = [simulate_scan("bump", seed, yaw=yaw) for seed, yaw in enumerate(SCANNED, 1)]
-    scan = Scan(
-        np.concatenate(
-            [np.insert(each.truth, 2, yaw, axis=1) for each, yaw in zip(sessions, SCANNED, strict=True)]
-        ),
-        np.concatenate([each.strain for each in sessions]),
-        np.concatenate([each.sweep + 100 * number for number, each in enumerate(sessions)]),
-        SCENE.axis_names,
-        SCENE.phalanx_names,
-    )
+    sessions = []
+    for seed, yaw in enumerate(SCANNED, 1):
+        session = simulate_recording("bump", seed, yaw=yaw)
+        turned = [replace(each, position=np.insert(each.truth, 2, yaw, axis=1)) for each in session.sweeps]
+        sessions.append(replace(session, sweeps=turned))
+    scan = scan_of(join(sessions), SCENE)
     return build_localizer(scan, SCENE, Configuration(), np.random.default_rng(0), calibration=CALIBRATION)
 
 
 @pytest.mark.parametrize("yaw", [-0.12, 0.05])
 def test_a_turned_hand_converges_on_the_feature_and_not_before(localizer: Localizer, yaw: float) -> None:
-    test = simulate_scan("bump", 1, "test", yaw=yaw, sweeps=4)
-    for rows, contact, end in zip(test.slices(), test.contact, test.feature_end, strict=True):
+    for sweep in simulate_recording("bump", 1, "test", yaw=yaw, sweeps=4).sweeps:
         localizer.reset()
         errors, turned = [], []
-        for sample in range(rows.start, end):
-            palm = np.array([*test.odometry[sample], yaw])
-            estimate = localizer.update(test.stamp_ns[sample], palm, test.strain[sample])
+        contact, end = sweep.contact
+        for sample in range(end):
+            palm = np.array([*sweep.position[sample], yaw])
+            estimate = localizer.update(sweep.stamp_ns[sample], palm, sweep.strain[sample])
             assert sample >= contact or not estimate.converged
             if estimate.converged:
-                errors.append(np.linalg.norm(estimate.mean[:2] - test.truth[sample]))
+                errors.append(np.linalg.norm(estimate.mean[:2] - sweep.truth[sample]))
                 turned.append(abs(estimate.mean[2] - yaw))
         assert errors
         assert max(errors) < 0.01

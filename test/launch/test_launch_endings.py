@@ -89,7 +89,7 @@ def test_arguments_override_the_parameter_file(launch: Launch, place: Place) -> 
 )
 def test_a_replay_ends_with_its_bag_and_loses_nothing(launch: Launch, place: Place) -> None:
     sweep, messages = unseen_sweep(rate=50.0), []
-    for k, (x, y) in enumerate(sweep.odometry):
+    for k, (x, y) in enumerate(sweep.position):
         stamp_ms, felt = 1000 + 20 * k, {"strain": sweep.strain[k], "sequence": np.full(2, k, np.uint32)}
         messages.append(("palm_pose", stamp_ms, pose(stamp_ms, "base_link", x, y)))
         messages.append(("strain", stamp_ms, strain(stamp_ms, ("index", "middle"), **felt)))

@@ -6,14 +6,13 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from simulated import recording_of
 
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.io.recording import NO_CONTACT, Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.resources import resource_path
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import simulate_recording, simulate_scan
 
 SCENE = load_scene(resource_path("config/scenes/bump.yaml"))
 
@@ -23,8 +22,8 @@ def unmarked(recording: Recording) -> Recording:
 
 
 def test_unrecorded_contact_is_taken_from_the_map() -> None:
-    test = recording_of(simulate_scan("bump", 1, "test"))
-    learned = learn_sweep_model(simulate_scan("bump", 1).to_scan(), SCENE)
+    test = simulate_recording("bump", 1, "test")
+    learned = learn_sweep_model(simulate_scan("bump", 1), SCENE)
     model = learned.mixture(SCENE, learned.cell(SCENE, 0.45))
     marked = with_contact(unmarked(test), SCENE, model)
     away = []
@@ -33,7 +32,7 @@ def test_unrecorded_contact_is_taken_from_the_map() -> None:
         ends = own.truth[list(own.contact), 0], own.truth[list(found.contact), 0]
         away.append(ends[1] - ends[0])
     assert np.abs(np.mean(away, axis=0)).max() < 0.002  # folds differ from sweep to sweep
-    blank = unmarked(recording_of(simulate_scan("none", 1, "test")))
+    blank = unmarked(simulate_recording("none", 1, "test"))
     assert {sweep.contact for sweep in with_contact(blank, SCENE, model).sweeps} == {NO_CONTACT}
     without_truth = replace(test, sweeps=tuple(replace(s, felt=None, truth=None) for s in test.sweeps))
     assert with_contact(without_truth, SCENE, model).sweeps[0].felt is None

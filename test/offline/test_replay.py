@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from simulated import recording_of
 from support.sweeps import CALIBRATION, scene_of
 
 from tactile_localizer.core.configuration import Configuration
@@ -16,10 +15,10 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import simulate_recording, simulate_scan
 
-SCENE, SCAN = scene_of(), simulate_scan("bump", 1).to_scan()
-RECORDING = recording_of(simulate_scan("bump", 1, "test", sweeps=2, rate=40.0))
+SCENE, SCAN = scene_of(), simulate_scan("bump", 1)
+RECORDING = simulate_recording("bump", 1, "test", sweeps=2, rate=40.0)
 
 
 def localizer() -> Localizer:

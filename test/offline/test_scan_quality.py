@@ -20,7 +20,7 @@ SCENE = Scene(
 
 @pytest.fixture(scope="module")
 def sound():
-    return simulate_scan("bump", seed=1).to_scan()
+    return simulate_scan("bump", seed=1)
 
 
 def joined(scan, states, strain, sweep):
@@ -35,7 +35,7 @@ def joined(scan, states, strain, sweep):
 
 @pytest.mark.parametrize(("feature", "seed"), [("bump", 1), ("snap", 2), ("grommet", 3), ("none", 4)])
 def test_a_good_scan_has_no_findings(feature, seed):
-    scan = simulate_scan(feature, seed=seed).to_scan()
+    scan = simulate_scan(feature, seed=seed)
     assert findings(scan, SCENE, []) == []
     margin = tuple(replace(axis, lower=-0.005, upper=0.0558) for axis in SCENE.axes)
     assert findings(scan, replace(SCENE, axes=margin), []) == []

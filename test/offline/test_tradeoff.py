@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulated import recording_of
 from support.sweeps import CALIBRATION
 
 from tactile_localizer.core.configuration import Configuration
@@ -24,7 +23,7 @@ from tactile_localizer.offline.tradeoff import (
 from tactile_localizer.offline.verdict import Verdict
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import simulate_recording, simulate_scan
 
 BUMP = load_scene(resource_path("config/scenes/bump.yaml"))
 COARSE = [
@@ -68,8 +67,8 @@ def test_candidates_are_what_the_scene_can_have() -> None:
     assert {one.configuration.cell for one in candidates(line)} == {Configuration().cell}
 
 
-SCAN = simulate_scan("bump", 1, sweeps=11).to_scan()
-RECORDING = recording_of(simulate_scan("bump", 1, "test", sweeps=2))
+SCAN = simulate_scan("bump", 1, sweeps=11)
+RECORDING = simulate_recording("bump", 1, "test", sweeps=2)
 
 
 def test_a_candidate_that_fails_costs_its_row_only() -> None:

@@ -21,7 +21,7 @@ OK = np.zeros(2, dtype=np.uint8)
 
 @pytest.fixture(scope="module")
 def localizer():
-    scan = simulate_scan("bump", seed=1).to_scan()
+    scan = simulate_scan("bump", seed=1)
     configuration = Configuration(cell=1.0)
     calibration = Calibration(0.0033, np.array([0.0004, 0.0004]))
     return build_localizer(scan, scene_of(), configuration, np.random.default_rng(0), None, calibration)
@@ -29,7 +29,7 @@ def localizer():
 
 @pytest.fixture(scope="module")
 def known():
-    return ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene_of())
+    return ScanRange.of(simulate_scan("bump", seed=1), scene_of())
 
 
 class Stream(OnlineLocalizer):
@@ -61,7 +61,7 @@ def add_strain(online, sweep, k, status=OK):
 
 
 def add_pose(online, sweep, k):
-    return online.add_pose(int(sweep.stamp_ns[k]), sweep.odometry[k])
+    return online.add_pose(int(sweep.stamp_ns[k]), sweep.position[k])
 
 
 def slide(online, sweep, first, last):
@@ -198,7 +198,7 @@ def test_inputs_in_other_units_are_reported(online, sweep):
     assert online.range_check.fractions[0] > 0.9
     assert online.range_check.problem
     online.reset()
-    metres = dataclasses.replace(sweep, odometry=1e3 * sweep.odometry, stamp_ns=sweep.stamp_ns + 2 * 10**12)
+    metres = dataclasses.replace(sweep, position=1e3 * sweep.position, stamp_ns=sweep.stamp_ns + 2 * 10**12)
     slide(online, metres, 0, 100)
     assert online.range_check.fractions[0] == 0.0
     assert online.range_check.fractions[1] > 0.9

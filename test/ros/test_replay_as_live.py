@@ -37,7 +37,7 @@ def record(path: Path) -> Path:
             values[3] = np.nan
         happened.append(("strain", now, strain(now, ("index", "middle"), strain=values, status=status)))
     for now in range(5, 5100, 30):
-        x = float(np.interp(now / 20 - 1, np.arange(len(sweep.odometry)), sweep.odometry[:, 0]))
+        x = float(np.interp(now / 20 - 1, np.arange(len(sweep.position)), sweep.position[:, 0]))
         late = 12 if now % 4 else 0
         if not 3000 < now < 3200:  # a gap that is too long
             happened.append(("palm_pose", now + late, pose(now, "base_link", x=x)))

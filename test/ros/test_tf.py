@@ -153,7 +153,7 @@ def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, tm
             transform.header.frame_id = "base_link"
             set_stamp(transform, self.offset_ns + int(self.pose_ns[k]))
             place = transform.transform.translation
-            place.x, place.y = map(float, self.sweep.odometry[k])
+            place.x, place.y = map(float, self.sweep.position[k])
             transform.transform.rotation.w = 1.0
             self.tf.publish(TFMessage(transforms=[transform]))
 

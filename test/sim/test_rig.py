@@ -45,13 +45,13 @@ def test_a_sweep_follows_the_simulation(rig):
         moment = rig.read(5.0 + index / RATE)
         assert moment.phase is Phase.SWEEPING
         np.testing.assert_array_equal(moment.strain, sweep.strain[index])
-        np.testing.assert_allclose(moment.odometry, sweep.odometry[index], atol=1e-9)
+        np.testing.assert_allclose(moment.odometry, sweep.position[index], atol=1e-9)
         np.testing.assert_allclose(moment.truth, sweep.truth[index], atol=1e-9)
     between = rig.read(5.0 + 100.25 / RATE).odometry
-    np.testing.assert_allclose(between, 0.75 * sweep.odometry[100] + 0.25 * sweep.odometry[101])
+    np.testing.assert_allclose(between, 0.75 * sweep.position[100] + 0.25 * sweep.position[101])
     after = rig.read(5.0 + len(sweep.stamp_ns) / RATE + 3)
     assert after.phase is Phase.DONE
-    np.testing.assert_array_equal(after.odometry, sweep.odometry[-1])
+    np.testing.assert_array_equal(after.odometry, sweep.position[-1])
     np.testing.assert_allclose(after.strain, sweep.strain[-1], atol=0.02)
 
 

@@ -6,7 +6,7 @@ import pytest
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.sim import simulate_sweep
 
-FIELDS = ("stamp_ns", "truth", "odometry", "strain")
+FIELDS = ("stamp_ns", "truth", "position", "strain")
 
 
 def test_sweeps_are_reproducible():
@@ -28,13 +28,13 @@ def test_stamps_follow_the_rate():
 
 def test_contact_brackets_the_signal():
     sweep = simulate_sweep("bump", 1, 0, start=(0.0, 0.0134))
-    quiet = np.ones(len(sweep.strain), dtype=bool)
-    quiet[sweep.contact : sweep.feature_end + 1] = False
-    level = np.median(sweep.strain[quiet], axis=0)
-    assert np.max(np.abs(sweep.strain[quiet] - level)) < 0.15
-    assert np.max(np.abs(sweep.strain[~quiet] - level)) > 0.3
-    assert 0.015 < sweep.truth[sweep.contact, 0] < 0.026
-    assert 0.038 < sweep.truth[sweep.feature_end, 0] < 0.048
+    level = np.median(sweep.strain[~sweep.felt], axis=0)
+    assert np.max(np.abs(sweep.strain[~sweep.felt] - level)) < 0.15
+    assert np.max(np.abs(sweep.strain[sweep.felt] - level)) > 0.3
+    first, last = sweep.truth[list(sweep.contact), 0]
+    assert 0.015 < first < 0.026
+    assert 0.038 < last < 0.048
+    assert sweep.felt.sum() == np.ptp(sweep.contact) + 1
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_featureless_sweeps_have_no_contact():
         simulate_sweep("none", 1, 0, start=(0.0, 0.0134)),
         simulate_sweep("bump", 1, 0, start=(0.0, 0.0134), end=(0.014, 0.0134)),
     ):
-        assert (sweep.contact, sweep.feature_end) == (-1, -1)
+        assert not sweep.felt.any()
 
 
 def test_sweeps_may_have_any_direction():

@@ -14,7 +14,7 @@ from support.scans import scan, scene, strain_at
 
 from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.scene import Axis, Phalanx, Scene
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import simulate_recording, simulate_scan
 
 PAPER = 0.0254 * np.sqrt(0.0075), np.full(16, np.sqrt(0.001))
 TUNED = 0.0028, np.array([0.0195, 0.017, 0.026, 0.0119, 0.0169, 0.017, 0.0313, 0.0116] * 2)
@@ -48,10 +48,12 @@ def compare(made, of, widths, truths, strains, std, **options):
 @pytest.mark.parametrize("feature", ["bump", "snap", "grommet"])
 def test_it_agrees_with_the_sum_over_pairs_on_simulated_features(feature):
     of = Scene("plane", (Axis("x", 0.0, 0.051), Axis("y", 0.0, 0.051)), scene(2).phalanges)
-    made, test = simulate_scan(feature, 1, rate=50.0).to_scan(), simulate_scan(feature, 1, "test")
-    rows = np.random.default_rng(1).integers(len(test), size=6)
+    made = simulate_scan(feature, 1, rate=50.0)
+    test = simulate_recording(feature, 1, "test").sweeps
+    truth, strain = (np.concatenate([getattr(each, name) for each in test]) for name in ("truth", "strain"))
+    rows = np.random.default_rng(1).integers(len(truth), size=6)
     for widths in (PAPER, TUNED):
-        compare(made, of, widths, test.truth[rows], test.strain[rows], 0.0012)
+        compare(made, of, widths, truth[rows], strain[rows], 0.0012)
 
 
 @pytest.mark.parametrize("conditional", [True, False])

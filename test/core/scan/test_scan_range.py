@@ -15,13 +15,13 @@ ALL = np.ones(2, dtype=bool)
 
 @pytest.fixture(scope="module")
 def known() -> ScanRange:
-    return ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene_of())
+    return ScanRange.of(simulate_scan("bump", seed=1), scene_of())
 
 
 def test_a_new_sweep_is_within_the_range(known: ScanRange) -> None:
     sweep = unseen_sweep()
     assert not known.strains_outside(sweep.strain, ALL).any()
-    assert not known.positions_outside(sweep.odometry, sweep.odometry[0]).any()
+    assert not known.positions_outside(sweep.position, sweep.position[0]).any()
     assert describe_misfit(0.0, 0.0) == ""
 
 
@@ -37,7 +37,7 @@ def test_an_absent_phalanx_does_not_count(known: ScanRange) -> None:
 def test_a_full_turn_axis_has_no_range() -> None:
     axes = Axis("x", 0.0, 0.05), Axis("yaw", -np.pi, np.pi)
     scene = dataclasses.replace(scene_of(), axes=axes, feature=None, measurement={})
-    known = ScanRange.of(simulate_scan("bump", seed=1).to_scan(), scene)
+    known = ScanRange.of(simulate_scan("bump", seed=1), scene)
     assert not known.positions_outside(np.array([0.01, 40.0]), np.zeros(2))
     assert known.positions_outside(np.array([0.06, 0.0]), np.zeros(2))
 

@@ -13,14 +13,12 @@ from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
-from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import store_calibration
 from tactile_localizer.io.scans.writer import ScanWriter
-from tactile_localizer.io.scene_file import load_scene
-from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
-from tactile_localizer.sim import SimulatedScan, SimulatedSweep, simulate_scan, simulate_sweep
+from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_sweep
 
 START_NS = 1_700_000_000_000_000_000
 MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
@@ -35,42 +33,39 @@ CALIBRATION = Calibration(
 
 def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
     """The shipped scene of a feature with measurement parameters in it."""
-    scene = load_scene(resource_path(f"config/scenes/{feature}.yaml"))
-    return dataclasses.replace(scene, measurement=measurement or MEASUREMENT)
+    return dataclasses.replace(shipped_scene(feature), measurement=measurement or MEASUREMENT)
 
 
 def write_scan(
     path: Path, feature: str = "bump", scene: Scene | None = None, *, calibrated: bool = True
-) -> SimulatedScan:
+) -> None:
     """Write a training scan of the simulated hand, with a calibration or not."""
-    scan, scene = _simulated(feature), scene or scene_of(feature)
+    scene = scene or scene_of(feature)
     with ScanWriter(path, scene) as writer:
-        for number, part in enumerate(scan.slices(), start=1):
-            pairs = scan.stamp_ns[part], scan.odometry[part], scan.strain[part]
-            writer.add(RecordedSweep(number, *pairs, status=np.zeros((len(pairs[0]), len(scene.phalanges)))))
+        for number, sweep in enumerate(_simulated(feature).sweeps, start=1):
+            writer.add(dataclasses.replace(sweep, number=number))
     if calibrated and scene.dimension == len(CALIBRATION.registration_std):
         store_calibration(path, digest_of(ScanFolder(path).load(), scene), CALIBRATION)
-    return scan
 
 
 @lru_cache
-def _simulated(feature: str) -> SimulatedScan:
-    return simulate_scan(feature, seed=1)
+def _simulated(feature: str) -> Recording:
+    return simulate_recording(feature, seed=1)
 
 
-def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> SimulatedSweep:
+def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> RecordedSweep:
     """A sweep that is in no scan, from x = 4 mm on between two scanned lines."""
     return simulate_sweep(feature, seed=1, number=number, start=(0.004, 0.0241), rate=rate)
 
 
-def kidnapped_sweep(after: int = 129) -> SimulatedSweep:
+def kidnapped_sweep(after: int = 129) -> RecordedSweep:
     """A sweep during which the hand is lifted, after ``after`` strain vectors, and put down elsewhere."""
     first, again = unseen_sweep(), unseen_sweep(number=1)
-    odometry = again.odometry - again.odometry[0] + first.odometry[after]
+    position = again.position - again.position[0] + first.position[after]
     return dataclasses.replace(
         first,
-        stamp_ns=first.stamp_ns[0] + 40_000_000 * np.arange(after + len(odometry)),
-        odometry=np.concatenate([first.odometry[:after], odometry]),
+        stamp_ns=first.stamp_ns[0] + 40_000_000 * np.arange(after + len(position)),
+        position=np.concatenate([first.position[:after], position]),
         truth=np.concatenate([first.truth[:after], again.truth]),
         strain=np.concatenate([first.strain[:after], again.strain]),
     )
@@ -91,7 +86,7 @@ class SlidingHand:
     def __init__(
         self,
         probe: Any,
-        sweep: SimulatedSweep,
+        sweep: RecordedSweep,
         phalanges: tuple[str, ...] = ("index", "middle"),
         topics: tuple[str, str] = ("strain", "palm_pose"),
         *,
@@ -131,7 +126,7 @@ class SlidingHand:
         message = self._Pose()
         set_stamp(message, self.offset_ns + int(self.pose_ns[k]))
         message.header.frame_id = "base_link"
-        message.pose.position.x, message.pose.position.y = map(float, self.sweep.odometry[k])
+        message.pose.position.x, message.pose.position.y = map(float, self.sweep.position[k])
         message.pose.orientation.w = 1.0
         self._poses.publish(message)
 
@@ -148,7 +143,7 @@ class SlidingHand:
 
     def positions(self) -> np.ndarray:
         """Palm positions (n-1, 2) at the stamps of the strain, interpolated between the poses."""
-        here, there = self.sweep.odometry[:-1], self.sweep.odometry[1:]
+        here, there = self.sweep.position[:-1], self.sweep.position[1:]
         share = (self.strain_ns[:-1] - self.pose_ns[:-1]) / np.diff(self.pose_ns)
         return here + share[:, None] * (there - here)
 
