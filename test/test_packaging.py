@@ -57,15 +57,25 @@ def test_a_release_changes_the_version_in_one_place(tmp_path: Path) -> None:
     assert run("git", "tag") == "1.0.0\n"
 
 
-def test_maintainer_and_repository_are_placeholders_in_one_file() -> None:
-    files = subprocess.run(
-        ["git", "grep", "--files-with-matches", "--fixed-strings", "tactile-localizer.invalid"],
+def files_with(text: str) -> set[str]:
+    """Files of the repository, but pages and pinned libraries, in which a text stands."""
+    command = ["git", "grep", "--files-with-matches", "--word-regexp", "--fixed-strings", text, "--"]
+    found = subprocess.run(
+        [*command, ".", ":!docs", ":!requirements", ":!CHANGELOG.rst"],
         cwd=ROOT,
         check=False,
         capture_output=True,
         text=True,
     )
-    assert set(files.stdout.split()) <= {"package.xml", "test/test_packaging.py"}
+    return set(found.stdout.split())
+
+
+def test_the_version_stands_in_one_file() -> None:
+    assert files_with(PACKAGE_XML.findtext("version", "none")) <= {"package.xml"}
+
+
+def test_maintainer_and_repository_are_placeholders_in_one_file() -> None:
+    assert files_with("tactile-localizer.invalid") <= {"package.xml", "test/test_packaging.py"}
 
 
 def test_rosdep_and_pip_require_the_same_libraries() -> None:
@@ -87,9 +97,10 @@ def test_every_ros_package_that_is_imported_is_declared() -> None:
 
 
 def test_hooks_and_checks_have_the_same_formatter() -> None:
-    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
-    pinned = {repo["repo"]: repo["rev"] for repo in hooks}["https://github.com/astral-sh/ruff-pre-commit"]
-    assert f"ruff=={pinned.lstrip('v')}" in requirements("dev.txt")
+    (local,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    needed = {library for hook in local["hooks"] for library in hook["additional_dependencies"]}
+    assert {library for library in needed if library.startswith("ruff")} <= set(requirements("dev.txt"))
+    assert all("==" in library for library in needed)
 
 
 def test_forms_and_workflows_are_valid_yaml() -> None:
