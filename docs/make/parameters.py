@@ -101,8 +101,8 @@ def sentence(text: str) -> str:
 
 def shown(default: object) -> str:
     """A default in YAML."""
-    if default in ("", []):
-        return "none"
+    if default == "":
+        return '`""`'
     if isinstance(default, bool):
         return f"`{str(default).lower()}`"
     if isinstance(default, list):
@@ -111,13 +111,12 @@ def shown(default: object) -> str:
 
 
 def allowed(parameter: Parameter) -> str:
-    """Choices, range, or type."""
+    """Choices or range."""
     if parameter.choices:
         return ", ".join(f"`{choice}`" for choice in parameter.choices)
     lower, upper = parameter.lower, parameter.upper
     if lower is None and upper is None:
-        kinds = {bool: "true or false", str: "text", list: "list"}
-        return kinds.get(type(parameter.default), "number")
+        return ""
     assert lower is not None, f"{parameter.name}: a range without a lower end"
     return f"from {number(lower)}" if upper is None else f"{number(lower)} to {number(upper)}"
 
