@@ -16,7 +16,6 @@ from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.likelihood.material import SHEET
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
@@ -59,7 +58,7 @@ def build_localizer(
     learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
     if calibration is None:
         say("calibrating on held-out sweeps", 0.2)
-        calibration = _calibrated(scene, learned)
+        calibration = calibrate(learned)
     cell = learned.cell(scene, configuration.cell)
     localizer = _assembled(
         scene,
@@ -81,7 +80,7 @@ def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibra
     say("learning the noise", 0.0)
     learned = learn_sweep_model(scan, scene)
     say("calibrating on held-out sweeps", 0.2)
-    calibration = _calibrated(scene, learned)
+    calibration = calibrate(learned)
     say("ready", 1.0)
     return calibration
 
@@ -126,24 +125,13 @@ def _silent(_doing: str, _done: float) -> None:
     """Report nothing."""
 
 
-def _calibrated(scene: Scene, learned: SweepModel) -> Calibration:
-    """What held-out sweeps say, by the exact filter."""
-    configuration = Configuration(update_distance=SHEET.information_length)
-    exact, length = np.zeros(scene.dimension), learned.information_length
-
-    def localizer(near: Scene, cell: np.ndarray, mixture: SweepMixture) -> Localizer:
-        return _assembled(near, configuration, GridFilter(near, cell), learned, mixture, exact, None, length)
-
-    return calibrate(scene, learned, localizer)
-
-
 def _position_model(
     scan: Scan, scene: Scene, configuration: Configuration, learned: SweepModel
 ) -> tuple[MeasurementModel | None, float]:
     """Model for the position, and its travel per independent measurement, m; ``None``: the default model."""
     if configuration.model == SWEEP_MIXTURE:
         return None, learned.information_length
-    without = _without_offsets(scan, scene, learned.noise.offsets)
+    without = _without_offsets(scan, scene, learned.scan.offsets)
     parameters = ModelParameters.from_mapping(scene.measurement)
     if parameters.position_std is None or parameters.strain_std is None:
         from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths  # as above
@@ -184,7 +172,7 @@ def _assembled(
         learned.presence_length,
         registration,
         learned.quiet_energy(mixture),
-        Anchors(scene, learned.noise.material.anchors),
+        Anchors(scene, learned.scan.material.anchors),
     )
 
 

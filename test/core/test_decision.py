@@ -6,18 +6,13 @@ Together with the figures of `test/regression` they fail when a mechanism of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from support.models import noise_model
-from support.scans import raster
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.calibration.held_out import calibrate
-from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.hypotheses.correlation import MEMORY, PRIOR, Correlation, Sums
 from tactile_localizer.core.hypotheses.explanations import (
     LEAVING_RATE,
@@ -30,8 +25,7 @@ from tactile_localizer.core.likelihood.evaluation import Likelihoods
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.scan.tracks import Expectation
-from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.core.scan.interpolation import Expectation
 
 # Explanations: tracked, relocated, and material off the map.
 
@@ -216,54 +210,3 @@ def test_variance_is_of_the_visit_the_signal_and_the_interpolation() -> None:
     np.testing.assert_allclose(
         found, [[[2.0 * 1.5 + 0.1 * 5.0 + 0.5 * 6.0, 2.0 * 1.5 + 0.1 * 4.0 + 0.5 * 1.0]]]
     )
-
-
-LINES, SPACING, STD = 7, 0.007, 0.001
-PLANE = Scene("plane", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)), (Phalanx("index", (0.0, 0.0), LINES),))
-
-
-def registration(error: Callable[[int, set[int]], tuple[float, float]]) -> np.ndarray:
-    """Registration error (2,) if a held-out sweep is localized with ``error(line, lines held out)``, m.
-
-    Each line has a signal in a channel of its own, so that a map shows which lines it is without.
-    """
-
-    def strain(states: np.ndarray, line: np.ndarray) -> np.ndarray:
-        noise = 0.1 * np.random.default_rng(0).standard_normal((len(states), LINES))
-        return noise + 20.0 * (np.abs(states[:, :1] - 0.025) < 0.005) * (np.arange(LINES) == line[:, None])
-
-    model = learn_sweep_model(raster(PLANE, strain, SPACING), PLANE, VarianceModel())
-
-    def localizer(_near: Scene, _cell: np.ndarray, mixture: SweepMixture) -> Any:
-        volts = np.linalg.solve(mixture.noise.whitening, mixture.map.mean.reshape(-1, LINES).T)
-        without = set(np.flatnonzero(np.abs(volts).max(axis=1) < 5.0).tolist())
-
-        def update(_stamp_ns: int, position: np.ndarray, _strain: np.ndarray) -> Any:
-            mean = position + error(int(position[1] / SPACING), without)
-            return SimpleNamespace(mean=mean, covariance=1e-10 * np.eye(2), updated=True)
-
-        return SimpleNamespace(reset=lambda: None, update=update)
-
-    return calibrate(PLANE, model, localizer).registration_std
-
-
-def test_along_a_sweep_the_nearest_line_is_held_out_and_across_it_is_not() -> None:
-    """There the nearest line resembles the sweep by chance, here its gap is an error of its own."""
-
-    def error(line: int, without: set[int]) -> tuple[float, float]:
-        assert line in without
-        alone = len(without) == 1
-        return (0.0, 0.0) if alone else (STD, STD)
-
-    along, across = registration(error)
-    assert along > 0.8 * STD
-    assert across < 0.5 * STD
-
-
-def test_the_registration_error_is_not_underestimated() -> None:
-    """Of so few sweeps the likeliest value is too small in half of the cases."""
-    along, across = registration(lambda line, _: (STD * (-1.0) ** line, 0.0))
-    prior, errors, sweeps = 0.0005, 5.0, LINES - 1.0
-    likeliest = math.sqrt((errors * prior**2 + sweeps * STD**2) / (errors + sweeps))
-    assert 1.1 * likeliest < along < 1.6 * likeliest
-    assert across < 0.5 * STD

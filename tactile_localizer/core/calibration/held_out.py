@@ -1,46 +1,47 @@
-"""Registration error, from held-out sweeps that are localized on the map of the others.
+"""Registration error, from held-out sweeps that are registered to the others.
 
-Fingers flex, material stretches and recordings start late, which shifts sweeps against each other. The
-variance added to that of the filter maximizes the predictive density of held-out positions.
+Fingers flex, material stretches and recordings start late, which shifts sweeps against each other. The shift
+of a held-out sweep is tracked by a Kalman filter, linear about the true positions, with the measurement model
+that the localizer has. The variance added to that of the filter maximizes the predictive density of these
+shifts.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
-from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
-from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+from tactile_localizer.core.scan.interpolation import interpolate
 from tactile_localizer.core.scan.lines import neighbours
-from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
+from tactile_localizer.core.scan.tracks import PITCH, evenly
 from tactile_localizer.scene import Scene
 
 _MAX_HELD_OUT_SWEEPS = 24
-"""Sweeps that are held out, each of which takes one or two new maps."""
+"""Sweeps that are held out."""
 _LONGEST = round(0.2 / PITCH)
-"""Points of a sweep that are localized: of a sheet of 2 m one part, on a map of that part."""
+"""Points of a sweep that are registered: of a sheet of 2 m one part."""
 _PRIOR_STD = PITCH
 _PRIOR_ERRORS = 5.0
 """Prior of the registration error, m, and the number of independent errors it counts as. By judgement."""
 _WRONG_PLACE_M = 0.02
-"""Error, m, from which a place was mistaken for another one, and the size of the error is irrelevant."""
+"""m: standard deviation of a shift before contact, and the uncertainty from which it is not known."""
 _SURROUNDINGS = 0.05
-"""m around a sweep within which it is localized, more than twice a mistake; a large map is slow."""
+"""m around a scan in which a hand is localized."""
 _MAX_RELATIVE_ERROR = 6.0
 """Multiple of the median absolute error at which errors are clipped."""
 _MAX_DROP_NATS = 1.0
 """nats below the most probable at which a candidate is rejected: 1.4 standard errors. By judgement."""
 _CANDIDATES = np.geomspace(0.25, 12.0, 32)
 """Candidates for the registration error, in units of the prior."""
-_LINES_PER_CELL = 1.0 / 3.0
 
 
 class Calibration(NamedTuple):
@@ -50,7 +51,7 @@ class Calibration(NamedTuple):
     ----------
     information_length : m of travel per independent measurement of the position
     registration_std : (d,) m (yaw: rad), standard deviation of the shift between sweeps
-    variance : variance model under which the sweeps were localized; ``None``: not stored
+    variance : variance model under which the sweeps were registered; ``None``: not stored
     """
 
     information_length: float
@@ -58,63 +59,82 @@ class Calibration(NamedTuple):
     variance: VarianceModel | None = None
 
 
-class _Outcome(NamedTuple):
-    """Errors, m, and variances, m^2 (yaw by its lever), both (n, d), along one held-out sweep.
+class Shifts(NamedTuple):
+    """Shifts along a held-out sweep, m, and their variances, m^2 (yaw by its lever), both (n, d)."""
 
-    ``has_signal`` (n,) bool is false on featureless material.
-    """
-
-    errors: np.ndarray
+    shift: np.ndarray
     variance: np.ndarray
-    has_signal: np.ndarray
 
 
-def calibrate(
-    scene: Scene, model: SweepModel, localizer: Callable[[Scene, np.ndarray, SweepMixture], Localizer]
-) -> Calibration:
-    """Localize sweeps on the map of the others, within the surroundings of each sweep.
+def calibrate(model: SweepModel) -> Calibration:
+    """Register sweeps to the others.
 
-    Parameters
-    ----------
-    model : sweep model of the scan
-    localizer : makes one from a scene, the size of its cells and a mixture, without registration error
+    Along a sweep the nearest line is held out as well: it resembles the sweep by chance, in the same
+    deformation mode, which a new sweep does not. Across it the gap without that line would make errors that a
+    new sweep does not have.
     """
-    sweeps = len(model.noise.tracks)
-    if sweeps < 2:
-        return Calibration(
-            model.information_length, np.full(scene.dimension, _PRIOR_STD) / levers(scene), model.variance
-        )
-
-    def localize(index: int, without: np.ndarray) -> _Outcome:
-        has_signal = np.any(model.noise.tracks[index].strain, axis=1)
-        part = _most_signal(has_signal)
-        track, has_signal = Track(*(each[part] for each in model.noise.recorded[index])), has_signal[part]
-        near = surroundings(scene, track.positions)
-        rows = tuple(np.flatnonzero(without).tolist())
-        cell = model.cell(near, _LINES_PER_CELL)
-        return _localize(localizer(near, cell, model.mixture(near, cell, rows)), track, has_signal, near)
-
-    def outcome(index: int) -> _Outcome:
-        own, beside = neighbours(model.noise.tracks, scene, index)
-        if sweeps - (own | beside).sum() < 2:
-            return localize(index, own)
-        along = localize(index, own | beside)
-        if scene.dimension == 1:
-            return along
-        return _composed(along, localize(index, own), model.noise.recorded[index], scene)
-
-    outcomes = [outcome(index) for index in evenly(sweeps, _MAX_HELD_OUT_SWEEPS)]
+    scan, tracks = model.scan, model.scan.tracks
+    sweeps, scale = len(tracks), levers(tracks.scene)
+    found = []
+    for index in evenly(sweeps, _MAX_HELD_OUT_SWEEPS) if sweeps > 1 else []:
+        own, beside = neighbours(tracks, index)
+        part = _most_signal(tracks.slices[index], scan.signal)
+        across = along = register(model, part, own)
+        if sweeps - (own | beside).sum() >= 2:
+            along = register(model, part, own | beside)
+        direction = (tracks.positions[part.stop - 1] - tracks.positions[part.start]) * scale
+        fraction = direction**2 / max(float(direction @ direction), np.finfo(np.float64).tiny)
+        parts = zip(along, across, strict=True)
+        shift, variance = (fraction * one + (1.0 - fraction) * other for one, other in parts)
+        # Before contact the position is open.
+        known = scan.signal[part].any(axis=1) & (variance.sum(axis=1) < _WRONG_PLACE_M**2)
+        found.append(Shifts(shift[known], variance[known]))
     # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
-    scale = np.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / (sweeps - 1)))
-    registration = scale * _registration(outcomes, scene)
+    factor = math.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / max(sweeps - 1, 1)))
+    registration = factor * registration_std(found, tracks.scene) / scale
     return Calibration(model.information_length, registration, model.variance)
 
 
-def _most_signal(has_signal: np.ndarray) -> slice:
-    """The :data:`_LONGEST` points of a track (n,) bool with the most signal."""
-    count = min(_LONGEST, len(has_signal))
-    first = int(np.convolve(has_signal, np.ones(count), "valid").argmax())
+def _most_signal(points: slice, signal: np.ndarray) -> slice:
+    """The :data:`_LONGEST` points of a track with the most signal (n, C)."""
+    count = min(_LONGEST, points.stop - points.start)
+    felt = np.convolve(signal[points].any(axis=1), np.ones(count), "valid")
+    first = points.start + int(felt.argmax())
     return slice(first, first + count)
+
+
+def register(model: SweepModel, points: slice, without: np.ndarray) -> Shifts:
+    """Shifts along ``points`` of a track against the tracks that are not ``without`` (S,) bool."""
+    scan, layout, tracks = model.scan, model.scan.noise.layout, model.scan.tracks
+    scene, material, scale = tracks.scene, model.scan.material, levers(tracks.scene)
+    positions, axes = tracks.positions[points], scene.dimension
+    step = max(0.5 * scan.spacing, PITCH)
+    beside = step * np.vstack([np.zeros(axes), np.eye(axes), -np.eye(axes)]) / scale
+    places = (positions + beside[:, None]).reshape(-1, axes)
+    interpolation = interpolate(tracks, places, scan.spacing, material.components, without)
+    expected = interpolation.expected(scan.signal)
+    spread = model.variance.variance(expected, layout)[: len(positions), 0]
+    mean = np.einsum("mk,mkc->mc", np.exp(expected.log_prior), expected.mean)
+    mean = mean.reshape(len(beside), len(positions), -1)
+    residual, slope = scan.strain[points] - mean[0], (mean[1 : 1 + axes] - mean[1 + axes :]) / (2.0 * step)
+    if not material.has_level:
+        residual = innovations(residual, material.memory, PITCH, robust=True)
+        slope = np.stack([innovations(each, material.memory, PITCH) for each in slope])
+    travel = np.linalg.norm(np.diff(positions * scale, axis=0, prepend=positions[:1] * scale), axis=1)
+    exponent = PITCH / model.information_length
+    drift = np.diag(np.square(scene.motion_std * scale))
+    shift, covariance, found = np.zeros(axes), _WRONG_PLACE_M**2 * np.eye(axes), []
+    for left, gradient, variance, moved in zip(residual, slope.swapaxes(0, 1), spread, travel, strict=True):
+        covariance = covariance + moved * drift
+        innovation = left - shift @ gradient
+        predicted = variance + layout.mean(np.einsum("ic,ij,jc->c", gradient, covariance, gradient))
+        squared = layout.sum(innovation**2) / predicted
+        weight = (DEGREES_OF_FREEDOM + layout.widths) / (DEGREES_OF_FREEDOM + squared) / variance
+        weighted = exponent * layout.expand(weight) * gradient
+        covariance = np.linalg.inv(np.linalg.inv(covariance) + weighted @ gradient.T)
+        shift = shift + covariance @ weighted @ innovation
+        found.append((shift, covariance.diagonal()))
+    return Shifts(*(np.array(each) for each in zip(*found, strict=True)))
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
@@ -130,57 +150,25 @@ def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
     return replace(scene, axes=axes)
 
 
-def _localize(localizer: Localizer, track: Track, has_signal: np.ndarray, scene: Scene) -> _Outcome:
-    """Localize a sweep from a uniform prior."""
-    localizer.reset()
-    errors, variance, rows = [], [], []
-    for index, (position, strain) in enumerate(zip(track.positions, track.strain, strict=True)):
-        estimate = localizer.update(10_000_000 * index, position, strain)
-        if estimate.updated:
-            error = estimate.mean - position
-            errors.append(np.where(scene.wraps, wrap_angle(error), error))
-            variance.append(np.diag(estimate.covariance))
-            rows.append(index)
-    scale = levers(scene)
-    return _Outcome(np.array(errors) * scale, np.array(variance) * scale**2, has_signal[rows])
+def registration_std(found: Sequence[Shifts], scene: Scene) -> np.ndarray:
+    """Standard deviation (d,), m, of the registration error, from the shifts of each sweep and the prior.
 
-
-def _composed(along: _Outcome, across: _Outcome, track: Track, scene: Scene) -> _Outcome:
-    """Errors along a sweep without the nearest line, and across it with that line.
-
-    Along it the nearest line resembles the sweep by chance, in the same deformation mode, which a new sweep
-    does not. Across it the gap without that line makes errors that a new sweep does not have.
+    Of the candidates that the shifts do not reject the largest is returned: test sweeps move more than those
+    of a scan.
     """
-    direction = (track.positions[-1] - track.positions[0]) * levers(scene)
-    fraction = direction**2 / max(float(direction @ direction), np.finfo(np.float64).tiny)
-    errors = fraction * along.errors + (1.0 - fraction) * across.errors
-    variance = fraction * along.variance + (1.0 - fraction) * across.variance
-    return _Outcome(errors, variance, along.has_signal)
-
-
-def _registration(outcomes: Sequence[_Outcome], scene: Scene) -> np.ndarray:
-    """Standard deviation (d,) of the registration error, from the errors of each sweep and the prior.
-
-    Errors before contact, where the position is open, are excluded. Of the candidates
-    that the errors do not reject the largest is returned: test sweeps move more than those of a scan.
-    """
-    found = []
-    known = [each.has_signal & (each.variance.sum(axis=1) < _WRONG_PLACE_M**2) for each in outcomes]
-    parts = [(each.errors[rows], each.variance[rows]) for each, rows in zip(outcomes, known, strict=True)]
-    # The errors of n sweeps, each against the mean of the others, have n - 1 degrees of freedom.
-    freedom = 1.0 - 1.0 / max(len(outcomes), 2)
-    extent = scene.extent * levers(scene)
+    # The shifts of n sweeps, each against the mean of the others, have n - 1 degrees of freedom.
+    freedom = 1.0 - 1.0 / max(len(found), 2)
+    candidates, extent, chosen = _PRIOR_STD * _CANDIDATES, scene.extent * levers(scene), []
     for axis in range(scene.dimension):
-        candidates = _PRIOR_STD * _CANDIDATES
         fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-        for errors, variance in (part for part in parts if len(part[0])):
-            count = freedom * independent_samples(errors[:, axis])
+        for shift, variance in (each for each in found if len(each.shift)):
+            count = freedom * independent_samples(shift[:, axis])
             fit += [
-                count * _log_density(errors[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
+                count * _log_density(shift[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
                 for each in candidates
             ]
-        found.append(candidates[np.flatnonzero(fit > fit.max() - _MAX_DROP_NATS)[-1]])
-    return np.array(found) / levers(scene)
+        chosen.append(candidates[np.flatnonzero(fit > fit.max() - _MAX_DROP_NATS)[-1]])
+    return np.array(chosen) if found else np.full(scene.dimension, _PRIOR_STD)
 
 
 def independent_samples(errors: np.ndarray) -> float:

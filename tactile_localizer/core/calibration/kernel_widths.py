@@ -13,7 +13,7 @@ from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import tracks_of
+from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Scene
 
 _POSITION_PER_SPACING = 0.8
@@ -26,14 +26,13 @@ _MIN_POSITION_STD = 0.001
 
 def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> ModelParameters:
     """Complete the given parameters by the widths that are ``None``."""
-    tracks, strain = tracks_of(scan, scene), scan.strain_on(scene)
-    differences = differences_between_lines(tracks, scene)
+    tracks, strain = Tracks.of(scan, scene), scan.strain_on(scene)
+    differences = differences_between_lines(tracks)
     difference = np.median(differences, axis=0) if len(differences) else np.zeros(strain.shape[1])
     # A positive width also for a channel in which most sweeps agree exactly.
     least = 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30
     widths = {
-        "position_std": max(_POSITION_PER_SPACING * line_spacing(tracks, scene), _MIN_POSITION_STD)
-        / levers(scene),
+        "position_std": max(_POSITION_PER_SPACING * line_spacing(tracks), _MIN_POSITION_STD) / levers(scene),
         "strain_std": _STRAIN_PER_DIFFERENCE * np.maximum(difference, least),
     }
     return replace(given, **{name: width for name, width in widths.items() if getattr(given, name) is None})

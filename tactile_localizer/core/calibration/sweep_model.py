@@ -9,14 +9,9 @@ import numpy as np
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.correlation import Correlation
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
-from tactile_localizer.core.likelihood.noise_model import (
-    WhitenedScan,
-    estimate_noise,
-    moving_average,
-)
+from tactile_localizer.core.likelihood.noise_model import WhitenedScan, moving_average, whiten
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
-    NODES_PER_CELL,
     StrainMap,
     VarianceModel,
     build_map,
@@ -35,64 +30,55 @@ _CORRELATED = 20, 400
 
 
 class SweepModel(NamedTuple):
-    """Noise estimate and variance model of a scan.
+    """What is learned from the sweeps of a scan.
 
     Parameters
     ----------
-    noise : noise estimate
+    scan : the whitened scan
     variance : variance model
     """
 
-    noise: WhitenedScan
+    scan: WhitenedScan
     variance: VarianceModel
 
     @property
     def information_length(self) -> float:
         """Travel per independent measurement of the position, m."""
-        return self.noise.material.information_length
+        return self.scan.material.information_length
 
     @property
     def presence_length(self) -> float:
         """Travel per independent measurement of the material, m: all places share errors of the map."""
         return max(self.information_length, self.variance.summed_correlation)
 
-    def mixture(self, scene: Scene, cell: np.ndarray, without: tuple[int, ...] = ()) -> SweepMixture:
-        """The measurement model for cells (d,) of a grid, without some of the tracks."""
-        noise = self.noise
-        table = build_map(
-            [track for index, track in enumerate(noise.tracks) if index not in without],
-            scene,
-            noise.spacing,
-            cell,
-            self.variance,
-            noise.material,
-            noise.model,
-            1 if without else NODES_PER_CELL,
-        )
+    def mixture(self, scene: Scene, cell: np.ndarray) -> SweepMixture:
+        """The measurement model for cells (d,) of a grid."""
+        noise, memory = self.scan.noise, self.scan.material.memory
+        table = build_map(self.scan, self.variance, scene, cell)
         spread = table.featureless_variance
         if spread is None:
             spread = float(np.median(table.variance))
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
-        largest = OUTLIER * (signal + noise.model.layout.size * spread)
-        drift = Drift(noise.material.memory, spread, noise.model.offset_variance, largest)
-        other = self._other(scene, table, spread)
-        return SweepMixture(noise.model, table, drift, other, self.information_length)
+        largest = OUTLIER * (signal + noise.layout.size * spread)
+        drift = Drift(memory, spread, noise.offset_variance, largest)
+        return SweepMixture(noise, table, drift, self._other(scene, table, spread), self.information_length)
 
     def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
         """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""
-        layout, exponent = self.noise.model.layout, PITCH / self.information_length
+        layout, exponent = self.scan.noise.layout, PITCH / self.information_length
         width, found = round(ENERGY_MEMORY / PITCH), []
-        for track in self.noise.visits:
-            known = exponent * np.arange(len(track.strain))[:, None] + mixture.drift.prior
-            level = exponent * (np.cumsum(track.strain, axis=0) - track.strain) / np.maximum(known, 1e-9)
+        for own in self.scan.tracks.slices:
+            strain = self.scan.strain[own]
+            known = exponent * np.arange(len(strain))[:, None] + mixture.drift.prior
+            level = exponent * (np.cumsum(strain, axis=0) - strain) / np.maximum(known, 1e-9)
             variance = layout.mean(mixture.drift.variance / np.maximum(known, 1e-9))
-            found.append(moving_average(mixture.other.energy(track.strain - level, variance), width))
+            found.append(moving_average(mixture.other.energy(strain - level, variance), width))
         return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
 
     def _other(self, scene: Scene, table: StrainMap, spread: float) -> OtherMaterial:
         """The alternative to a map."""
-        layout = self.noise.model.layout
-        if self.noise.material.has_level:
+        layout = self.scan.noise.layout
+        if self.scan.material.has_level:
             signal = table.mean[:, 0].astype(np.float64)
         else:
             signal = np.concatenate(self._innovations(scene, table))
@@ -106,14 +92,14 @@ class SweepModel(NamedTuple):
 
     def cell(self, scene: Scene, lines: float) -> np.ndarray:
         """Size (d,) of cells of ``lines`` line spacings."""
-        return cell_size(scene, self.noise.spacing, lines)
+        return cell_size(scene, self.scan.spacing, lines)
 
     def correlation(self, scene: Scene, table: StrainMap) -> Correlation | None:
         """Evidence for the map; ``None`` where featureless material is the alternative."""
-        if self.noise.material.has_level:
+        if self.scan.material.has_level:
             return None
         along = self._innovations(scene, table)
-        length = summed_correlation(along, self.noise.material.memory)
+        length = summed_correlation(along, self.scan.material.memory)
         places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
         return Correlation(np.concatenate(along), float(np.median(table.variance)), places)
 
@@ -121,12 +107,12 @@ class SweepModel(NamedTuple):
         """Innovations (n, C) of the map along sweeps of the scan."""
         tracks, points = _CORRELATED
         along = []
-        for index in evenly(len(self.noise.tracks), tracks):
-            positions = self.noise.tracks[index].positions
+        for index in evenly(len(self.scan.tracks), tracks):
+            positions = self.scan.tracks.positions[self.scan.tracks.slices[index]]
             inside = ((positions >= scene.lower) & (positions <= scene.upper)).all(axis=1)
             if inside.any():
                 expected = table.mean[table.nearest(positions[inside][:points]), 0]
-                along.append(innovations(expected.astype(np.float64), self.noise.material.memory, PITCH))
+                along.append(innovations(expected.astype(np.float64), self.scan.material.memory, PITCH))
         return along
 
 
@@ -140,6 +126,5 @@ def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None =
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    noise = estimate_noise(scan, scene)
-    variance = variance or fit_variance(noise, scene)
-    return SweepModel(noise, variance)
+    whitened = whiten(scan, scene)
+    return SweepModel(whitened, variance or fit_variance(whitened))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tactile_localizer.core.scan.tracks import PAIRS
+from tactile_localizer.core.scan.interpolation import PAIRS
 
 
 class Material(NamedTuple):

@@ -5,7 +5,6 @@ The map, the alternatives to it and the offset of a sweep all use this noise mod
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -18,17 +17,10 @@ from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.material import CLOTH, SHEET, Material
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
+from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
 from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import (
-    PAIRS,
-    PITCH,
-    Expectation,
-    Track,
-    evenly,
-    expectation,
-    tracks_of,
-)
+from tactile_localizer.core.scan.tracks import PITCH, Tracks
 from tactile_localizer.scene import Scene
 
 _DIAGONAL_LOADING = 0.05
@@ -44,24 +36,8 @@ _MOSTLY_FEATURELESS = 0.35
 0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
 BEFORE = 10
 """Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
-_MAX_HELD_OUT = 100
-"""Largest number of sweeps that are compared with the others, which suffices for a few dozen parameters."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
-
-
-class Residuals(NamedTuple):
-    """A held-out track, its residuals (n, K, C) from the expectation by the other tracks, and that."""
-
-    visit: Track
-    residual: np.ndarray
-    expected: Expectation
-
-    def thinned(self, most: int = 200) -> Residuals:
-        """At most about ``most`` of the points, evenly spread."""
-        rows = np.arange(0, len(self.residual), max(1, len(self.residual) // most))
-        visit = Track(self.visit.positions[rows], self.visit.strain[rows])
-        return Residuals(visit, self.residual[rows], Expectation(*(part[rows] for part in self.expected)))
 
 
 @dataclass(frozen=True)
@@ -110,30 +86,32 @@ class NoiseModel:
 
 
 class WhitenedScan(NamedTuple):
-    """The tracks of a scan in the coordinates in which the noise of a visit is white, and the noise model.
+    """A scan in the coordinates in which the noise of a visit is white.
 
     Parameters
     ----------
-    model : the noise model
-    tracks : whitened; without their offsets and, where nothing is reproducible, exactly zero
-    visits : the same tracks, not shrunk, against which predictions are evaluated
-    recorded : the tracks with their strains as they were recorded, V
+    tracks : its sweeps, with strains as they were recorded
+    spacing : of their lines, m
+    held_out : tracks interpolated between the others; ``None`` of a single sweep
+    material : what the model takes from the kind of the material
+    noise : the noise model
     offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         offset is known
-    spacing : of the tracks, m
-    material : what the model takes from the kind of the material
+    strain : (n, C) of the tracks' points, whitened, without the offsets
+    signal : (n, C) its reproducible part: exactly zero where nothing is reproducible
     """
 
-    model: NoiseModel
-    tracks: list[Track]
-    visits: list[Track]
-    recorded: list[Track]
-    offsets: np.ndarray
+    tracks: Tracks
     spacing: float
+    held_out: HeldOut | None
     material: Material
+    noise: NoiseModel
+    offsets: np.ndarray
+    strain: np.ndarray
+    signal: np.ndarray
 
 
-def estimate_noise(scan: Scan, scene: Scene) -> WhitenedScan:
+def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     """Estimate the noise of one visit from how the scan's sweeps differ.
 
     Raises
@@ -141,91 +119,68 @@ def estimate_noise(scan: Scan, scene: Scene) -> WhitenedScan:
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    recorded = tracks = tracks_of(scan, scene)
-    spacing = line_spacing(tracks, scene)
+    tracks = Tracks.of(scan, scene)
+    spacing, number, layout = line_spacing(tracks), tracks.number, scene.layout
+    held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
     resolution = _resolution(scan.strain_on(scene))
-    first = _whitening(_between_sweeps(tracks, scene, spacing, np.inf), resolution, scene.layout)
-    flat = [_featureless_strain(track.strain @ first.T) for track in tracks]
+    first = _whitening(_differences(tracks.strain, held_out, spacing, np.inf), resolution, layout)
+    flat = [_featureless_strain(tracks.strain[own] @ first.T) for own in tracks.slices]
     level = np.array(flat) @ np.linalg.inv(first).T
-    moved = [Track(track.positions, track.strain - own) for track, own in zip(tracks, level, strict=True)]
-    is_sheet = len(tracks) > 1 and _is_featureless(moved, first, scene, spacing)
-    material = SHEET if is_sheet else CLOTH
-    turning = _turning(level, recorded, scene) if material.has_level else np.zeros(scene.layout.size)
-    layout = ChannelLayout((scene.layout.size,)) if material.joint_noise else scene.layout
-    if material.has_level:
-        level = level - np.outer(_yaws(recorded, scene), turning)
-        tracks, centre = moved, level.mean(axis=0)
-        differences = _between_sweeps(tracks, scene, spacing)
-    else:
-        centre = np.mean([track.strain.mean(axis=0) for track in tracks], axis=0)
-        tracks = [Track(track.positions, track.strain - centre) for track in tracks]
-        differences = _between_sweeps(tracks, scene, spacing, material.memory)
-    whitening = _whitening(differences, resolution, layout)
+    strain = tracks.strain - level[number]
     # Without featureless places an offset cannot be distinguished from a change of place.
-    variance = np.full(scene.layout.size, np.inf)
-    if material.has_level:
-        variance = material.session_ratio * _offset_variance(level @ whitening.T, scene.layout)
+    material, turning, offset_variance = CLOTH, np.zeros(layout.size), np.full(layout.size, np.inf)
+    if held_out is not None and _is_featureless(strain @ first.T, held_out, layout):
+        material, turning = SHEET, _turning(level, tracks)
+        level = level - np.outer(_yaws(tracks), turning)
+        centre = level.mean(axis=0)
+        whitening = _whitening(_differences(strain, held_out, spacing), resolution, layout)
+        offset_variance = material.session_ratio * _offset_variance(level @ whitening.T, layout)
+    else:
+        layout = ChannelLayout((layout.size,))
+        centre = np.mean([tracks.strain[own].mean(axis=0) for own in tracks.slices], axis=0)
+        level, strain = np.broadcast_to(centre, level.shape), tracks.strain - centre
+        differences = _differences(strain, held_out, spacing, material.memory)
+        whitening = _whitening(differences, resolution, layout)
     log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices])
-    model = NoiseModel(
-        layout, centre, whitening, log_volume, variance, whitening @ turning, white_noise(scan, scene)
+    noise = NoiseModel(
+        layout, centre, whitening, log_volume, offset_variance, whitening @ turning, white_noise(scan, scene)
     )
-    visits = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
-    shown = visits
-    if material.has_level:
-        shown = [_shrink(track, scene) for track in visits]
-    moved_by = level - level.mean(axis=0) if material.has_level else np.zeros_like(level)
-    return WhitenedScan(model, shown, visits, recorded, moved_by, spacing, material)
+    strain = strain @ whitening.T
+    signal = _shrink(strain, tracks, scene) if material.has_level else strain
+    return WhitenedScan(tracks, spacing, held_out, material, noise, level - centre, strain, signal)
 
 
-def held_out(
-    tracks: Sequence[Track], visits: Sequence[Track], scene: Scene, spacing: float, components: int = PAIRS
-) -> list[Residuals]:
-    """At most :data:`_MAX_HELD_OUT` of the visits, less what the *other* tracks let one expect of them."""
-    found = []
-    for index in evenly(len(visits), _MAX_HELD_OUT):
-        visit = visits[index]
-        others = [track for other, track in enumerate(tracks) if other != index]
-        expected = expectation(others, scene, visit.positions, spacing, components)
-        found.append(Residuals(visit, visit.strain[:, None] - expected.mean, expected))
-    return found
-
-
-def _between_sweeps(
-    tracks: Sequence[Track], scene: Scene, spacing: float, memory: float | None = None
-) -> list[np.ndarray]:
-    """Differences of each track from the others, (n, C), scaled to the variance of one visit.
+def _differences(
+    strain: np.ndarray, held_out: HeldOut | None, spacing: float, memory: float | None = None
+) -> np.ndarray:
+    """Differences (m, C) of tracks with ``strain`` (n, C) from the others, scaled to the variance of a visit.
 
     With ``memory``, m, they are innovations, infinite: deviations from the median.
     """
-    if len(tracks) == 1:  # the roughness along the sweep is the only measure of noise
-        strain = tracks[0].strain
-        if len(strain) < 3:
-            return [np.zeros_like(strain)]
-        return [(strain[1:-1] - 0.5 * (strain[2:] + strain[:-2])) / np.sqrt(1.5)]
-    found = []
-    for _, residual, expected in held_out(tracks, tracks, scene, spacing, 1):
-        inside = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH)
-        rows = inside if inside.any() else np.ones(len(inside), dtype=bool)
-        difference = residual[:, 0] / np.sqrt(1.0 + expected.noise)
+    if held_out is None:  # the roughness along the sweep is the only measure of noise
+        roughness = np.diff(strain, n=2, axis=0) / np.sqrt(6.0)
+        return roughness if len(roughness) else np.zeros_like(strain)
+    expected = held_out.interpolation.best(1).expected(strain)
+    differences = (strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(1.0 + expected.noise)
+    near, found = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH), []
+    for own in held_out.slices:
+        inside, difference = near[own] | ~near[own].any(), differences[own]
         if memory is not None and np.isfinite(memory):
             difference = innovations(difference, memory, PITCH, robust=True)
-            rows = rows & (np.arange(len(rows)) >= min(BEFORE, len(rows) // 2))
+            inside &= np.arange(len(inside)) >= min(BEFORE, len(inside) // 2)
         elif memory is not None:
-            difference = difference - np.median(difference[rows], axis=0)
-        found.append(difference[rows])
-    return found
+            difference = difference - np.median(difference[inside], axis=0)
+        found.append(difference[inside])
+    return np.concatenate(found)
 
 
-def _whitening(
-    differences: Sequence[np.ndarray], resolution: np.ndarray, layout: ChannelLayout
-) -> np.ndarray:
-    """Inverse Cholesky factor of the robust scatter of differences, a block per phalanx."""
-    joined = np.concatenate(differences)
-    whitening = np.zeros((joined.shape[1],) * 2)
+def _whitening(differences: np.ndarray, resolution: np.ndarray, layout: ChannelLayout) -> np.ndarray:
+    """Inverse Cholesky factor of the robust scatter of differences (m, C), a block per phalanx."""
+    whitening = np.zeros((differences.shape[1],) * 2)
     for own in layout.slices:
         # Scaled per channel, so that the result does not depend on the unit.
-        unit = np.maximum(np.sqrt(np.mean(joined[:, own] ** 2, axis=0)), resolution[own])
-        matrix = scatter(joined[:, own] / unit)
+        unit = np.maximum(np.sqrt(np.mean(differences[:, own] ** 2, axis=0)), resolution[own])
+        matrix = scatter(differences[:, own] / unit)
         matrix += np.diag(_DIAGONAL_LOADING * matrix.diagonal() + (resolution[own] / unit) ** 2 / 12.0)
         whitening[own, own] = np.linalg.inv(np.linalg.cholesky(matrix)) / unit
     return whitening
@@ -253,17 +208,17 @@ def _featureless_strain(strain: np.ndarray) -> np.ndarray:
     return np.asarray(middle + mean[variance.sum(axis=1).argmin()])
 
 
-def _yaws(tracks: Sequence[Track], scene: Scene) -> np.ndarray:
+def _yaws(tracks: Tracks) -> np.ndarray:
     """Mean yaw (S,) of each track, rad; zero where the scene does not name it or it is a full turn."""
-    names = scene.axis_names
-    if "yaw" not in names or scene.wraps[names.index("yaw")]:
+    names = tracks.scene.axis_names
+    if "yaw" not in names or tracks.scene.wraps[names.index("yaw")]:
         return np.zeros(len(tracks))
-    return np.array([track.positions[:, names.index("yaw")].mean() for track in tracks])
+    return np.bincount(tracks.number, tracks.positions[:, names.index("yaw")]) / tracks.counts
 
 
-def _turning(level: np.ndarray, tracks: Sequence[Track], scene: Scene) -> np.ndarray:
+def _turning(level: np.ndarray, tracks: Tracks) -> np.ndarray:
     """Change of the tracks' featureless strains (S, C) per rad of yaw, by least squares: (C,) V/rad."""
-    yaw = _yaws(tracks, scene)
+    yaw = _yaws(tracks)
     away = yaw - yaw.mean()
     spread = float(away @ away)
     return np.asarray(away @ level / spread) if spread > 0.0 else np.zeros(level.shape[1])
@@ -272,44 +227,35 @@ def _turning(level: np.ndarray, tracks: Sequence[Track], scene: Scene) -> np.nda
 def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     """Variance (C,) of the sweeps' offsets (S, C), averaged with its mean over the phalanx (few sweeps)."""
     variance = offsets.var(axis=0, ddof=1)
-    return np.asarray(0.5 * (variance + layout.expand(_means(layout, variance))))
+    return np.asarray(0.5 * (variance + layout.expand(layout.mean(variance))))
 
 
-def _is_featureless(tracks: Sequence[Track], whitening: np.ndarray, scene: Scene, spacing: float) -> bool:
+def _is_featureless(whitened: np.ndarray, held_out: HeldOut, layout: ChannelLayout) -> bool:
     """Whether most places are featureless: their deviations are not reproduced by neighbouring sweeps."""
-    whitened = [Track(track.positions, track.strain @ whitening.T) for track in tracks]
-    shares = []
-    for visit, residual, _ in held_out(whitened, whitened, scene, spacing, 1):
-        product = visit.strain * (visit.strain - residual[:, 0])
-        shares.append(_means(scene.layout, _smoothed(product)) < _REPRODUCIBLE)
-    return bool(np.mean(np.concatenate(shares)) > _MOSTLY_FEATURELESS)
+    expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
+    products = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices))
+    return bool(np.mean(products < _REPRODUCIBLE) > _MOSTLY_FEATURELESS)
 
 
-def _shrink(track: Track, scene: Scene) -> Track:
-    """A track with its deviations shrunk by the noise in their energy (James and Stein, 1961).
+def _shrink(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
+    """Deviations (n, C) shrunk by the noise in their energy (James and Stein, 1961).
 
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
     the feature's region, if the scene gives one, deviations are set to zero.
     """
-    strain = track.strain
-    energy = _means(scene.layout, _smoothed(strain**2))
-    strain = strain * scene.layout.expand(np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0))
+    energy = scene.layout.mean(_smoothed(strain**2, tracks.slices))
+    kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
-        on = phalanges_on_feature(scene, track.positions)
-        strain = strain * scene.layout.expand(on.astype(np.float64))
-    return Track(track.positions, strain)
+        kept = kept * phalanges_on_feature(scene, tracks.positions)
+    return np.asarray(strain * scene.layout.expand(kept))
 
 
-def _smoothed(values: np.ndarray) -> np.ndarray:
-    return moving_average(values, round(_SMOOTHING / PITCH))
+def _smoothed(values: np.ndarray, slices: list[slice]) -> np.ndarray:
+    """Moving averages of values (n, C) along each track."""
+    return np.concatenate([moving_average(values[own], round(_SMOOTHING / PITCH)) for own in slices])
 
 
 def moving_average(values: np.ndarray, width: int) -> np.ndarray:
     """Averages over ``width`` of values (n, C) along a track, padded by the values at its ends."""
     padded = np.pad(values, ((width // 2, (width - 1) // 2), (0, 0)), mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).mean(axis=-1))
-
-
-def _means(layout: ChannelLayout, values: np.ndarray) -> np.ndarray:
-    """Means over the channels of each phalanx, (..., C) to (..., F)."""
-    return layout.sum(values) / np.array(layout.counts)

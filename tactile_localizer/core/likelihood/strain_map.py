@@ -12,16 +12,10 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.drift import innovations
-from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.noise_model import (
-    BEFORE,
-    NoiseModel,
-    Residuals,
-    WhitenedScan,
-    held_out,
-)
-from tactile_localizer.core.likelihood.student_t import log_density
-from tactile_localizer.core.scan.tracks import PITCH, Expectation, Track, expectation
+from tactile_localizer.core.likelihood.noise_model import BEFORE, WhitenedScan
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
+from tactile_localizer.core.scan.interpolation import Expectation, interpolate
+from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Scene
 
 NODES_PER_CELL = 2
@@ -31,16 +25,17 @@ MOST_CELLS_IN_SPACE = 25_000
 10 ms: 50 mm x 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
 _NODES_AT_ONCE = 2**15
 """Nodes computed in double precision at a time."""
+_MOST_POINTS = 200
+"""Points of a held-out track, about, to which the variance model is fitted."""
 _LONGEST_CORRELATION = 0.03
 """Largest lag of the residual's autocorrelation, m."""
 
-
-_FACTORS = {
-    "visit": (0.7, 0.1, 10.0),
-    "interpolation": (0.4, 0.01, 10.0),
-    "signal": (0.01, 1e-4, 1.0),
-}
-"""First value and bounds of each fitted factor of :class:`VarianceModel`."""
+_FIRST_SIGNAL = 0.01
+"""First value of the factor of the signal, where there is a level from which it deviates."""
+_LEAST_VISIT = 0.1
+"""Least factor of the noise of a visit: that of a scan without any is its resolution."""
+_MOST_ITERATIONS, _CONVERGED = 200, 1e-3
+"""Iterations of a fit, and the relative change of its factors at which it ends."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +58,20 @@ class VarianceModel:
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
         """Variance of a new visit, (M, K, F)."""
-        counts = np.array(layout.counts)
-        signal = layout.sum(expected.mean**2) / counts
-        error = layout.sum(expected.interpolation_error) / counts
-        # Where both tracks are exactly featureless, their mean has no noise: no place is preferred there.
-        felt = signal + error > 0.0
-        visit = self.visit * (1.0 + expected.noise[..., None] * felt)
-        return visit + self.signal * signal + self.interpolation * error
+        return np.asarray(np.tensordot(self.factors, _terms(expected, layout), 1))
+
+    @property
+    def factors(self) -> np.ndarray:
+        """Factors of the visit, the signal and the interpolation, (3,)."""
+        return np.array([self.visit, self.signal, self.interpolation])
+
+
+def _terms(expected: Expectation, layout: ChannelLayout) -> np.ndarray:
+    """Variances (3, M, K, F) of which the factors are fitted: of the visit, the signal, the interpolation."""
+    signal, error = layout.mean(expected.mean**2), layout.mean(expected.interpolation_error)
+    # Where both tracks are exactly featureless, their mean has no noise: no place is preferred there.
+    visit = 1.0 + expected.noise[..., None] * (signal + error > 0.0)
+    return np.stack([visit, signal, error])
 
 
 class StrainMap(NamedTuple):
@@ -126,76 +128,67 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
     return np.minimum(sizes, extent)
 
 
-def fit_variance(estimate: WhitenedScan, scene: Scene) -> VarianceModel:
-    """Maximum-likelihood variance model of each sweep of the scan given the others."""
-    # An import of half a second, not needed for a calibrated scan.
-    from scipy.optimize import minimize
-    from scipy.special import logsumexp
-
-    if len(estimate.tracks) < 2:
+def fit_variance(scan: WhitenedScan) -> VarianceModel:
+    """Maximum-likelihood variance model of each sweep of the scan given the others, by EM."""
+    if scan.held_out is None:
         return VarianceModel()
-    layout = estimate.model.layout
-    residuals = _residuals(estimate, scene)
-    thinned = [residual.thinned() for residual in residuals]
-    squared = np.concatenate([layout.sum(each.residual**2) for each in thinned])
-    expected = Expectation(
-        *(np.concatenate(parts) for parts in zip(*(e.expected for e in thinned), strict=True))
-    )
-    counts = np.array(layout.counts)
-    factors = ["visit", "interpolation"]
-    if estimate.material.has_level:
-        factors.append("signal")
-    start, *bounds = np.log([_FACTORS[factor] for factor in factors]).T
-
-    def model(log_factors: np.ndarray) -> VarianceModel:
-        return VarianceModel(**dict(zip(factors, np.exp(log_factors).tolist(), strict=True)))
-
-    def cost(log_factors: np.ndarray) -> float:
-        variance = model(log_factors).variance(expected, layout)
-        density = log_density(squared, variance, counts)
-        return -float(logsumexp(expected.log_prior[..., None] + density, axis=1).sum(axis=-1).mean())
-
-    options = {"maxiter": 40 * len(factors)}
-    found = minimize(cost, start, method="Nelder-Mead", bounds=np.transpose(bounds), options=options)
-    fitted = model(found.x)
-    scaled = [
-        r.residual[:, 0] / np.sqrt(layout.expand(fitted.variance(r.expected, layout)[:, 0]))
-        for r in residuals
-    ]
-    return replace(fitted, summed_correlation=summed_correlation(scaled, fitted.summed_correlation))
+    layout, material = scan.noise.layout, scan.material
+    points, slices, interpolation = scan.held_out
+    first = interpolation.best(1).expected(scan.signal)
+    residuals = scan.strain[points] - first.mean[:, 0]
+    parts = [np.arange(own.start, own.stop) for own in slices]
+    if not material.has_level:
+        for own in slices:
+            residuals[own] = innovations(residuals[own], material.memory, PITCH, robust=True)
+        parts = [own[min(BEFORE, len(own) // 2) :] for own in parts]
+    thinned = np.concatenate([own[:: max(1, len(own) // _MOST_POINTS)] for own in parts])
+    expected = interpolation.best(material.components).at(thinned).expected(scan.signal)
+    by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
+    squared = layout.sum(by_component**2)
+    first_factors = VarianceModel(signal=_FIRST_SIGNAL * material.has_level).factors
+    fitted = _fitted(first_factors, _terms(expected, layout), squared, expected.log_prior, layout.widths)
+    scaled = residuals / np.sqrt(layout.expand(fitted.variance(first, layout)[:, 0]))
+    length = summed_correlation([scaled[own] for own in parts], fitted.summed_correlation)
+    return replace(fitted, summed_correlation=length)
 
 
-def _residuals(estimate: WhitenedScan, scene: Scene) -> list[Residuals]:
-    """Residuals of held-out sweeps; innovations of them, where the material is felt everywhere."""
-    material = estimate.material
-    residuals = held_out(estimate.tracks, estimate.visits, scene, estimate.spacing, material.components)
-    if material.has_level:
-        return residuals
-    found = []
-    for each in residuals:
-        left = innovations(each.residual[:, 0], material.memory, PITCH, robust=True)
-        kept = slice(min(BEFORE, len(left) // 2), None)
-        visit = Track(each.visit.positions[kept], each.visit.strain[kept])
-        expected = Expectation(*(part[kept] for part in each.expected))
-        found.append(Residuals(visit, left[kept, None], expected))
-    return found
+def _fitted(
+    start: np.ndarray, terms: np.ndarray, squared: np.ndarray, log_prior: np.ndarray, widths: np.ndarray
+) -> VarianceModel:
+    """Factors of ``terms`` (3, M, K, F) under which residuals of ``squared`` length (M, K, F) are likeliest.
+
+    EM averages over the component and the scale of the t-distribution; the maximum over each
+    factor of a bound of what is left is in closed form (Zhou et al., 2019, square root left out). The first
+    values, ``start`` (3,), count as one observation each, so that they stay where there is none.
+    """
+    factors, axes = start, ([1, 2, 3], [0, 1, 2])
+    for _ in range(_MOST_ITERATIONS):
+        variance = np.tensordot(factors, terms, 1)
+        log_weights = log_prior[..., None] + log_density(squared, variance, widths)
+        weights = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
+        weights /= weights.sum(axis=1, keepdims=True) * variance
+        tails = (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM * variance + squared)
+        found = factors * np.tensordot(terms, weights * tails * squared, axes)
+        found += start / np.maximum(factors, 1e-300)
+        ratio = found / (factors * np.tensordot(terms, weights * widths, axes) + 1.0)
+        factors = np.maximum(factors * ratio, [_LEAST_VISIT, 0.0, 0.0])
+        if np.abs(ratio[factors > 0.0] - 1.0).max() < _CONVERGED:
+            break
+    visit, signal, interpolation = factors.tolist()
+    return VarianceModel(visit, signal, interpolation)
 
 
 def build_map(
-    tracks: Sequence[Track],
-    scene: Scene,
-    spacing: float,
-    cell: np.ndarray,
+    scan: WhitenedScan,
     variance: VarianceModel,
-    material: Material,
-    model: NoiseModel,
-    nodes_per_cell: int = NODES_PER_CELL,
+    scene: Scene,
+    cell: np.ndarray,
 ) -> StrainMap:
     """Tables for a filter whose cells have the size ``cell`` (d,).
 
-    Each place has as many components as the ``material`` says: the nearest pairs of tracks.
+    Each place has as many components as the material says: the nearest pairs of tracks.
     """
-    per_cell = 1 if scene.dimension == 3 else nodes_per_cell
+    per_cell = 1 if scene.dimension == 3 else NODES_PER_CELL
     extent = scene.extent
     shape = tuple(int(count) for count in np.maximum(np.ceil(extent * per_cell / cell - 1e-9), 1))
     step = extent / np.array(shape)
@@ -205,16 +198,17 @@ def build_map(
     tables: list[np.ndarray] = []
     for begin in range(0, len(places), _NODES_AT_ONCE):
         part = slice(begin, begin + _NODES_AT_ONCE)
-        expected = expectation(tracks, scene, places[part], spacing, material.components)
-        spread = variance.variance(expected, model.layout)
+        interpolation = interpolate(scan.tracks, places[part], scan.spacing, scan.material.components)
+        expected = interpolation.expected(scan.signal)
+        spread = variance.variance(expected, scan.noise.layout)
         found = (expected.mean, spread, expected.log_prior)
         if not tables:
             tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
         for table, each in zip(tables, found, strict=True):
             table[part] = each
     mean, spread, prior = tables
-    least = float(spread.min()) if material.has_level else None
-    by_axis = np.outer([name == "yaw" for name in scene.axis_names], model.turning)
+    least = float(spread.min()) if scan.material.has_level else None
+    by_axis = np.outer([name == "yaw" for name in scene.axis_names], scan.noise.turning)
     return StrainMap(origin, step, shape, mean, spread, prior, least, by_axis)
 
 

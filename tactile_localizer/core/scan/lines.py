@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from scipy.spatial import cKDTree
 
-from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.scan.tracks import PITCH, Track, evenly
-from tactile_localizer.scene import Scene
+from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly
 
 _MAX_TRACKS, _MAX_POINTS = 50, 20
 """Tracks, spread over the scan, and points of each, from which the line spacing is computed."""
@@ -20,40 +15,38 @@ _JUMP = 3.0
 parallel lines."""
 
 
-def line_spacing(tracks: Sequence[Track], scene: Scene) -> float:
+def line_spacing(tracks: Tracks) -> float:
     """Median distance from a point to the nearest track of another line, m; on one axis near zero."""
     if len(tracks) < 2:
         return 0.0
     nearest = []
     for index in evenly(len(tracks), _MAX_TRACKS):
-        distances = _distances(tracks, scene, index)
-        distances[:, _on_line(distances, index)] = np.inf
-        nearest.append(distances.min(axis=1))
+        distances = _distances(tracks, index)
+        nearest.append(distances[:, ~_on_line(distances, index)].min(axis=1))
     return float(np.median(np.concatenate(nearest)))
 
 
-def neighbours(tracks: Sequence[Track], scene: Scene, index: int) -> tuple[np.ndarray, np.ndarray]:
+def neighbours(tracks: Tracks, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Tracks on the line of one of them, itself included, and those on the nearest other line, (S,) bool."""
-    distances = _distances(tracks, scene, index)
+    distances = _distances(tracks, index)
     own = _on_line(distances, index)
     nearest = int(np.where(own, np.inf, np.median(distances, axis=0)).argmin())
-    return own, _on_line(_distances(tracks, scene, nearest), nearest) & ~own
+    return own, _on_line(_distances(tracks, nearest), nearest) & ~own
 
 
-def differences_between_lines(tracks: Sequence[Track], scene: Scene) -> np.ndarray:
+def differences_between_lines(tracks: Tracks) -> np.ndarray:
     """Magnitudes of the differences (n, C), V, between strains at neighbouring places of two lines.
 
     On one axis, between two sweeps; of a single sweep, between one point and the next.
     """
     if len(tracks) == 1:
-        return np.abs(np.diff(tracks[0].strain, axis=0))
+        return np.abs(np.diff(tracks.strain, axis=0))
     differences = []
     for index in evenly(len(tracks), _MAX_TRACKS):
-        own = _on_line(_distances(tracks, scene, index), index)
-        others = [track for track, same in zip(tracks, own, strict=True) if not same]
-        places, strain = (np.concatenate(parts) for parts in zip(*others, strict=True))
-        near = cKDTree(places * levers(scene)).query(tracks[index].positions * levers(scene))[1]
-        differences.append(np.abs(tracks[index].strain - strain[near]))
+        own, others = tracks.slices[index], np.flatnonzero(~_on_line(_distances(tracks, index), index))
+        distance, point = tracks.nearest(tracks.positions[own], others)
+        near = np.take_along_axis(point, distance.argmin(axis=1)[:, None], axis=1)[:, 0]
+        differences.append(np.abs(tracks.strain[own] - tracks.strain[near]))
     return np.concatenate(differences)
 
 
@@ -71,11 +64,7 @@ def _on_line(distances: np.ndarray, index: int) -> np.ndarray:
     return own
 
 
-def _distances(tracks: Sequence[Track], scene: Scene, index: int) -> np.ndarray:
+def _distances(tracks: Tracks, index: int) -> np.ndarray:
     """Distances (n, S) from points spread over a track to each of the tracks, m."""
-    scale = levers(scene)
-    points = [track.positions * scale for track in tracks]
-    own = points[index][:: max(1, len(points[index]) // _MAX_POINTS)]
-    joined, starts = np.concatenate(points), np.cumsum([0, *map(len, points[:-1])])
-    squared = [np.minimum.reduceat(np.square(joined - point).sum(axis=1), starts) for point in own]
-    return np.sqrt(np.array(squared))
+    own = tracks.positions[tracks.slices[index]]
+    return tracks.nearest(own[:: max(1, len(own) // _MAX_POINTS)])[0]

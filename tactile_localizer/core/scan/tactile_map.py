@@ -10,9 +10,10 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
+from tactile_localizer.core.scan.interpolation import interpolate
 from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import PITCH, expectation, tracks_of
+from tactile_localizer.core.scan.tracks import PITCH, Tracks
 from tactile_localizer.scene import Phalanx, Scene
 
 NODES = {1: 1200, 2: 120}
@@ -64,7 +65,7 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     """Interpolate a scan on a regular grid over the scene's bounds, axes and phalanges.
 
     A node's value is the mean of what the measurement model interpolates there between the sweeps
-    (:func:`.expectation`), within 1.5 line spacings of a sweep. Of three axes the first two are shown, with
+    (:func:`.interpolate`), within 1.5 line spacings of a sweep. Of three axes the first two are shown, with
     the third at the median of the scan.
 
     Raises
@@ -72,8 +73,8 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    shown, tracks = min(scene.dimension, 2), tracks_of(scan, scene)
-    scale, spacing = levers(scene)[:shown], line_spacing(tracks, scene)
+    shown, tracks = min(scene.dimension, 2), Tracks.of(scan, scene)
+    scale, spacing = levers(scene)[:shown], line_spacing(tracks)
     extent = scene.extent[:shown] * scale
     step = float(extent.max()) / (NODES[shown] - 1)
     counts = [max(2, math.floor(each / step + 1e-9) + 1) for each in extent]
@@ -84,7 +85,7 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     places = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
     third = np.median(scan.positions_on(scene)[:, shown:], axis=0)
     places = np.column_stack([places, np.tile(third, (len(places), 1))])
-    found = expectation(tracks, scene, places, spacing)
+    found = interpolate(tracks, places, spacing).expected(tracks.strain)
     values = np.einsum("mk,mkc->mc", np.exp(found.log_prior), found.mean)
     reach = max(1.5 * spacing, step, 2.0 * PITCH)
     near = (found.distance <= reach).reshape(counts)

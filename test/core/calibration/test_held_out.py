@@ -1,16 +1,24 @@
-"""Tempering and registration error, from sweeps that are localized on the map of the others."""
+"""Registration error, from sweeps that are registered to the others."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.models import KalmanFilter, LinearModel, whitened_scan
 from support.scans import slides
 
 from tactile_localizer.core.calibration.held_out import (
+    Shifts,
+    calibrate,
     independent_samples,
+    register,
+    registration_std,
     surroundings,
 )
+from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.factory import learn
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -51,6 +59,60 @@ def test_correlated_errors_count_once_per_correlation_length() -> None:
     assert independent_samples(np.full(400, 0.001)) == pytest.approx(1.0, rel=0.01)
     assert independent_samples(free) == pytest.approx(400.0, rel=0.35)
     assert independent_samples(np.repeat(free[:100], 4)) == pytest.approx(100.0, rel=0.35)
+
+
+SHEET = Scene("sheet", (Axis("x", 0.0, 0.04), Axis("y", 0.0, 0.06)), (Phalanx("index", (0.0, 0.0), 4),))
+SLOPE = 1e3 * np.array([[3.0, -1.0, 2.0, 0.5], [0.5, 2.0, -1.0, 3.0]])
+"""V/m, of noise 1 V."""
+LINES_Y = np.array([0.005, 0.010, 0.019, 0.024, 0.033, 0.038, 0.047, 0.052])
+"""Each line has a mate 5 mm beside it and the next one 9 mm away."""
+
+
+def sheet(shift: Callable[[int], tuple[float, float]], noisy: int | None = None) -> SweepModel:
+    """Lines along x over strains that are linear in the place, each with a ``shift`` of its places, m."""
+    x, rng = np.arange(0.0, 0.0401, 0.0005), np.random.default_rng(0)
+    lines = [np.column_stack([x, np.full_like(x, y)]) for y in LINES_Y]
+    strain = np.array([(line + shift(number)) @ SLOPE for number, line in enumerate(lines)])
+    if noisy is not None:
+        strain[noisy] += rng.standard_normal(strain[noisy].shape)
+    sweep = np.repeat(np.arange(len(lines)), len(x))
+    scan = Scan(np.concatenate(lines), np.concatenate(strain), sweep, ("x", "y"), ("index",), (4,))
+    return SweepModel(whitened_scan(scan, SHEET), VarianceModel(1.0, 0.0, 0.0))
+
+
+def test_the_shift_of_a_sweep_is_that_of_a_kalman_filter() -> None:
+    model = sheet(lambda line: (0.001, -0.002) if line == 3 else (0.0, 0.0), noisy=3)
+    line, without = model.scan.tracks.slices[3], np.arange(len(LINES_Y)) == 3
+    shifts = register(model, line, without)
+    # The mean of the lines 5 and 9 mm beside it has a variance of its own; 1.7 mm are one measurement.
+    std = np.sqrt((1.0 + 0.54) * 0.0017 / 0.0005)
+    exact = KalmanFilter(np.zeros(2), 0.02**2 * np.eye(2), LinearModel(SLOPE.T, std))
+    for strain, place in zip(model.scan.strain[line], model.scan.tracks.positions[line], strict=True):
+        exact.predict(np.zeros(2), SHEET.motion_std**2 * 0.0005)
+        exact.update(strain - place @ SLOPE)
+    np.testing.assert_allclose(exact.mean, [0.001, -0.002], atol=2e-4)
+    np.testing.assert_allclose(shifts.shift[-1], exact.mean, atol=1e-4)
+    np.testing.assert_allclose(shifts.variance[-1], exact.covariance.diagonal(), rtol=0.2)
+
+
+def test_along_a_sweep_the_nearest_line_is_held_out_and_across_it_is_not() -> None:
+    """There the nearest line resembles the sweep by chance, here its gap is an error of its own."""
+    pairs = 0.001 * (-1.0) ** (np.arange(len(LINES_Y)) // 2)
+    along, across = calibrate(sheet(lambda line: (pairs[line], pairs[line]))).registration_std
+    assert along > 0.0018, "against the lines beyond, all of which are shifted the other way"
+    assert across < 0.0012, "against the mate and the next line"
+
+
+def test_the_registration_error_is_not_underestimated() -> None:
+    """Of so few sweeps the likeliest value is too small in half of the cases."""
+    std, sweeps = 0.001, 7
+    shift = [np.tile([std * (-1.0) ** number, 0.0], (80, 1)) for number in range(sweeps)]
+    shifts = [Shifts(each, np.full((80, 2), 1e-12)) for each in shift]
+    along, across = registration_std(shifts, SHEET)
+    prior, errors, independent = 0.0005, 5.0, sweeps - 1.0
+    likeliest = np.sqrt((errors * prior**2 + independent * std**2) / (errors + independent))
+    assert 1.1 * likeliest < along < 1.6 * likeliest
+    assert across < 0.5 * std
 
 
 def test_a_sweep_is_localized_in_its_surroundings() -> None:

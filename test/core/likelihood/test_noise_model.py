@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.scans import bump_scan, slides
 
-from tactile_localizer.core.likelihood.noise_model import estimate_noise, held_out
+from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -38,39 +38,33 @@ def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
 @pytest.mark.parametrize(("made", "scene"), [(bump_scan(SHEET, offsets=1.0), SHEET), (cloth(), CLOTH)])
 def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene) -> None:
     constant = np.full(8, 3e6)  # of noise 1
-    plain, moved = (estimate_noise(replace(made, strain=made.strain + c), scene) for c in (0.0, constant))
+    plain, moved = (whiten(replace(made, strain=made.strain + c), scene) for c in (0.0, constant))
     assert moved.material == plain.material
-    np.testing.assert_allclose(moved.model.centre - constant, plain.model.centre, atol=1e-3)
-    for one, other in zip(moved.tracks, plain.tracks, strict=True):
-        np.testing.assert_allclose(one.strain, other.strain, atol=1e-2)
+    np.testing.assert_allclose(moved.noise.centre - constant, plain.noise.centre, atol=1e-3)
+    np.testing.assert_allclose(moved.signal, plain.signal, atol=1e-2)
 
 
 def test_whitened_residuals_have_unit_covariance() -> None:
-    estimate = estimate_noise(cloth(4), CLOTH)
-    residuals = np.concatenate(
-        [
-            residual[:, 0] / np.sqrt(1.0 + expected.noise)
-            for _, residual, expected in held_out(
-                estimate.tracks, estimate.visits, CLOTH, estimate.spacing, 1
-            )
-        ]
-    )
+    estimate = whiten(cloth(4), CLOTH)
+    assert estimate.held_out is not None
+    expected = estimate.held_out.interpolation.expected(estimate.signal)
+    residuals = (estimate.strain - expected.mean[:, 0]) / np.sqrt(1.0 + expected.noise)
     np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
 
 
 def test_phalanges_are_whitened_separately_but_together_where_the_material_is_felt_everywhere() -> None:
     """There the ripple of the force is common to them."""
-    sheet = estimate_noise(bump_scan(SHEET), SHEET).model
+    sheet = whiten(bump_scan(SHEET), SHEET).noise
     assert sheet.layout == SHEET.layout
     assert (sheet.whitening[:4, 4:] == 0.0).all()
     assert (sheet.whitening[4:, :4] == 0.0).all()
-    joint = estimate_noise(cloth(), CLOTH).model
+    joint = whiten(cloth(), CLOTH).noise
     assert joint.layout.counts == (8,)
     assert joint.whitening[4:, :4].any()
 
 
 def test_a_sweep_is_whitened_anew_by_the_sum_of_the_covariances() -> None:
-    model, excess = estimate_noise(cloth(), CLOTH).model, np.array([0.0, 2.0, 0.0, 0.0, 50.0, 0.0, 1e9, 0.1])
+    model, excess = whiten(cloth(), CLOTH).noise, np.array([0.0, 2.0, 0.0, 0.0, 50.0, 0.0, 1e9, 0.1])
     usual = np.linalg.inv(model.whitening)
     np.testing.assert_allclose(model.variance, np.diag(usual @ usual.T))
     whitening = model.rewhitening(excess) @ model.whitening
@@ -79,59 +73,52 @@ def test_a_sweep_is_whitened_anew_by_the_sum_of_the_covariances() -> None:
 
 
 def test_the_volume_is_the_determinant_of_the_whitening() -> None:
-    model = estimate_noise(cloth(), CLOTH).model
+    model = whiten(cloth(), CLOTH).noise
     assert model.log_volume.sum() == pytest.approx(np.linalg.slogdet(model.whitening)[1])
 
 
 @settings(max_examples=8)
 @given(st.sampled_from([1e-9, 1e-3, 1e9]), st.integers(0, 3))
 def test_whitened_strains_do_not_depend_on_the_unit(volts: float, seed: int) -> None:
-    one, other = (estimate_noise(cloth(2, seed, unit), CLOTH) for unit in (1.0, volts))
-    for mine, theirs in zip(one.tracks, other.tracks, strict=True):
-        np.testing.assert_allclose(theirs.strain, mine.strain, atol=1e-5)
-    np.testing.assert_allclose(other.model.log_volume, one.model.log_volume - 8 * np.log(volts), atol=1e-5)
+    one, other = (whiten(cloth(2, seed, unit), CLOTH) for unit in (1.0, volts))
+    np.testing.assert_allclose(other.signal, one.signal, atol=1e-5)
+    np.testing.assert_allclose(other.noise.log_volume, one.noise.log_volume - 8 * np.log(volts), atol=1e-5)
 
 
 def test_featureless_places_are_exactly_equal() -> None:
-    estimate = estimate_noise(bump_scan(SHEET), SHEET)
+    estimate = whiten(bump_scan(SHEET), SHEET)
     assert estimate.material.has_level
-    far = np.concatenate(
-        [
-            track.strain[np.linalg.norm(track.positions - 0.025, axis=1) > 0.018].any(axis=1)
-            for track in estimate.tracks
-        ]
-    )
-    assert far.mean() < 0.1
-    middle = estimate.tracks[10]
-    assert middle.strain[np.abs(middle.positions[:, 0] - 0.025) < 0.002].any(axis=1).all()
+    away = np.abs(estimate.tracks.positions - 0.025)
+    assert estimate.signal[np.linalg.norm(away, axis=1) > 0.018].any(axis=1).mean() < 0.1
+    middle = (estimate.tracks.number == 10) & (away[:, 0] < 0.002)
+    assert estimate.signal[middle].any(axis=1).all()
 
 
 def test_textured_material_is_not_shrunk() -> None:
-    estimate = estimate_noise(cloth(), CLOTH)
+    estimate = whiten(cloth(), CLOTH)
     assert not estimate.material.has_level
-    for track, visit in zip(estimate.tracks, estimate.visits, strict=True):
-        np.testing.assert_array_equal(track.strain, visit.strain)
-    assert np.isinf(estimate.model.offset_variance).all(), "an offset cannot be told from a place"
+    np.testing.assert_array_equal(estimate.signal, estimate.strain)
+    assert np.isinf(estimate.noise.offset_variance).all(), "an offset cannot be told from a place"
 
 
 def test_offsets_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
-    estimate = estimate_noise(bump_scan(SHEET, offsets=5.0), SHEET)
+    estimate = whiten(bump_scan(SHEET, offsets=5.0), SHEET)
     assert estimate.material.has_level
     assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
-    variance = np.var(estimate.offsets @ estimate.model.whitening.T, axis=0, ddof=1)
-    assert estimate.model.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())
+    variance = np.var(estimate.offsets @ estimate.noise.whitening.T, axis=0, ddof=1)
+    assert estimate.noise.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())
 
 
 def test_strains_outside_the_region_are_zero() -> None:
     scene = replace(SHEET, feature=Region((0.025, 0.0), (0.05, 0.05)))
-    for track in estimate_noise(bump_scan(SHEET), scene).tracks:
-        assert (track.strain[track.positions[:, 0] < 0.025] == 0.0).all()
+    estimate = whiten(bump_scan(SHEET), scene)
+    assert (estimate.signal[estimate.tracks.positions[:, 0] < 0.025] == 0.0).all()
 
 
 def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -> None:
     scan = cloth()
     start = scan.states[:, 0] < 0.01
     spoiled = scan.strain + np.where(start, 50.0, 0.0)[:, None] * (1.0 + scan.sweep[:, None])
-    rough = estimate_noise(replace(scan, strain=spoiled), CLOTH).model
-    plain = estimate_noise(scan, CLOTH).model
+    rough = whiten(replace(scan, strain=spoiled), CLOTH).noise
+    plain = whiten(scan, CLOTH).noise
     np.testing.assert_allclose(rough.log_volume, plain.log_volume, atol=1.0)

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.models import noise_model
+from support.models import whitened_scan
 from support.scans import raster, slides
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.material import SHEET
-from tactile_localizer.core.likelihood.noise_model import estimate_noise
+from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.likelihood.strain_map import (
     MOST_CELLS_IN_SPACE,
     VarianceModel,
@@ -19,7 +18,7 @@ from tactile_localizer.core.likelihood.strain_map import (
     fit_variance,
 )
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import PITCH, tracks_of
+from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SIDE, SPACING = 0.03, 0.003
@@ -28,7 +27,7 @@ LINE = Scene("line", (Axis("x", 0.0, 0.3),), (Phalanx("index", (0.0,), 3),))
 
 
 SLOPE = np.array([[100.0, 20.0, -50.0], [30.0, -80.0, 10.0]])
-TRACKS = tracks_of(raster(PLANE, lambda states, _: states @ SLOPE, SPACING), PLANE)
+SCAN = whitened_scan(raster(PLANE, lambda states, _: states @ SLOPE, SPACING), PLANE)
 
 
 def repeats(correlation: float, seed: int = 0) -> Scan:
@@ -47,8 +46,7 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
 
 def test_tables_hold_the_expectation_at_the_nodes() -> None:
     """Of strains that are linear in the place, whose mean is exact between any two lines."""
-    model = noise_model(PLANE.layout)
-    table = build_map(TRACKS, PLANE, SPACING, np.array([0.001, 0.002]), VarianceModel(), SHEET, model)
+    table = build_map(SCAN, VarianceModel(), PLANE, np.array([0.001, 0.002]))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     inner = ((nodes > SPACING) & (nodes < SIDE - SPACING)).all(axis=1)
@@ -62,8 +60,7 @@ def test_tables_hold_the_expectation_at_the_nodes() -> None:
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
 def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> None:
-    cell = np.full(2, 0.005)
-    table = build_map(TRACKS, PLANE, SPACING, cell, VarianceModel(), SHEET, noise_model(PLANE.layout))
+    table = build_map(SCAN, VarianceModel(), PLANE, np.full(2, 0.005))
     index = table.nearest(np.array(states))
     node = table.origin + table.step * np.stack(np.unravel_index(index, table.shape), axis=1)
     inside = np.clip(states, PLANE.lower, PLANE.upper)
@@ -86,20 +83,17 @@ def test_cells_on_three_axes_are_limited_in_number() -> None:
 
 def test_the_variance_of_white_noise_is_one() -> None:
     scan = repeats(correlation=1e-9)
-    fitted = fit_variance(estimate_noise(scan, LINE), LINE)
+    fitted = fit_variance(whiten(scan, LINE))
     assert fitted.visit == pytest.approx(1.0, rel=0.25)
     assert fitted.signal == 0.0, "the material has no zero to measure a signal from"
 
 
 def test_the_correlation_length_is_recovered() -> None:
-    white, slow = (
-        fit_variance(estimate_noise(repeats(length), LINE), LINE).summed_correlation
-        for length in (1e-9, 0.003)
-    )
+    white, slow = (fit_variance(whiten(repeats(length), LINE)).summed_correlation for length in (1e-9, 0.003))
     assert white == pytest.approx(PITCH, rel=0.2)
     assert slow == pytest.approx(2.0 * 0.003, rel=0.4)
 
 
 def test_a_single_sweep_has_the_default_variance() -> None:
     scan = repeats(1e-9)
-    assert fit_variance(estimate_noise(scan.select(scan.sweep == 0), LINE), LINE) == VarianceModel()
+    assert fit_variance(whiten(scan.select(scan.sweep == 0), LINE)) == VarianceModel()

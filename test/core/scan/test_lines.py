@@ -6,7 +6,7 @@ from support.scans import raster
 
 from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, neighbours
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import Track, tracks_of
+from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SIDE, SPACING = 0.03, 0.003
@@ -19,28 +19,30 @@ def lines(step: float = 0.0003) -> Scan:
 
 
 def test_line_spacing() -> None:
-    assert line_spacing(tracks_of(lines(), PLANE), PLANE) == pytest.approx(SPACING)
-    assert line_spacing(tracks_of(lines(), PLANE)[:1], PLANE) == 0.0
+    assert line_spacing(Tracks.of(lines(), PLANE)) == pytest.approx(SPACING)
+    scan = lines()
+    assert line_spacing(Tracks.of(scan.select(scan.sweep == 0), PLANE)) == 0.0
 
 
 @pytest.mark.parametrize("passes", [2, 3])
 def test_repeated_lines_do_not_reduce_the_spacing(passes: int) -> None:
-    once, aside = tracks_of(lines(), PLANE), np.array([0.0, 0.0001])
-    tracks = [Track(track.positions + n * aside, track.strain) for n in range(passes) for track in once]
-    assert line_spacing(tracks, PLANE) == pytest.approx(SPACING, rel=0.1)
-    count = len(tracks) // passes
-    own, beside = neighbours(tracks, PLANE, 0)
+    once, aside = Tracks.of(lines(), PLANE), np.array([0.0, 0.0001])
+    positions = np.concatenate([once.positions + n * aside for n in range(passes)])
+    tracks = Tracks(PLANE, positions, np.tile(once.strain, (passes, 1)), np.tile(once.counts, passes))
+    assert line_spacing(tracks) == pytest.approx(SPACING, rel=0.1)
+    count = len(once)
+    own, beside = neighbours(tracks, 0)
     assert np.flatnonzero(own).tolist() == [count * number for number in range(passes)]
     assert np.flatnonzero(beside).tolist() == [count * number + 1 for number in range(passes)]
 
 
 def test_strains_are_compared_at_neighbouring_places_of_two_lines() -> None:
-    along, across = np.median(differences_between_lines(tracks_of(lines(), PLANE), PLANE), axis=0)
+    along, across = np.median(differences_between_lines(Tracks.of(lines(), PLANE)), axis=0)
     assert along == pytest.approx(0.0, abs=1e-9)
     assert across == pytest.approx(1e3 * SPACING)
 
 
 def test_a_single_sweep_is_compared_with_itself_one_point_later() -> None:
     scan = lines()
-    differences = differences_between_lines(tracks_of(scan.select(scan.sweep == 0), PLANE), PLANE)
+    differences = differences_between_lines(Tracks.of(scan.select(scan.sweep == 0), PLANE))
     assert 0.0 < np.median(differences[:, 0]) < 1.0

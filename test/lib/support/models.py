@@ -11,8 +11,14 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.anchors import Injection
-from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.material import SHEET
+from tactile_localizer.core.likelihood.noise_model import NoiseModel, WhitenedScan
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise
+from tactile_localizer.core.scan.interpolation import hold_out
+from tactile_localizer.core.scan.lines import line_spacing
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import Tracks
+from tactile_localizer.scene import Scene
 
 
 def noise_model(
@@ -34,6 +40,14 @@ def noise_model(
         np.broadcast_to(turning, size),
         white,
     )
+
+
+def whitened_scan(scan: Scan, scene: Scene) -> WhitenedScan:
+    """A scan of a sheet with noise of 1 V, of which every strain is signal."""
+    tracks = Tracks.of(scan, scene)
+    spacing, offsets = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
+    noise, strain = noise_model(scene.layout), tracks.strain
+    return WhitenedScan(tracks, spacing, hold_out(tracks, spacing), SHEET, noise, offsets, strain, strain)
 
 
 class LinearModel:

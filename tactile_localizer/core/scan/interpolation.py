@@ -1,0 +1,281 @@
+"""Interpolation of strains between the tracks of a scan.
+
+The weights of the tracks' points depend on positions alone: they are computed once and used for strains in
+volts, without their levels, or whitened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly
+
+PAIRS = 6
+"""Pairs of tracks from which a place is interpolated: the components of its mixture. With two passes over
+each line three pairs leave one pass out."""
+_NEAREST = 8
+"""Tracks from which a place is interpolated, four on either side of it."""
+_EXTRA_CANDIDATES = 2
+"""Further candidates for them: the distance to a track's points is larger than that to the line between."""
+_PENALTY_PER_LINE = 0.2
+"""nats by which the prior of a pair falls for each line between its two tracks. Such pairs are components
+because the nearest two need not be in the deformation mode of the next sweep. By judgement."""
+_PENALTY_OUTSIDE = 16.0
+"""nats by which the prior of a pair falls at one line spacing outside of it, squared with the distance."""
+_PLACES_AT_ONCE = 2048
+"""Neighbouring places interpolated together, which bounds memory."""
+_MAX_HELD_OUT = 100
+"""Largest number of tracks that are compared with the others, which suffices for a few dozen parameters."""
+
+
+class Expectation(NamedTuple):
+    """Expected strains at M places, as mixtures of K components.
+
+    Parameters
+    ----------
+    mean : (M, K, C) strain
+    interpolation_error : (M, K, C) squared difference of the two tracks, scaled by l (1 - l) with l the
+        fraction of the way from one to the other
+    noise : (M, K) variance of the mean, in units of the noise of one visit
+    log_prior : (M, K) logarithms of the components' prior probabilities
+    distance : (M,) from the place to the nearest track, m
+    """
+
+    mean: np.ndarray
+    interpolation_error: np.ndarray
+    noise: np.ndarray
+    log_prior: np.ndarray
+    distance: np.ndarray
+
+
+class Interpolation(NamedTuple):
+    """Weights of the points of tracks, from which strains at M places are interpolated with K components.
+
+    Parameters
+    ----------
+    points : (M, K, P) int, P points for each component
+    weights : (M, K, P) of their strains in the mean
+    difference : (M, K, P) weights in the difference whose square is the interpolation error
+    noise, log_prior, distance : as in :class:`Expectation`
+    """
+
+    points: np.ndarray
+    weights: np.ndarray
+    difference: np.ndarray
+    noise: np.ndarray
+    log_prior: np.ndarray
+    distance: np.ndarray
+
+    def expected(self, strain: np.ndarray) -> Expectation:
+        """Expected strains, where the tracks' points have ``strain`` (n, C)."""
+        count, shape = self.points.shape[-1], (*self.points.shape[:2], strain.shape[1])
+        starts = np.arange(0, self.points.size + 1, count)
+
+        def summed(weights: np.ndarray) -> np.ndarray:
+            matrix = csr_array(
+                (weights.ravel(), self.points.ravel(), starts), shape=(len(starts) - 1, len(strain))
+            )
+            return np.asarray(matrix @ strain).reshape(shape)
+
+        error = np.square(summed(self.difference))
+        return Expectation(summed(self.weights), error, self.noise, self.log_prior, self.distance)
+
+    def best(self, components: int) -> Interpolation:
+        """The components with the highest prior alone."""
+        kept = Interpolation(*(each[:, :components] if each.ndim > 1 else each for each in self))
+        total = np.logaddexp.reduce(kept.log_prior, axis=1, keepdims=True)
+        return kept._replace(log_prior=kept.log_prior - total)
+
+    def at(self, rows: np.ndarray) -> Interpolation:
+        """Some of the places, by index."""
+        return Interpolation(*(each[rows] for each in self))
+
+
+class HeldOut(NamedTuple):
+    """Tracks that are held out one at a time, and interpolated between the others.
+
+    Parameters
+    ----------
+    points : (m,) of the tracks that are held out
+    slices : of each of them among these points
+    interpolation : at these points
+    """
+
+    points: np.ndarray
+    slices: list[slice]
+    interpolation: Interpolation
+
+
+def hold_out(tracks: Tracks, spacing: float) -> HeldOut:
+    """Interpolate along at most :data:`_MAX_HELD_OUT` of at least two tracks between the other ones."""
+    held = evenly(len(tracks), _MAX_HELD_OUT)
+    points, numbers = np.arange(len(tracks.positions)), np.arange(len(tracks))
+    parts = [
+        interpolate(tracks, tracks.positions[tracks.slices[index]], spacing, without=numbers == index)
+        for index in held
+    ]
+    ends = np.cumsum(tracks.counts[held])
+    slices = [slice(*part) for part in zip(ends - tracks.counts[held], ends, strict=True)]
+    interpolation = Interpolation(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return HeldOut(points[np.isin(tracks.number, held)], slices, interpolation)
+
+
+def interpolate(
+    tracks: Tracks,
+    places: np.ndarray,
+    spacing: float,
+    components: int = PAIRS,
+    without: np.ndarray | None = None,
+) -> Interpolation:
+    """Interpolate at ``places`` (M, d) between the tracks around each.
+
+    On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
+    are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m;
+    the tracks ``without`` (S,) bool are left out.
+    """
+    kept = np.arange(len(tracks)) if without is None else np.flatnonzero(~without)
+    repeats = tracks.scene.dimension == 1 or len(kept) == 1
+    tiles = list(_tiles(places * levers(tracks.scene)))
+    parts = []
+    for tile in tiles:
+        feet = _project(tracks, places[tile], kept, every=repeats)
+        parts.append(_repeats(feet) if repeats else _pairs(feet, max(spacing, PITCH), components))
+    if len(tiles) == 1:
+        return parts[0]
+    back = np.argsort(np.concatenate(tiles))
+    return Interpolation(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
+
+
+def _tiles(points: np.ndarray) -> Iterator[np.ndarray]:
+    """Indices of neighbouring points of (M, d), at most :data:`_PLACES_AT_ONCE` at a time."""
+    waiting = [np.arange(len(points))]
+    while waiting:
+        rows = waiting.pop()
+        if len(rows) <= _PLACES_AT_ONCE:
+            yield rows
+            continue
+        along = points[rows, np.ptp(points[rows], axis=0).argmax()]
+        order, half = along.argsort(kind="stable"), len(rows) // 2
+        waiting += [rows[order[half:]], rows[order[:half]]]
+
+
+class _Projections(NamedTuple):
+    """Feet of the perpendiculars from M places on the T nearest tracks, between two points of each track.
+
+    T is at most :data:`_NEAREST`, on one axis all tracks; the nearest is first.
+
+    Parameters
+    ----------
+    offset : (d, M, T) m, of the foot from the place
+    distance : (M, T) m
+    points : (2, M, T) int, the two points
+    weights : (2, M, T) of their strains at the foot
+    """
+
+    offset: np.ndarray
+    distance: np.ndarray
+    points: np.ndarray
+    weights: np.ndarray
+
+
+def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, every: bool) -> _Projections:
+    """Feet of ``places`` (M, d) on the nearest of the tracks ``kept``, or on all of them."""
+    count, rows = _NEAREST + _EXTRA_CANDIDATES, np.arange(len(places))[:, None]
+    if not every and len(kept) > 2 * count:
+        kept = _near(tracks, places, kept, count)
+    distance, point = tracks.nearest(places, kept)
+    if not every:
+        point = point[rows, np.argsort(distance, axis=1, kind="stable")[:, :count]]
+    first = tracks.starts[tracks.number[point]]
+    last = first + tracks.counts[tracks.number[point]] - 1
+    # (d, M, T), because sums over a short last axis take several times longer.
+    scale, turns = levers(tracks.scene), tracks.turns[:, None, None]
+    joined = np.ascontiguousarray((tracks.positions * scale).T)
+
+    def apart(to: np.ndarray, of: np.ndarray) -> np.ndarray:
+        difference = to - of
+        if turns.any():
+            difference -= turns * np.rint(difference / np.where(turns > 0.0, turns, np.inf))
+        return difference
+
+    nodes = joined.take(point, axis=1)
+    away = apart(nodes, (places * scale).T[:, :, None])
+    offset, best = away, _dot(away, away)
+    other, ratio = point, np.zeros(point.shape)
+    for step in (-1, 1):
+        beside = np.clip(point + step, first, last)
+        edge = apart(joined.take(beside, axis=1), nodes)
+        length = _dot(edge, edge)
+        along = np.clip(-_dot(away, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+        left = away + along * edge
+        squared = _dot(left, left)
+        closer = squared < best
+        best, offset = np.where(closer, squared, best), np.where(closer, left, offset)
+        other, ratio = np.where(closer, beside, other), np.where(closer, along, ratio)
+    if not every:
+        order = np.argsort(best, axis=1, kind="stable")[:, :_NEAREST]
+        offset, best, ratio = offset[:, rows, order], best[rows, order], ratio[rows, order]
+        point, other = point[rows, order], other[rows, order]
+    return _Projections(offset, np.sqrt(best), np.stack([point, other]), np.stack([1.0 - ratio, ratio]))
+
+
+def _near(tracks: Tracks, places: np.ndarray, kept: np.ndarray, count: int) -> np.ndarray:
+    """Those of the tracks ``kept`` that can be among the ``count`` nearest of any of ``places`` (m, d)."""
+    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    away = (places - centre) * levers(tracks.scene)
+    reach = 2.0 * float(np.sqrt(np.square(away).sum(axis=1).max()))
+    distance = tracks.nearest(centre[None], kept)[0][0]
+    limit = np.partition(distance, count - 1)[count - 1] + reach
+    return kept[distance <= limit * (1.0 + 1e-9)]
+
+
+def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Scalar products of vectors (d, ...), (...)."""
+    return np.asarray(np.einsum("d...,d...->...", first, second))
+
+
+def _repeats(feet: _Projections) -> Interpolation:
+    """The mean of the tracks that reach a place; beyond their ends, of those that end nearest."""
+    nearest = feet.distance.min(axis=1)
+    reaches = (feet.distance <= nearest[:, None] + 2.0 * PITCH).astype(np.float64)
+    count = reaches.sum(axis=1)[:, None]
+    places, tracks = feet.distance.shape
+    points, weights = (
+        np.moveaxis(each, 0, -1).reshape(places, 1, 2 * tracks)
+        for each in (feet.points, feet.weights * reaches / count)
+    )
+    excess = np.maximum(nearest - 2.0 * PITCH, 0.0)[:, None, None] / (8.0 * PITCH)
+    return Interpolation(points, weights, excess * weights, 1.0 / count, np.zeros((places, 1)), nearest)
+
+
+def _pairs(feet: _Projections, spacing: float, components: int) -> Interpolation:
+    """The pairs of tracks with the highest prior for each place: those close to it and on either side."""
+    first, second = np.triu_indices(feet.distance.shape[1], 1)
+    start, edge = feet.offset[:, :, first], feet.offset[:, :, second] - feet.offset[:, :, first]
+    length = _dot(edge, edge)
+    ratio = -_dot(start, edge) / np.where(length > 0.0, length, 1.0)
+    ratio = np.where(length > 0.0, np.clip(ratio, 0.0, 1.0), 0.5)
+    left = start + ratio * edge
+    rest = _dot(left, left) / spacing**2
+    further = np.maximum(np.sqrt(length) / spacing - 1.0, 0.0)
+    score = -_PENALTY_PER_LINE * further - _PENALTY_OUTSIDE * rest
+    best = np.argsort(-score, axis=1, kind="stable")[:, :components]
+    rows = np.arange(len(best))[:, None]
+    ratio, rest, score = ratio[rows, best], rest[rows, best], score[rows, best]
+    pair = np.stack([first[best], second[best]])
+    # (2, 2, M, K): the two points of either track.
+    points, weights = feet.points[:, rows, pair], feet.weights[:, rows, pair]
+    share = np.stack([1.0 - ratio, ratio])
+    change = np.sqrt(ratio * (1.0 - ratio) + rest) * np.array([-1.0, 1.0])[:, None, None]
+    points, weights, difference = (
+        np.moveaxis(each.reshape(4, *best.shape), 0, -1)
+        for each in (points, weights * share, weights * change)
+    )
+    log_prior = score - np.logaddexp.reduce(score, axis=1, keepdims=True)
+    noise = np.square(share).sum(axis=0)
+    return Interpolation(points, weights, difference, noise, log_prior, feet.distance[:, 0])
