@@ -67,33 +67,23 @@ class System:
         self.probe.until(lambda: any(not one.stale for one in self.posteriors), "new estimates")
 
     def set_fault(self, name: str, value: Any) -> None:
-        from rcl_interfaces.srv import SetParameters
-        from rclpy.parameter import Parameter
+        assert self.probe.set_parameter("simulator", f"fault.{name}", value).successful
 
-        kind = Parameter.Type.STRING_ARRAY if isinstance(value, list) else Parameter.Type.DOUBLE
-        message = Parameter(f"fault.{name}", kind, value).to_parameter_msg()
-        request = SetParameters.Request(parameters=[message])
-        assert self.probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
-
-    def change(self, node: str, transition: int) -> None:
-        from lifecycle_msgs.msg import Transition
-        from lifecycle_msgs.srv import ChangeState
-
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert self.probe.call(ChangeState, f"{node}/change_state", request).success
+    def change(self, node: str, transition: str) -> None:
+        assert self.probe.change(node, transition)
 
     def send(self, node: str, number: signal.Signals) -> None:
         os.kill(self.nodes[node].pid, number)
 
     def sweep(self) -> bool:
         """Localize a sweep from a uniform belief; returns whether it converged, which it must not at once."""
-        from std_srvs.srv import Empty, Trigger
+        from std_srvs.srv import Empty
 
-        self.probe.call(Trigger, "simulator/prepare")
+        self.probe.trigger("simulator/prepare")
         self.probe.call(Empty, "filter/reinitialize_global_localization")
         self.sweeping.clear()
         self.posteriors.clear()
-        assert self.probe.call(Trigger, "simulator/sweep").success
+        assert self.probe.trigger("simulator/sweep").success
         self.probe.until(lambda: any(m.data for m in self.sweeping) and not self.sweeping[-1].data, "the end")
         assert not any(one.converged and one.travel < 0.005 for one in self.posteriors)
         return any(one.converged for one in self.posteriors)
@@ -128,8 +118,8 @@ def frozen(node: str) -> tuple[Callable[[System], None], ...]:
 
 
 def deactivated(node: str) -> tuple[Callable[[System], None], ...]:
-    """TRANSITION_DEACTIVATE and TRANSITION_ACTIVATE."""
-    return lambda system: system.change(node, 4), lambda system: system.change(node, 3)
+    """Deactivate and activate a node."""
+    return lambda system: system.change(node, "deactivate"), lambda system: system.change(node, "activate")
 
 
 FAULTS = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.models import belief_of
+from support.models import flat_update
 from support.scans import scene
 
 from tactile_localizer.core.filters.grid import GridFilter
@@ -26,13 +26,13 @@ def test_the_mean_follows_motion_far_below_a_cell_without_drift_or_smear():
     """Twenty thousand steps of a thousandth of a cell, to and fro, keep the spread of the first moment."""
     grid = GridFilter(line(), np.array([0.01]))
     grid.seed(np.array([0.0]), np.array([0.05]))
-    before = belief_of(grid)
+    before = flat_update(grid)
     rng = np.random.default_rng(0)
     steps = 1e-5 * rng.standard_normal(20_000)
     steps += np.where(np.arange(20_000) % 4_000 < 2_000, 1e-5, -1e-5)
     for step in steps:
         grid.predict(np.array([step]), abs(step))
-    after = belief_of(grid)
+    after = flat_update(grid)
     assert after.mean[0] - before.mean[0] == pytest.approx(steps.sum(), abs=1e-9)
     assert after.covariance[0, 0] == pytest.approx(before.covariance[0, 0], rel=1e-9)
 
@@ -42,10 +42,10 @@ def test_the_variance_grows_with_the_travel_whatever_the_steps(step):
     """Small diffusion is saved up, large diffusion is one wide kernel: the sum is the same."""
     grid = GridFilter(line(motion_std=0.1), np.array([0.01]))
     grid.seed(np.array([0.0]), np.array([0.03]))
-    before = belief_of(grid).covariance[0, 0]
+    before = flat_update(grid).covariance[0, 0]
     for turn in range(round(0.4 / step)):
         grid.predict(np.array([step if turn % 2 else -step]), step)
-    assert belief_of(grid).covariance[0, 0] - before == pytest.approx(0.1**2 * 0.4, rel=2e-3)
+    assert flat_update(grid).covariance[0, 0] - before == pytest.approx(0.1**2 * 0.4, rel=2e-3)
 
 
 def test_more_cells_than_memory_is_meant_for_are_refused():

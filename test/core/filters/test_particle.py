@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from support.models import LinearModel, belief_of, step
+from support.models import LinearModel, flat_update, step
 from support.scans import scene
 
 from tactile_localizer.core.filters.particle import ParticleFilter
@@ -56,7 +56,7 @@ def test_a_wide_belief_has_more_particles_than_a_converged_one():
     assert counts[0] == 1500
     assert counts[-1] == 75
     particles.predict(np.array([0.06, 0.0]), 0.06)
-    assert belief_of(particles).hypotheses == 1500
+    assert flat_update(particles).hypotheses == 1500
 
 
 def test_copies_of_one_ancestor_stay_within_the_bounds():

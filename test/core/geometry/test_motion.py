@@ -21,12 +21,6 @@ def test_sampled_states_have_the_modelled_moments():
     np.testing.assert_allclose(model.variance(0.04), expected**2)
 
 
-@given(parts=st.lists(st.floats(1e-6, 0.01), min_size=1, max_size=30))
-def test_variance_is_additive_over_parts_of_the_travel(parts):
-    model = MotionModel(scene())
-    np.testing.assert_allclose(sum(model.variance(part) for part in parts), model.variance(sum(parts)))
-
-
 @given(st.lists(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3), min_size=1))
 def test_travels_agree_with_travel(displacements):
     model = MotionModel(scene(3))

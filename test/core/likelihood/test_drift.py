@@ -1,9 +1,12 @@
 """Innovations: what a level and a rate do not predict from the strains before."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.models import KalmanFilter, LinearModel
 
 from tactile_localizer.core.likelihood.drift import Drift, innovations
 
@@ -52,16 +55,16 @@ def test_a_trajectory_continues_its_ancestor_and_what_was_injected_by_their_frac
 
 @pytest.mark.parametrize("prior", [0.1, 1.0, 25.0])
 def test_a_constant_with_a_prior_is_the_kalman_filter(prior: float) -> None:
-    noise, variance, level = 2.0, prior, 0.0
+    noise = 2.0
     drift = Drift(np.inf, noise, np.full(2, prior))
+    kalman = KalmanFilter(np.zeros(2), prior * np.eye(2), LinearModel(np.eye(2), math.sqrt(noise)))
     trend = drift.start(0)
     for strain in np.random.default_rng(0).normal(5.0, 1.4, (50, 2)):
         innovation, trend = drift.update(trend, strain, NOWHERE, STEP, 1.0)
-        np.testing.assert_allclose(innovation.strain, strain - level)
-        np.testing.assert_allclose(innovation.level_variance, variance)
-        gain = variance / (variance + noise)
-        level, variance = level + gain * (strain - level), (1.0 - gain) * variance
-        np.testing.assert_allclose(trend.level, level)
+        np.testing.assert_allclose(innovation.strain, strain - kalman.mean)
+        np.testing.assert_allclose(innovation.level_variance, np.diag(kalman.covariance))
+        kalman.update(strain)
+        np.testing.assert_allclose(trend.level, kalman.mean)
 
 
 def test_the_first_strain_of_an_unknown_level_carries_no_information() -> None:

@@ -65,9 +65,7 @@ class Hand:
         self.now_ms += duration_ms
 
     def service(self, name):
-        from std_srvs.srv import Trigger
-
-        return self.probe.call(Trigger, f"{self.node}/{name}")
+        return self.probe.trigger(f"{self.node}/{name}")
 
     def wait_for_stamp(self, stamp_ms):
         """Wait until the node has processed the messages up to ``stamp_ms``, according to its status.

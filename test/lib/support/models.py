@@ -68,16 +68,6 @@ class LinearModel:
         return constant - 0.5 * np.sum(residual**2, axis=1)
 
 
-class FlatModel:
-    """The same log-likelihood everywhere: nothing can be learned."""
-
-    def __init__(self, value: float = 0.0) -> None:
-        self.value = value
-
-    def log_likelihood(self, states, strain):
-        return np.full(len(states), self.value)
-
-
 class KalmanFilter:
     """The textbook recursion for :class:`LinearModel`."""
 
@@ -102,7 +92,7 @@ class KalmanFilter:
 
 def step(
     bayes_filter: BayesFilter,
-    model: LinearModel | FlatModel,
+    model: LinearModel,
     strain: np.ndarray,
     displacement: np.ndarray | None = None,
     travel: float = 0.0,
@@ -117,6 +107,8 @@ def step(
     return belief, float(logsumexp(prediction.log_weights + log_likelihood))
 
 
-def belief_of(bayes_filter: BayesFilter) -> Belief:
-    """The belief of a filter, after a measurement that says nothing."""
-    return step(bayes_filter, FlatModel(), np.zeros(1))[0]
+def flat_update(bayes_filter: BayesFilter, log_likelihood: float = 0.0) -> Belief:
+    """The belief of a filter, after a measurement that has the same likelihood everywhere."""
+    states, _ = bayes_filter.hypotheses()
+    prediction = bayes_filter.predict(np.zeros(states.shape[1]), 0.0)
+    return bayes_filter.update(np.full(len(prediction.states), log_likelihood))

@@ -8,11 +8,15 @@ from typing import Any, TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import GetParameters
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
 from support.waiting import Deadline
 
 T = TypeVar("T")
@@ -73,6 +77,21 @@ class Probe:
             return future.result()
         finally:
             self.node.destroy_client(client)
+
+    def trigger(self, service: str, timeout_s: float = 30.0) -> Any:
+        """The response of a service without arguments."""
+        return self.call(Trigger, service, timeout_s=timeout_s)
+
+    def change(self, node: str, transition: str) -> bool:
+        """Request a transition of a lifecycle node, such as ``configure``; returns whether it succeeded."""
+        number = getattr(Transition, f"TRANSITION_{transition.upper()}")
+        request = ChangeState.Request(transition=Transition(id=number))
+        return bool(self.call(ChangeState, f"{node}/change_state", request, timeout_s=120.0).success)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> Any:
+        """The result of setting a parameter."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
 
     def known_to(self, node: str) -> None:
         """Wait until ``node`` knows every publisher and subscription that the probe has made so far.

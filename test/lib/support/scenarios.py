@@ -201,17 +201,13 @@ def _managed(place: Place) -> Sequence[Started]:
 
 
 def _check_posteriors_after_activation(probe: Probe, place: Place) -> None:
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState
-
     from tactile_localizer.msg import Posterior
 
     posteriors = probe.listen(Posterior, "filter/posterior", 1000)
     for node in ("driver", "filter"):
-        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+        for transition in ("configure", "activate"):
             assert not posteriors
-            request = ChangeState.Request(transition=Transition(id=transition))
-            assert probe.call(ChangeState, f"{node}/change_state", request, timeout_s=60.0).success
+            assert probe.change(node, transition)
     probe.until(lambda: posteriors and not posteriors[-1].stale, "the first posterior")
 
 
@@ -244,7 +240,5 @@ SCENARIOS = (
 
 
 def _call(probe: Probe, service: str) -> None:
-    from std_srvs.srv import Trigger
-
-    answer = probe.call(Trigger, service)
+    answer = probe.trigger(service)
     assert answer.success, f"{service}: {answer.message}"
