@@ -73,10 +73,20 @@ coverage: build ## List the branches of core and io that no test takes; fails be
 		--cov-report=term-missing:skip-covered test/core test/io test/cli test/test_scene.py
 
 .PHONY: docs
-docs: build ## Write docs/parameters.md from the nodes, and draw the pictures of the pages
+docs: build ## Write docs/parameters.md from the nodes
 	$(run) python docs/make/parameters.py >docs/parameters.md
+
+shipped := examples/recordings/engine_bump
+.PHONY: pictures
+pictures: build ## Draw the pictures of the pages (half an hour)
 	$(run) python docs/make/drawings.py
 	$(run) python docs/make/animation.py
+	rm -rf out/pictures
+	$(run) tactile-localizer import csv $(shipped)/train.csv.gz --scene $(shipped)/scene.yaml -o out/pictures/scan
+	$(run) tactile-localizer tradeoff $(shipped)/test.csv.gz --scan out/pictures/scan --jobs 2 -o docs/images
+	mv docs/images/*.json out/pictures
+	$(run) python benchmarks/features.py --seeds 1 2 --sweeps 9 --no-region --plot docs/images/convergence.png \
+		--probabilities 0.9 0.95 0.98 0.99 0.999
 	$(run) python docs/make/essentials.py
 
 .PHONY: site

@@ -86,6 +86,11 @@ def test_prose_wraps_at_100_columns(page: Path) -> None:
     assert [line for line in lines if len(line) > 100] == []
 
 
+def test_every_picture_is_shown() -> None:
+    shown = re.findall(r"!\[[^]]+\]\((?:docs/)?images/([^)]+)\)", "".join(page.read_text() for page in PAGES))
+    assert sorted(shown) == sorted(file.name for file in (ROOT / "docs/images").iterdir())
+
+
 def test_the_readme_links_to_every_page() -> None:
     readme = (ROOT / "README.md").read_text()
     missing = [page.name for page in ROOT.glob("docs/*.md") if f"(docs/{page.name})" not in readme]

@@ -1,6 +1,6 @@
 """Draws docs/images/localization.gif: the belief along a simulated sweep, which collapses on contact.
 
-`make docs` runs it.
+`make pictures` runs it.
 """
 
 from __future__ import annotations
