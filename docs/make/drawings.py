@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/concepts.md into docs/images, from the simulated hand. `make pictures` runs it."""
+"""Draws the pictures of docs/concepts.md into docs/images, of the simulated hand. `make pictures` runs it."""
 
 from __future__ import annotations
 
