@@ -16,7 +16,6 @@ from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
@@ -53,21 +52,28 @@ def build_localizer(
         A parameter out of its range.
     """
     say = progress or _silent
-    scene = _scanned(scan, scene)
+    scene = surroundings(scene, scan.positions_on(scene))
     say("building the map", 0.0)
     learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
     if calibration is None:
         say("calibrating on held-out sweeps", 0.2)
         calibration = calibrate(learned)
     cell = learned.cell(scene, configuration.cell)
-    localizer = _assembled(
+    mixture = learned.mixture(scene, cell)
+    position_model, information_length = _position_model(scan, scene, configuration, learned)
+    localizer = Localizer(
         scene,
-        configuration,
         _build_filter(scene, configuration, cell, rng),
-        learned,
-        learned.mixture(scene, cell),
+        mixture,
+        position_model,
+        learned.correlation(scene, mixture.map),
+        Convergence(convergence_criteria(scene, configuration)),
+        configuration.update_distance,
+        information_length,
+        learned.presence_length,
         calibration.registration_std,
-        *_position_model(scan, scene, configuration, learned),
+        learned.quiet_energy(mixture),
+        Anchors(scene, learned.scan.material.anchors),
     )
     say("ready", 1.0)
     return localizer
@@ -76,7 +82,7 @@ def build_localizer(
 def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:
     """What :func:`build_localizer` would learn in seconds, to be kept with the scan."""
     say = progress or _silent
-    scene = _scanned(scan, scene)
+    scene = surroundings(scene, scan.positions_on(scene))
     say("learning the noise", 0.0)
     learned = learn_sweep_model(scan, scene)
     say("calibrating on held-out sweeps", 0.2)
@@ -116,11 +122,6 @@ def build_model(
     return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional)
 
 
-def _scanned(scan: Scan, scene: Scene) -> Scene:
-    """The scene cropped to the surroundings of the scan: there are no cells where nothing is known."""
-    return surroundings(scene, scan.positions_on(scene))
-
-
 def _silent(_doing: str, _done: float) -> None:
     """Report nothing."""
 
@@ -148,32 +149,6 @@ def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:
     index = np.searchsorted(scan.sweep_numbers, scan.sweep)
     strain[:, channels] -= offsets[index]
     return replace(scan, strain=strain)
-
-
-def _assembled(
-    scene: Scene,
-    configuration: Configuration,
-    bayes_filter: BayesFilter,
-    learned: SweepModel,
-    mixture: SweepMixture,
-    registration: np.ndarray,
-    position_model: MeasurementModel | None,
-    information_length: float,
-) -> Localizer:
-    return Localizer(
-        scene,
-        bayes_filter,
-        mixture,
-        position_model,
-        learned.correlation(scene, mixture.map),
-        Convergence(convergence_criteria(scene, configuration)),
-        configuration.update_distance,
-        information_length,
-        learned.presence_length,
-        registration,
-        learned.quiet_energy(mixture),
-        Anchors(scene, learned.scan.material.anchors),
-    )
 
 
 def _build_filter(

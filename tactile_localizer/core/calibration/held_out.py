@@ -19,7 +19,7 @@ from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
 from tactile_localizer.core.scan.interpolation import interpolate
 from tactile_localizer.core.scan.lines import neighbours
 from tactile_localizer.core.scan.tracks import PITCH, evenly
@@ -114,8 +114,7 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> Shifts:
     interpolation = interpolate(tracks, places, scan.spacing, material.components, without)
     expected = interpolation.expected(scan.signal)
     spread = model.variance.variance(expected, layout)[: len(positions), 0]
-    mean = np.einsum("mk,mkc->mc", np.exp(expected.log_prior), expected.mean)
-    mean = mean.reshape(len(beside), len(positions), -1)
+    mean = expected.average.reshape(len(beside), len(positions), -1)
     residual, slope = scan.strain[points] - mean[0], (mean[1 : 1 + axes] - mean[1 + axes :]) / (2.0 * step)
     if not material.has_level:
         residual = innovations(residual, material.memory, PITCH, robust=True)
@@ -154,21 +153,19 @@ def registration_std(found: Sequence[Shifts], scene: Scene) -> np.ndarray:
     """Standard deviation (d,), m, of the registration error, from the shifts of each sweep and the prior.
 
     Of the candidates that the shifts do not reject the largest is returned: test sweeps move more than those
-    of a scan.
+    of a scan. Shifts have a t-distribution, as strains have: some sweeps are mistaken for another place.
     """
     # The shifts of n sweeps, each against the mean of the others, have n - 1 degrees of freedom.
-    freedom = 1.0 - 1.0 / max(len(found), 2)
-    candidates, extent, chosen = _PRIOR_STD * _CANDIDATES, scene.extent * levers(scene), []
-    for axis in range(scene.dimension):
-        fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-        for shift, variance in (each for each in found if len(each.shift)):
-            count = freedom * independent_samples(shift[:, axis])
-            fit += [
-                count * _log_density(shift[:, axis] ** 2, variance[:, axis] + each**2, extent[axis])
-                for each in candidates
-            ]
-        chosen.append(candidates[np.flatnonzero(fit > fit.max() - _MAX_DROP_NATS)[-1]])
-    return np.array(chosen) if found else np.full(scene.dimension, _PRIOR_STD)
+    freedom, scale = 1.0 - 1.0 / max(len(found), 2), 1.0 - 2.0 / DEGREES_OF_FREEDOM
+    candidates = _PRIOR_STD * _CANDIDATES[:, None]
+    fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
+    fit = np.repeat(fit, scene.dimension, axis=1)
+    for shift, variance in (each for each in found if len(each.shift)):
+        count = freedom * np.array([independent_samples(along) for along in shift.T])
+        total = scale * (variance + np.square(candidates)[:, None])
+        fit += count * log_density(shift**2, total, 1).mean(axis=1)
+    kept = [each >= each.max() - _MAX_DROP_NATS for each in fit.T]
+    return np.array([candidates[each][-1, 0] for each in kept]) if found else np.full(len(kept), _PRIOR_STD)
 
 
 def independent_samples(errors: np.ndarray) -> float:
@@ -185,9 +182,3 @@ def independent_samples(errors: np.ndarray) -> float:
     vanished = np.flatnonzero(correlation <= 0.0)
     end = int(vanished[0]) if len(vanished) else n
     return float(n * correlation[0] / (2.0 * correlation[:end].sum() - correlation[0]))
-
-
-def _log_density(squared: np.ndarray, variance: np.ndarray, extent: float) -> float:
-    """Mean log-density of squared errors, normal with a uniform fraction of 1 % for mistaken places."""
-    normal = -0.5 * (squared / variance + np.log(2.0 * np.pi * variance))
-    return float(np.logaddexp(normal + math.log(0.99), math.log(0.01 / extent)).mean())

@@ -14,7 +14,7 @@ from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.noise_model import BEFORE, WhitenedScan
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
-from tactile_localizer.core.scan.interpolation import Expectation, interpolate
+from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
 from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Scene
 
@@ -23,8 +23,6 @@ NODES_PER_CELL = 2
 MOST_CELLS_IN_SPACE = 25_000
 """Largest number of cells on three axes, with which a measurement update from a uniform prior takes less than
 10 ms: 50 mm x 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
-_NODES_AT_ONCE = 2**15
-"""Nodes computed in double precision at a time."""
 _MOST_POINTS = 200
 """Points of a held-out track, about, to which the variance model is fitted."""
 _LONGEST_CORRELATION = 0.03
@@ -196,8 +194,7 @@ def build_map(
     axes = [first + size * np.arange(count) for first, size, count in zip(origin, step, shape, strict=True)]
     places = flatten_axes(axes)
     tables: list[np.ndarray] = []
-    for begin in range(0, len(places), _NODES_AT_ONCE):
-        part = slice(begin, begin + _NODES_AT_ONCE)
+    for part in tiles(places * levers(scene)):
         interpolation = interpolate(scan.tracks, places[part], scan.spacing, scan.material.components)
         expected = interpolation.expected(scan.signal)
         spread = variance.variance(expected, scan.noise.layout)

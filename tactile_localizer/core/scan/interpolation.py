@@ -52,6 +52,11 @@ class Expectation(NamedTuple):
     log_prior: np.ndarray
     distance: np.ndarray
 
+    @property
+    def average(self) -> np.ndarray:
+        """Expected strains (M, C), averaged over the components."""
+        return np.asarray(np.einsum("mk,mkc->mc", np.exp(self.log_prior), self.mean))
+
 
 class Interpolation(NamedTuple):
     """Weights of the points of tracks, from which strains at M places are interpolated with K components.
@@ -132,7 +137,7 @@ def interpolate(
     components: int = PAIRS,
     without: np.ndarray | None = None,
 ) -> Interpolation:
-    """Interpolate at ``places`` (M, d) between the tracks around each.
+    """Interpolate at ``places`` (M, d) that are near each other, between the tracks around each.
 
     On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
     are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m;
@@ -140,18 +145,11 @@ def interpolate(
     """
     kept = np.arange(len(tracks)) if without is None else np.flatnonzero(~without)
     repeats = tracks.scene.dimension == 1 or len(kept) == 1
-    tiles = list(_tiles(places * levers(tracks.scene)))
-    parts = []
-    for tile in tiles:
-        feet = _project(tracks, places[tile], kept, every=repeats)
-        parts.append(_repeats(feet) if repeats else _pairs(feet, max(spacing, PITCH), components))
-    if len(tiles) == 1:
-        return parts[0]
-    back = np.argsort(np.concatenate(tiles))
-    return Interpolation(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
+    feet = _project(tracks, places, kept, every=repeats)
+    return _repeats(feet) if repeats else _pairs(feet, max(spacing, PITCH), components)
 
 
-def _tiles(points: np.ndarray) -> Iterator[np.ndarray]:
+def tiles(points: np.ndarray) -> Iterator[np.ndarray]:
     """Indices of neighbouring points of (M, d), at most :data:`_PLACES_AT_ONCE` at a time."""
     waiting = [np.arange(len(points))]
     while waiting:

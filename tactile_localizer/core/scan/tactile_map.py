@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
-from tactile_localizer.core.scan.interpolation import interpolate
+from tactile_localizer.core.scan.interpolation import interpolate, tiles
 from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, Tracks
@@ -85,10 +85,12 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     places = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, shown)
     third = np.median(scan.positions_on(scene)[:, shown:], axis=0)
     places = np.column_stack([places, np.tile(third, (len(places), 1))])
-    found = interpolate(tracks, places, spacing).expected(tracks.strain)
-    values = np.einsum("mk,mkc->mc", np.exp(found.log_prior), found.mean)
+    values, distance = np.empty((len(places), tracks.strain.shape[1])), np.empty(len(places))
+    for part in tiles(places * levers(scene)):
+        found = interpolate(tracks, places[part], spacing).expected(tracks.strain)
+        values[part], distance[part] = found.average, found.distance
     reach = max(1.5 * spacing, step, 2.0 * PITCH)
-    near = (found.distance <= reach).reshape(counts)
+    near = (distance <= reach).reshape(counts)
     # Closed, because it has notches between the ends of two lines.
     element, times = np.ones([3] * shown), math.ceil(reach / step)
     near = binary_erosion(binary_dilation(near, element, times), element, times, border_value=1)

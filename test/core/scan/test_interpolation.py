@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.scans import raster
 
-from tactile_localizer.core.scan.interpolation import hold_out, interpolate
+from tactile_localizer.core.scan.interpolation import hold_out, interpolate, tiles
 from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -83,20 +83,19 @@ def test_interpolation_across_the_wrap_of_yaw() -> None:
     assert expected.distance[0] == pytest.approx(0.05 * 0.02, abs=1e-6)
 
 
-@pytest.mark.parametrize("dimension", [1, 2])
-def test_interpolation_in_parts_gives_the_same_result(
-    monkeypatch: pytest.MonkeyPatch, dimension: int
-) -> None:
+def test_places_are_interpolated_alike_among_few_and_many_others(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
-    axes = tuple(Axis(name, 0.0, 0.5, 0.003) for name in ("x", "y")[:dimension])
-    wide = Scene("wide", axes, (Phalanx("a", (0.0,) * dimension),))
-    starts = rng.uniform(0.0, 0.45, (60, 1, dimension))
-    along = np.linspace(0.0, 0.05, 40)[:, None] * np.eye(dimension)[-1]
+    wide = Scene("wide", (Axis("x", 0.0, 0.5), Axis("y", 0.0, 0.5)), (Phalanx("a", (0.0, 0.0)),))
+    along = np.linspace(0.0, 0.05, 40)[:, None] * np.array([0.0, 1.0])
+    starts = rng.uniform(0.0, 0.45, (60, 1, 2))
     tracks = joined(wide, *[(start + along, rng.standard_normal((40, 8))) for start in starts])
-    places = rng.uniform(0.0, 0.5, (300, dimension))
+    places = rng.uniform(0.0, 0.5, (300, 2))
     whole = interpolate(tracks, places, 0.01, 3).expected(tracks.strain)
-    for limit, value in (("_PLACES_AT_ONCE", 20), ("_EXTRA_CANDIDATES", 1000)):  # then, all are
-        monkeypatch.setattr(f"tactile_localizer.core.scan.interpolation.{limit}", value)
-        found = interpolate(tracks, places, 0.01, 3).expected(tracks.strain)
-        for part, each in zip(whole, found, strict=True):
-            np.testing.assert_allclose(each, part, rtol=1e-12, atol=1e-15)
+    monkeypatch.setattr("tactile_localizer.core.scan.interpolation._PLACES_AT_ONCE", 20)
+    parts = list(tiles(places))
+    np.testing.assert_array_equal(np.sort(np.concatenate(parts)), np.arange(300))
+    assert max(map(len, parts)) <= 20
+    for part in parts:
+        found = interpolate(tracks, places[part], 0.01, 3).expected(tracks.strain)
+        for mine, theirs in zip(found, whole, strict=True):
+            np.testing.assert_allclose(mine, theirs[part], rtol=1e-12, atol=1e-15)
