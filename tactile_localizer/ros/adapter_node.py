@@ -7,7 +7,6 @@ A YAML file maps message fields to strain; see ``docs/sensors.md``. Publishes ``
 from __future__ import annotations
 
 import importlib
-import time
 from collections import Counter
 from functools import partial, reduce
 from typing import Any
@@ -24,7 +23,7 @@ from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import fill
-from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 
 PARAMETERS = (
     Parameter(
@@ -37,7 +36,6 @@ PARAMETERS = (
 
 
 _WARNING_PERIOD_S = 5.0
-_DIAGNOSTICS_PERIOD_S = 1.0
 
 
 class AdapterNode(ManagedNode):
@@ -63,8 +61,8 @@ class AdapterNode(ManagedNode):
         self._adapter.reset()
         self._received: Counter[str] = Counter()
         self._invalid: dict[str, str] = {}
-        self._reported_s = time.monotonic()
-        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self._increments = Increments()
+        self._health.publish_each_second(self._statuses)
         for topic, type_ in self._types.items():
             self.create_subscription(type_, topic, partial(self._on_message, topic), STRAIN)
 
@@ -83,19 +81,18 @@ class AdapterNode(ManagedNode):
         fill(self._message, *vector, sequence)
         self._publisher.publish(self._message)
 
-    def _publish_diagnostics(self) -> None:
+    def _statuses(self) -> list[DiagnosticStatus]:
         """Rate of each topic, and the last message that could not be used, since the previous status."""
-        elapsed_s = max(time.monotonic() - self._reported_s, 1e-3)
-        silent = [f"no messages on {topic}" for topic in self._types if not self._received[topic]]
+        new = self._increments.since({topic: self._received[topic] for topic in self._types})
+        silent = [f"no messages on {topic}" for topic, count in new.items() if not count]
         problems = [*silent, *self._invalid.values()]
         level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
         level = DiagnosticStatus.ERROR if silent else level
-        values = {f"rate_hz_{topic}": f"{self._received[topic] / elapsed_s:.1f}" for topic in self._types}
+        elapsed_s = self._increments.elapsed_s
+        values = {f"rate_hz_{topic}": f"{count / elapsed_s:.1f}" for topic, count in new.items()}
         values["strain_vectors"] = str(self._sequence)
-        self._health.publish(self._health.status("sensor", level, "; ".join(problems) or "OK", values))
-        self._received.clear()
         self._invalid.clear()
-        self._reported_s = time.monotonic()
+        return [self._health.status("sensor", level, "; ".join(problems) or "OK", values)]
 
 
 def message_type(source: StrainSource) -> Any:

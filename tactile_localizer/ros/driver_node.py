@@ -35,8 +35,6 @@ from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher
 from tactile_localizer.ros.driver_parameters import PARAMETERS, messages_of
 
-_DIAGNOSTICS_PERIOD_S = 1.0
-
 
 class DriverNode(ManagedNode):
     """Reads load cells on a CAN bus and publishes their strain."""
@@ -102,9 +100,7 @@ class DriverNode(ManagedNode):
         self.defer(self._stop_reading)
         self._driver.start()
         self._publish_offset()
-        self.create_steady_timer(
-            _DIAGNOSTICS_PERIOD_S, lambda: self._health.publish(*self._diagnostics.statuses())
-        )
+        self._health.publish_each_second(self._diagnostics.statuses)
 
     def _stop_reading(self) -> None:
         if not self._driver.stop():

@@ -16,16 +16,17 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.factory import Progress, build_localizer, convergence_criteria
+from tactile_localizer.core.factory import build_localizer, convergence_criteria
 from tactile_localizer.core.geometry.synchronization import NANOSECONDS, Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
+from tactile_localizer.errors import LiveError, MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.confinement import confined
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
@@ -35,7 +36,6 @@ from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
-from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments, ProgressReporter
 from tactile_localizer.ros.filter_parameters import LIVE, PARAMETERS, configuration
@@ -50,7 +50,6 @@ from tactile_localizer.srv import LoadScan
 _INPUTS = ("strain", "palm_pose")
 """Topics without which there is no estimate."""
 _WATCH_PERIOD_S = 0.1
-_DIAGNOSTICS_PERIOD_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -68,26 +67,6 @@ class LoadedScan:
     scan: Scan
     scene: Scene
     localizer: Localizer
-
-
-def load_localizer(path: Path, parameters: Parameters, progress: Progress) -> LoadedScan:
-    """Read a scan and build the localizer; a calibration, which takes seconds, is stored with the scan.
-
-    Raises
-    ------
-    TactileLocalizerError
-        The scan or a parameter is invalid, or they are inconsistent.
-    """
-    folder = ScanFolder(path)
-    scan, scene = folder.load(), folder.scene
-    if parameters["scene_file"]:
-        scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
-    scene.columns(scan.axes)
-    scene.channels(scan.phalanges, scan.channels)
-    choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
-    calibration = learned_calibration(path, scan, scene, progress)
-    localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
-    return LoadedScan(path, scan, scene, localizer)
 
 
 class FilterNode(ManagedNode):
@@ -129,14 +108,14 @@ class FilterNode(ManagedNode):
         self.create_subscription(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, 10)
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
         self.create_timer(_WATCH_PERIOD_S, self._watch)
-        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self._health.publish_each_second(self._statuses)
 
     def _log_counts(self) -> None:
         """Log what became of the strain since the map was loaded."""
         received, counts = self._inputs.received["strain"], self._online.counts
-        without = counts.gaps + self._inputs.pairing.waiting
+        without = counts["without a pose"] + self._inputs.pairing.waiting
         self.get_logger().info(
-            f"{received} strain vectors received, {counts.updated + counts.moved} posteriors, "
+            f"{received} strain vectors received, {self._online.estimates} posteriors, "
             f"{without} without a pose, {self._inputs.lost} lost in transport"
         )
 
@@ -145,13 +124,23 @@ class FilterNode(ManagedNode):
         return self._loaded.localizer
 
     def _load(self, path: Path) -> LoadedScan:
-        """Build the localizer on a scan; takes seconds unless it is calibrated."""
-        loaded = load_localizer(path, self.parameters, self._report_progress)
-        sweeps = len(loaded.scan.sweep_numbers)
-        self.get_logger().info(
-            f"{path}: {len(loaded.scan)} pairs of {sweeps} sweeps, scene {loaded.scene.name}"
-        )
-        return loaded
+        """Read a scan and build the localizer; a calibration, which takes seconds, is stored with the scan.
+
+        Raises
+        ------
+        TactileLocalizerError
+            The scan or a parameter is invalid, or they are inconsistent.
+        """
+        parameters, progress, folder = self.parameters, self._report_progress, ScanFolder(path)
+        scan, scene = folder.load(), folder.scene
+        if parameters["scene_file"]:
+            scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
+        choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
+        calibration = learned_calibration(path, scan, scene, progress)
+        localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
+        sweeps = len(scan.sweep_numbers)
+        self.get_logger().info(f"{path}: {len(scan)} pairs of {sweeps} sweeps, scene {scene.name}")
+        return LoadedScan(path, scan, scene, localizer)
 
     def _start(self, loaded: LoadedScan) -> None:
         """Localize on a map, from a uniform belief; on an error the present one stays in use."""
@@ -163,14 +152,13 @@ class FilterNode(ManagedNode):
         self._loaded, self._online = loaded, online
         self._stale = ""
         self._silent: list[str] = []
-        self._arrivals, self._estimated = Increments(), 0
+        self._arrivals = Increments()
         self._last_ns = dict.fromkeys((*_INPUTS, "estimate"), self.now_ns)
 
     def _on_pairs(self, pairs: list[Pair[StrainSample]]) -> None:
         self._publish(self._online.take(pairs, self._inputs.pairing.resets))
 
     def _publish(self, estimates: list[Estimate]) -> None:
-        self._estimated += len(estimates)
         for estimate in estimates:
             self._estimates.publish(estimate, self._localizer)
         if estimates and self._material is not None and self._online.palm is not None:
@@ -203,44 +191,40 @@ class FilterNode(ManagedNode):
         self, request: LoadScan.Request, response: LoadScan.Response
     ) -> LoadScan.Response:
         """Load the new map in the background while localization continues on the present one."""
-        if self._is_loading:
-            response.result, response.message = response.BUSY, "expected no load in progress, found one"
-        elif not self.is_active:
-            response.result, response.message = response.NOT_ACTIVE, "expected an active node, it is inactive"
-        else:
-            self._is_loading = True
-            try:
-                await self._load_scan(request.path, response)
-            finally:
-                self._is_loading = False
-        response.success = response.result == response.SUCCESS
-        if not response.success:
-            self.get_logger().error(f"load scan: {response.message}")
-        return response
-
-    async def _load_scan(self, path: str, response: LoadScan.Response) -> None:
-        try:
-            found = confined(path, self.parameters["scan_directory"])
-        except TactileLocalizerError as error:
-            response.result, response.message = response.NOT_ALLOWED, str(error)
-            return
+        is_first, self._is_loading = not self._is_loading, True
         activation = self._activations
         try:
-            loaded = await run_in_thread(self, partial(self._load, found))
-            if not self.is_active or self._activations != activation:
-                response.result, response.message = response.NOT_ACTIVE, "deactivated while loading"
-                return
+            response.result = response.BUSY  # in each step, the result if it fails
+            if not is_first:
+                raise LiveError("expected no load in progress, found one")
+            response.result = response.NOT_ACTIVE
+            self._require_active(activation)
+            response.result = response.NOT_ALLOWED
+            path = confined(request.path, self.parameters["scan_directory"])
+            response.result = response.NOT_USABLE
+            loaded = await run_in_thread(self, partial(self._load, path))
+            response.result = response.NOT_ACTIVE
+            self._require_active(activation)
+            response.result = response.NOT_USABLE
             self._start(loaded)
+            response.success, response.result = True, response.SUCCESS
+            response.message = f"{path}: {len(loaded.scan)} pairs"
         except TactileLocalizerError as error:
-            response.result, response.message = response.NOT_USABLE, str(error)
-            return
-        response.result, response.message = response.SUCCESS, f"{found}: {len(loaded.scan)} pairs"
+            response.message = str(error)
+            self.get_logger().error(f"load scan: {error}")
+        finally:
+            self._is_loading = not is_first
+        return response
+
+    def _require_active(self, activation: int) -> None:
+        if not self.is_active or self._activations != activation:
+            raise LiveError("expected an active node, it is inactive")
 
     def _watch(self) -> None:
         """Detect whether the estimate is stale, and log when that changes."""
         now_ns = self.now_ns
         timeout_s = self.parameters["stale_timeout_s"]
-        arrived = self._arrivals.since({**self._inputs.received, "estimate": self._estimated})
+        arrived = self._arrivals.since({**self._inputs.received, "estimate": self._online.estimates})
         for name, last_ns in self._last_ns.items():
             if arrived.get(name) or now_ns < last_ns:
                 self._last_ns[name] = now_ns
@@ -259,43 +243,34 @@ class FilterNode(ManagedNode):
 
     def _missing(self) -> str:
         """Why there is no new estimate."""
-        inputs = self._inputs
         if self._silent:
-            stamped = {topic: " with a stamp" if inputs.unstamped[topic] else "" for topic in self._silent}
-            return " and ".join(f"no {topic}{stamped[topic]}" for topic in self._silent)
-        reason = self._misalignment() or self._online.last_error
-        reason = reason or inputs.misalignment(self.parameters["stale_timeout_s"] / 2)
-        late = (
-            "palm_pose"
-            if (inputs.pairing.newest_pose_ns or -1) < (inputs.pairing.newest_ns or -1)
-            else "strain"
-        )
-        return reason or f"no {late}"
-
-    def _misalignment(self) -> str:
-        """Why the stamps of poses and strain do not belong together; empty if they do."""
-        return self._inputs.misalignment(self.parameters["patience_s"])
+            return " and ".join(f"no {topic}" for topic in self._silent)
+        inputs, tolerance_s = self._inputs, self.parameters["stale_timeout_s"] / 2
+        strain_ns, pose_ns = inputs.pairing.newest_ns or 0, inputs.pairing.newest_pose_ns or 0
+        late = "palm_pose" if pose_ns < strain_ns else "strain"
+        reasons = (*inputs.problems.values(), inputs.misalignment(tolerance_s), self._online.last_error)
+        return next(filter(None, reasons), f"no {late}")
 
     def _problem(self) -> str:
         """What is wrong with the inputs; empty if nothing is."""
-        return self._stale or (self._missing() if self._silent else self._misalignment())
+        missing = self._stale or (self._missing() if self._silent else "")
+        return missing or self._inputs.misalignment(self.parameters["patience_s"])
 
     def _repeat_as_stale(self) -> None:
         if self._online.latest is not None:
             self._estimates.publish(self._online.latest, self._localizer, self._stale)
 
-    def _publish_diagnostics(self) -> None:
-        self._watch()  # its timer stands still with simulated time
+    def _statuses(self) -> list[DiagnosticStatus]:
         if self._stale:
             self._repeat_as_stale()
         elif self._online.latest is None:
             reason = f"no estimate yet, {self._missing()}"
             stamp_ns = self._inputs.newest_ns or self.now_ns
             self._estimates.publish_waiting(stamp_ns, self._localizer, reason)
-        self._health.publish(
+        return [
             self._diagnostics.belief(self._online, str(self._loaded.path), self._stale),
             self._diagnostics.inputs(self._inputs, self._online, self._problem(), bool(self._stale)),
-        )
+        ]
 
     def _on_set(self, changed: list[rclpy.Parameter]) -> None:
         """Adopt live parameters without a reset of the belief."""

@@ -64,7 +64,7 @@ PARAMETERS = (
         "Directory of the scans that ~/load_scan may read; if empty, none",
     ),
     *CONFIGURATION,
-    Parameter("seed", 0, "Seed of the particle filter", lower=0),
+    Parameter("seed", 0, "Seed of the particle filter", "", 0, 2**31 - 1),
     *SYNCHRONIZATION,
     Parameter("stale_timeout_s", 0.5, "Age above which an estimate is stale", "s", 0.01, 60.0, live=True),
     Parameter(

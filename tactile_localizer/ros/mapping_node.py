@@ -6,8 +6,6 @@ Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~
 
 from __future__ import annotations
 
-import time
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -35,7 +33,6 @@ from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.5
-_DIAGNOSTICS_PERIOD_S = 1.0
 
 
 class MappingNode(ManagedNode):
@@ -67,16 +64,14 @@ class MappingNode(ManagedNode):
         self.defer(self._end_recording)
         self._rate = 0.0
         self._last_sweep: int | None = None
-        self._reported_pairs = 0
-        self._losses = Increments()
+        self._losses, self._pairs = Increments(), Increments()
         self._write_error = ""
-        self._counts: deque[tuple[float, int]] = deque(maxlen=3)
         self._inputs.subscribe()
         self.create_service(Trigger, "~/start_sweep", self._on_start)
         self.create_service(Trigger, "~/end_sweep", self._on_end)
-        self.create_steady_timer(_COMMIT_PERIOD_S, self._commit)
-        self.create_steady_timer(_STATUS_PERIOD_S, self._update_rate)
-        self.create_steady_timer(_DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self.create_timer(_COMMIT_PERIOD_S, self._commit)
+        self.create_timer(_STATUS_PERIOD_S, lambda: self._publish_status(self._inputs.newest_ns))
+        self._health.publish_each_second(self._statuses)
         self._publish_status(self._inputs.newest_ns)
         self._refresh_map()
 
@@ -137,26 +132,20 @@ class MappingNode(ManagedNode):
             self.get_logger().error(response.message)
         return response
 
-    def _update_rate(self) -> None:
-        self._counts.append((time.monotonic(), self._recorder.pairs))
-        (first_s, first), (last_s, last) = self._counts[0], self._counts[-1]
-        self._rate = (last - first) / max(last_s - first_s, _STATUS_PERIOD_S)
-        self._publish_status(self._inputs.newest_ns)
-
-    def _publish_diagnostics(self) -> None:
-        """Publish the state of the recording; losses since the previous status are a warning."""
+    def _statuses(self) -> list[DiagnosticStatus]:
+        """The state of the recording; losses since the previous status are a warning."""
         recorder, pairing = self._recorder, self._inputs.pairing
-        losses = self._losses.describe(
-            {
-                "samples without a pose": recorder.gaps,
-                "samples missing, saturated or out of bounds": recorder.skipped,
-                "late messages": pairing.late,
-                "backward jumps of the stamps": pairing.resets,
-            }
-        )
-        if recorder.is_active and recorder.pairs == self._reported_pairs and not losses:
+        totals = {
+            "samples without a pose": recorder.gaps,
+            "samples missing, saturated or out of bounds": recorder.skipped,
+            "late messages": pairing.late,
+            "backward jumps of the stamps": pairing.resets,
+        }
+        losses = self._losses.describe(totals)
+        new_pairs = self._pairs.since({"pairs": recorder.pairs})["pairs"]
+        self._rate = new_pairs / self._pairs.elapsed_s
+        if recorder.is_active and not new_pairs and not losses:
             losses = ["no samples received"]
-        self._reported_pairs = recorder.pairs
         errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values()]))
         misaligned = self._inputs.misalignment(self.parameters["patience_s"])
         warnings = ", ".join(filter(None, [misaligned, *losses]))
@@ -168,14 +157,11 @@ class MappingNode(ManagedNode):
             "scan_file": recorder.store.path,
             "pairs": recorder.pairs,
             "sweeps": recorder.sweeps,
-            "gaps": recorder.gaps,
-            "skipped": recorder.skipped,
-            "late": pairing.late,
             "poses": self._inputs.received["palm_pose"] - self._inputs.invalid["palm_pose"],
-            "backward_jumps": pairing.resets,
+            **totals,
         }
         message = ": ".join(filter(None, [activity, errors or warnings]))
-        self._health.publish(self._health.status("scan", level, message, values))
+        return [self._health.status("scan", level, message, values)]
 
     def _publish_status(self, stamp_ns: int) -> None:
         """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""

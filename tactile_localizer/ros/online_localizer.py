@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,28 +23,9 @@ _MIN_UPDATES = 20
 """Number of measurement updates below which nothing is reported as out of range."""
 
 
-@dataclass
-class SampleCounts:
-    """Numbers of strain vectors since the start, by how they were used.
-
-    Parameters
-    ----------
-    absent : a phalanx was missing, saturated or faulty; by phalanx
-    updated : led to a measurement update
-    moved : led to a motion update only
-    earlier : stamped before the last reset or seeding of the belief
-    gaps : no pose close enough in time
-    unusable : no phalanx with status OK
-    rejected : not finite
-    """
-
-    absent: dict[str, int]
-    updated: int = 0
-    moved: int = 0
-    earlier: int = 0
-    gaps: int = 0
-    unusable: int = 0
-    rejected: int = 0
+USED = ("updated", "moved", "earlier")
+"""Strain vectors that led to a measurement update, to a motion update only, and those that are stamped before
+the last reset or seeding of the belief."""
 
 
 class RangeCheck:
@@ -102,7 +82,7 @@ class OnlineLocalizer:
     palm : (d,) palm position of the last estimate, m (yaw: rad); ``None`` before the first
     range_check : comparison of strains and positions with the scan
     last_error : why the last strain vector was not used; empty if it was
-    counts : numbers of strain vectors by how they were used
+    counts : numbers of strain vectors by what became of them: one of :data:`USED`, or why they were not used
     update_times_ns : durations of the last measurement updates
     """
 
@@ -111,11 +91,16 @@ class OnlineLocalizer:
         self.range_check = RangeCheck(scan_range)
         self.palm: np.ndarray | None = None
         self.last_error = ""
-        self.counts = SampleCounts(dict.fromkeys(localizer.scene.phalanx_names, 0))
+        self.counts: Counter[str] = Counter()
         self.update_times_ns: deque[int] = deque(maxlen=_TIMES_KEPT)
         self._max_gap_s = max_gap_s
         self._epoch = 0
         self.reset()
+
+    @property
+    def estimates(self) -> int:
+        """Number of estimates so far."""
+        return self.counts["updated"] + self.counts["moved"]
 
     def reset(self, since_ns: int = _BEFORE_FIRST_NS) -> None:
         """Reset to a uniform belief; strain vectors stamped up to ``since_ns`` are ignored."""
@@ -148,23 +133,23 @@ class OnlineLocalizer:
     def _localize(self, pair: Pair[StrainSample]) -> Estimate | None:
         counts = self.counts
         if pair.stamp_ns <= self._since_ns:
-            counts.earlier += 1
+            counts["earlier"] += 1
             return None
         strain, status = pair.measurement
         present = usable(status)
-        for phalanx, ok in zip(counts.absent, present, strict=True):
-            counts.absent[phalanx] += not ok
+        names = self.localizer.scene.phalanx_names
+        counts.update(f"without {phalanx}" for phalanx, ok in zip(names, present, strict=True) if not ok)
         if pair.position is None:
-            counts.gaps += 1
+            counts["without a pose"] += 1
             self.last_error = f"no palm pose within {self._max_gap_s:g} s of the strain"
         elif not present.any():
-            counts.unusable += 1
+            counts["without a phalanx with status OK"] += 1
             self.last_error = "no phalanx with status OK"
         else:
             try:
                 self._update(pair.stamp_ns, pair.position, strain, present)
             except MeasurementError as error:
-                counts.rejected += 1
+                counts["that are not finite"] += 1
                 self.last_error = str(error)
             else:
                 self.last_error = ""
@@ -176,8 +161,8 @@ class OnlineLocalizer:
         self.latest = self.localizer.update(stamp_ns, position, strain, present)
         self.palm = position
         if self.latest.updated:
-            self.counts.updated += 1
+            self.counts["updated"] += 1
             self.range_check.add(position, strain, present)
             self.update_times_ns.append(time.perf_counter_ns() - start_ns)
         else:
-            self.counts.moved += 1
+            self.counts["moved"] += 1

@@ -11,7 +11,6 @@ import threading
 import time
 
 import numpy as np
-import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -41,7 +40,7 @@ MODES = {"scan": "train", "localize": "test"}
 
 PARAMETERS = (
     Parameter("feature", "bump", "Feature in the simulated material", choices=FEATURES),
-    Parameter("seed", 1, "Seed of all random numbers", lower=0),
+    Parameter("seed", 1, "Seed of all random numbers", "", 0, 2**31 - 1),
     Parameter(
         "mode",
         "scan",
@@ -81,10 +80,8 @@ class SimulatorNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("simulator", PARAMETERS)
-        self._faults = Faults()
         self._stop = threading.Event()
         self._lock = threading.Lock()
-        self.add_post_set_parameters_callback(self._on_set)
 
     def configure(self) -> None:
         """Create the rig, publishers and services, and open the bus."""
@@ -93,7 +90,6 @@ class SimulatorNode(ManagedNode):
         self._time_s = 0.0  # simulated; stands still while the node is inactive
         self._rig = Rig(parameters["feature"], seed, SPEED_MPS, parameters["load_cell_rate_hz"])
         protocol = LoadCellProtocol(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
-        self._faults = self._read_faults()
         options = parse_options(parameters["bus_options"])
         bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)
         self.defer(bus.shutdown)
@@ -167,8 +163,9 @@ class SimulatorNode(ManagedNode):
             self._sent = self._published
 
     def _send(self, reading: Reading) -> None:
+        faults = Faults(*(self.parameters[f"fault.{name}"] for name in ("drop", "garbage", "silent")))
         try:
-            self._cells.send(reading.strain, self._faults)
+            self._cells.send(reading.strain, faults)
         except CanError as error:
             self.get_logger().error(str(error), throttle_duration_sec=1.0)
 
@@ -210,20 +207,12 @@ class SimulatorNode(ManagedNode):
         response.success, response.message = True, f"{self.parameters['mode']}: sweep {self._number}"
         return response
 
-    def _on_set(self, changed: list[rclpy.Parameter]) -> None:
-        if any(parameter.name.startswith("fault.") for parameter in changed):
-            self._faults = self._read_faults()
-
-    def _read_faults(self) -> Faults:
-        return Faults(*(self.parameters[f"fault.{name}"] for name in ("drop", "garbage", "silent")))
-
 
 def _pose(stamp: Time, frame_id: str, position: np.ndarray) -> PoseStamped:
     message = PoseStamped()
     message.header.stamp = stamp
     message.header.frame_id = frame_id
     message.pose.position.x, message.pose.position.y = map(float, position)
-    message.pose.orientation.w = 1.0
     return message
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ import can
 import numpy as np
 import pytest
 from support.diagnostics import status_of
-from support.load_cells import cycle, number_of, protocol
+from support.load_cells import cycle, protocol
 from support.processes import node_command
 
 pytestmark = pytest.mark.ros
@@ -23,7 +22,7 @@ BAD_PARAMETERS = {
     "a DBC without the phalanx": ({"phalanges": ["pinky"]}, "phalanx 'pinky': expected a message pinky"),
     "an unknown interface": ({"interface": "canopener"}, "CAN bus canopener 239.74.163.2: expected"),
     "a period out of range": ({"period_s": 5.0}, "period_s"),
-    "a period that is text": ({"period_s": "long"}, "period_s: expected a value such as 0.0"),
+    "a period that is text": ({"period_s": "long"}, "expecting type 'DOUBLE'"),
     "an option without a value": ({"bus_options": ["port"]}, "bus option 'port': expected name=value"),
     "no phalanges": (
         {"phalanges": []},
@@ -165,23 +164,6 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     assert complete == hand.number - sent
     middle = values(arrays, "middle")[2]
     assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
-
-
-def test_an_absent_interface_is_waited_for(
-    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
-) -> None:
-    from diagnostic_msgs.msg import DiagnosticStatus
-
-    arrays = probe.diagnostics()
-    absent = {"interface": "socketcan", "channel": "can7", "bus_options": []}
-    node = node_process("driver_node", parameters={**parameters, **absent})
-    probe.until(lambda: arrays, "diagnostics of an active driver")
-    level, message, counted = values(arrays, "CAN bus")
-    assert level == DiagnosticStatus.ERROR
-    assert message.startswith("waiting: CAN bus socketcan can7: expected an interface that opens")
-    assert re.search(r" at 20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC$", counted["last_error"])
-    assert node.running
-    node.wait_for_line("waiting for the CAN bus: CAN bus socketcan can7")
 
 
 def test_two_senders_and_two_drivers_are_reported(
@@ -329,7 +311,5 @@ def test_a_signal_ends_the_driver_promptly(
         return len(strains) > 20
 
     probe.until(flowing, "strain")
-    number = number_of(0, np.array(strains[-1].strain[:8]))
-    assert number % 16 == strains[-1].sequence[0] % 16  # counting may have begun earlier
     assert node.stop(sig, timeout_s=3.0) == 0  # of which the thread takes at most 1
     assert "Traceback" not in node.output

@@ -13,22 +13,10 @@ from support.sweeps import (
 )
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Phalanx
 
 pytestmark = pytest.mark.ros
-
-PAPER = {
-    "model": "sum_of_gaussians",
-    "filter": "particle",
-    "particles": 75,
-    "random_particles": 10,
-    "conditional": False,
-    "resample_below": 1.0,
-}
 
 
 @pytest.fixture(scope="module")
@@ -47,49 +35,6 @@ def start(node_process, probe, scan_file):
         return Filter(node, probe, SlidingHand(probe, sweep or unseen_sweep()))
 
     return start
-
-
-def offline(hand, samples, scan_file, configuration):
-    """Estimates of the same localizer from the same strains and positions without ROS."""
-    store = ScanFolder(scan_file)
-    scan, scene = store.load(), store.scene
-    calibration = learned_calibration(scan_file, scan, scene)
-    localizer = build_localizer(scan, scene, configuration, np.random.default_rng(0), None, calibration)
-    localizer.reset()
-    positions = hand.positions()
-    return [
-        localizer.update(hand.offset_ns + int(hand.strain_ns[k]), positions[k], hand.sweep.strain[k])
-        for k in samples
-    ]
-
-
-def test_live_posteriors_equal_offline_estimates(start, scan_file):
-    from tactile_localizer.ros.publishers.estimates import state_of
-
-    node = start(**PAPER)
-    node.slide(150)
-    received = node.fresh()
-    samples = [node.hand.sample_of(message) for message in received]
-    assert samples == list(range(150))
-    expected = offline(node.hand, samples, scan_file, Configuration(**(CELL | PAPER)))
-    np.testing.assert_allclose(node.means(), [e.mean for e in expected], atol=1e-9)
-    np.testing.assert_allclose(
-        [m.covariance for m in received], [e.covariance.ravel() for e in expected], atol=1e-12
-    )
-    np.testing.assert_allclose([m.covariance_trace for m in received], [e.trace for e in expected])
-    np.testing.assert_allclose(
-        [m.probability for m in received], [e.probability for e in expected], atol=1e-6
-    )
-    np.testing.assert_allclose([m.on_map for m in received], [e.on_map for e in expected], atol=1e-6)
-    assert [m.state for m in received] == [state_of(e) for e in expected]
-    assert [m.converged for m in received] == [e.converged for e in expected]
-    assert [m.reason for m in received] == [e.reason for e in expected]
-    assert [m.particles for m in received] == [e.hypotheses for e in expected]
-    assert {tuple(m.axes) for m in received} == {("x", "y")}
-    assert {m.header.frame_id for m in received} == {"material"}
-    assert node.process.stop() == 0
-    assert "150 strain vectors received, 150 posteriors, 0 without a pose, 0 lost" in node.process.output
-    assert "Traceback" not in node.process.output
 
 
 def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, tmp_path):

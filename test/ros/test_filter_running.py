@@ -110,12 +110,12 @@ def test_the_map_is_latched(node, probe):
 
 
 def test_lost_strain_vectors_are_counted(node, probe):
-    lost = node.count("lost")
+    lost = node.count("strain_vectors_lost_in_transport")
     node.slide(10)
     node.hand.send_strain(10, sequence=[13, 13])  # numbers 10 to 12 were lost
     node.hand.next += 1
     node.slide(5, sequence=[14, 14])
-    node.wait_for_count("lost", lost + 3)
+    node.wait_for_count("strain_vectors_lost_in_transport", lost + 3)
     reports = [s.message for array in node.diagnostics for s in array.status if s.name == "filter: inputs"]
     assert any("3 strain vectors lost" in message for message in reports)
 
@@ -186,14 +186,15 @@ def test_poses_that_are_ahead_are_not_taken_for_missing_strain(node, probe, monk
 
 def test_zero_stamps_are_ignored(node):
     node.slide(5)
-    seen, jumps, unstamped = len(node.fresh()), node.count("backward_jumps"), node.count("unstamped_strain")
+    seen, jumps = len(node.fresh()), node.count("backward_jumps_of_the_stamps")
+    unstamped = node.count("invalid_messages_on_strain")
     offset_ns, node.hand.offset_ns = node.hand.offset_ns, -int(node.hand.strain_ns[5])
     node.hand.send_strain(5)
     node.hand.offset_ns = offset_ns
     node.slide(5)
     assert len(node.fresh()) == seen + 5
-    assert node.count("backward_jumps") == jumps, "a stopped clock is no backward jump"
-    assert node.count("unstamped_strain") == unstamped + 1
+    assert node.count("backward_jumps_of_the_stamps") == jumps, "a stopped clock is no backward jump"
+    assert node.count("invalid_messages_on_strain") == unstamped + 1
 
 
 def test_the_belief_can_be_reset(node, probe):
@@ -224,7 +225,7 @@ def test_an_initial_pose_seeds_the_belief(node, probe):
 def test_invalid_seeds_keep_the_belief(node, probe):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
-    invalid = node.count("invalid_initial_pose")
+    invalid = node.count("invalid_messages_on_initial_pose")
     node.slide(50)
     publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
     printed = len(node.process.lines)
@@ -232,7 +233,7 @@ def test_invalid_seeds_keep_the_belief(node, probe):
     node.process.wait_for_line("initial_pose: .*frame 'map'", after=printed)
     for pose in ((0.2, 0.04, 1e-6), (np.nan, 0.04, 1e-6), (0.01, 0.04, -1.0), (0.01, 0.04, np.nan)):
         publisher.publish(initial_pose(*pose))
-    node.wait_for_count("invalid_initial_pose", invalid + 5)
+    node.wait_for_count("invalid_messages_on_initial_pose", invalid + 5)
     travel = node.fresh()[-1].travel
     node.slide(5)
     assert node.fresh()[-1].travel > travel

@@ -14,6 +14,7 @@ from support.bags import START, pose, strain, write_bag
 from support.sweeps import stamp_of, unseen_sweep, write_scan
 
 from tactile_localizer.cli import main
+from tactile_localizer.core.hypotheses.convergence import State
 
 pytestmark = pytest.mark.ros
 
@@ -79,12 +80,17 @@ def play(bag: Path, probe: Any) -> list[Any]:
 def test_replay_equals_the_live_filter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, node_process: Any, probe: Any, choices: dict[str, Any]
 ) -> None:
+    from tactile_localizer.msg import Posterior
+
     monkeypatch.chdir(tmp_path)
     write_scan(tmp_path / "bump_scan")
     bag = record(tmp_path / "bag")
     node = node_process("filter_node", {"scan_file": tmp_path / "bump_scan", "seed": 7, **choices})
     received = play(bag, probe)
     assert node.stop() == 0
+    assert f" {len(received)} posteriors, " in node.output
+    assert {tuple(m.axes) for m in received} == {("x", "y")}
+    assert {m.header.frame_id for m in received} == {"material"}
 
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(choices))
     command = "replay bag --scan bump_scan --config own.yaml --seed 7 --json out.json"
@@ -102,4 +108,7 @@ def test_replay_equals_the_live_filter(
     np.testing.assert_allclose(
         [m.log_marginal for m in received], [u["log_marginal"] for u in updates], atol=1e-9
     )
-    assert [(m.converged, m.reason) for m in received] == [(u["converged"], u["reason"]) for u in updates]
+    states = [getattr(Posterior, State(u["state"]).name) for u in updates]
+    assert [m.state for m in received] == states
+    assert [m.reason for m in received] == [u["reason"] for u in updates]
+    assert [m.converged for m in received] == [u["converged"] for u in updates]

@@ -106,18 +106,6 @@ def drain(buffer):
     return messages
 
 
-def test_training_sweeps_follow_the_plan(start, hand):
-    start()
-    for number in range(2):
-        hand.call("prepare")
-        report, poses, truth = hand.do_sweep()
-        (_, y), (end, _) = sweep_plan("train", number, 1)
-        assert report == f"scan: sweep {number}"
-        np.testing.assert_allclose(poses[[0, -1]], [[0, y], [end, y]], atol=3e-3)
-        np.testing.assert_allclose(truth[[0, -1]], poses[[0, -1]], atol=2e-3)
-        assert np.all(np.diff(poses[:, 0]) > -1e-3)
-
-
 def test_in_localize_mode_poses_have_a_constant_offset(start, hand):
     start(mode="localize")
     hand.call("prepare")

@@ -60,6 +60,10 @@ class Poses:
         self.lookup = PalmLookup(
             "base_link", "palm", patience_s, self.found.append, lambda error: self.missed.append(str(error))
         )
+        self.callbacks: list[Any] = []
+        self.lookup.subscribe(
+            SimpleNamespace(create_subscription=lambda *given: self.callbacks.append(given[2]))  # type: ignore[arg-type]
+        )
 
     def send(self, ms: int, x: float, parent: str = "base_link", child: str = "palm", topic: int = 0) -> None:
         from geometry_msgs.msg import TransformStamped
@@ -69,7 +73,7 @@ class Poses:
         set_stamp(transform, START + ms * MS)
         transform.transform.translation.x = x
         transform.transform.rotation.w = 1.0
-        self.lookup.topics()[topic].callback(SimpleNamespace(transforms=[transform]))
+        self.callbacks[topic](SimpleNamespace(transforms=[transform]))
 
     def look_up(self, *stamps_ms: int) -> None:
         for ms in stamps_ms:

@@ -66,7 +66,7 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
     with SingleThreadedExecutor() as executor:
         executor.add_node(node)
         # Python handles a signal between two waits of the executor, which none of them interrupts.
-        node.create_steady_timer(_WAKE_PERIOD_S, lambda: None)
+        node.create_timer(_WAKE_PERIOD_S, lambda: None)
         if node.parameters["autostart"]:
             started = executor.create_task(node.start())
             while not (started.done() or ended.is_set()):

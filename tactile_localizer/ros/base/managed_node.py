@@ -12,7 +12,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -20,7 +20,7 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.errors import LiveError, TactileLocalizerError
 from tactile_localizer.ros.base import exception_guards
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
@@ -66,7 +66,10 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self._in_transition = threading.Lock()
         for service in self.services:
             if service.srv_type is ChangeState:
-                self._change_state, service.callback = service.callback, self._on_change_state
+                self._change_state, service.callback = (
+                    service.callback,
+                    exception_guards.guard_service(self, "state", ChangeState, self._on_change_state),
+                )
         try:
             self.parameters = Parameters(self, (_AUTOSTART, *declared), lambda: self._is_configured)
         except TactileLocalizerError:
@@ -76,8 +79,8 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def create_publisher(self, *arguments: Any, **options: Any) -> Publisher:
         """A publisher that also publishes while the node is inactive.
 
-        It does not report incompatible subscriptions, which the subscribers do themselves: each event that
-        the executor waits for delays every message.
+        It does not report incompatible subscriptions, which the other side does: each event that the executor
+        waits for delays every message.
         """
         options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_publisher(*arguments, **options)
@@ -98,20 +101,20 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *qos: Any, **options: Any
     ) -> Subscription:
-        """A subscription that drops the message if its callback raises an exception."""
+        """A subscription that drops the message if its callback raises an exception.
+
+        As :meth:`create_publisher`, it does not report incompatible publishers.
+        """
+        options.setdefault("event_callbacks", SubscriptionEventCallbacks(use_default_callbacks=False))
         guarded = exception_guards.guard_callback(self, topic, callback)
         subscription = super().create_subscription(msg_type, topic, guarded, *qos, **options)
         return self._owned(subscription, self.destroy_subscription)
 
-    def create_timer(self, timer_period_sec: float, callback: Any, *clock: Any, **options: Any) -> Timer:
-        """A timer that continues if its callback raises an exception."""
+    def create_timer(self, timer_period_sec: float, callback: Callable[[], None]) -> Timer:
+        """A timer of real time that continues if its callback raises an exception."""
         guarded = exception_guards.guard_callback(self, "timer", callback)
-        timer = super().create_timer(timer_period_sec, guarded, *clock, **options)
-        return self._owned(timer, self.destroy_timer)
-
-    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
-        """A timer that keeps running while simulated time stands still."""
-        return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        return self._owned(super().create_timer(timer_period_sec, guarded, clock=steady), self.destroy_timer)
 
     @property
     def now_ns(self) -> int:
@@ -173,69 +176,61 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to inactive."""
         self.is_active = False
-        result = self._release(self._activated.close)
+        result = self._try(self._activated.close)
         super().on_deactivate(state)
         return result
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition to unconfigured."""
         self._is_configured = False
-        return self._release(self._configured.close)
+        return self._try(self._configured.close)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition from any state to finalized; after an unexpected failure, to unconfigured."""
         self._is_configured = False
-        return self._release(self.close)
+        return self._try(self.close)
 
     on_error = on_shutdown
 
     async def _on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> ChangeState.Response:
-        """Change the state, or log why that is impossible; with rclpy alone the node would terminate."""
-        wanted = request.transition
+        """Change the state; configuring may take seconds, in a thread."""
+        change, wanted = partial(self._change, request, response), request.transition
+        if wanted.label == "configure" or wanted.id == Transition.TRANSITION_CONFIGURE:
+            return await run_in_thread(self, change)
+        return change()
+
+    def _change(self, request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+        """Change the state, or raise why that is impossible; with rclpy alone the node would terminate."""
+        wanted = f"transition {request.transition.label or request.transition.id}"
         # A client may request the next transition on the event of the last one, before that one has returned.
         if not self._in_transition.acquire(timeout=_BETWEEN_TRANSITIONS_S):
-            text = "expected no transition in progress, found one"
-            self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
-            return response
-        change = partial(self._change_and_release, request, response)
-        try:
-            if wanted.label == "configure" or wanted.id == Transition.TRANSITION_CONFIGURE:
-                return await run_in_thread(self, change)
-            return change()
-        except RuntimeError:  # from rclpy: the present state does not have this transition
-            text = "expected a transition that the present state has"
-            self.get_logger().error(f"transition {wanted.label or wanted.id}: {text}")
-            return response
-
-    def _change_and_release(
-        self, request: ChangeState.Request, response: ChangeState.Response
-    ) -> ChangeState.Response:
-        """Change the state, in any thread."""
+            raise LiveError(f"{wanted}: expected no transition in progress, found one")
         try:
             answer: ChangeState.Response = self._change_state(request, response)
             return answer
+        except RuntimeError:  # from rclpy
+            raise LiveError(f"{wanted}: expected a transition that the present state has") from None
         finally:
             self._in_transition.release()
 
     def _attempt(self, work: Callable[[], None], scope: ExitStack) -> TransitionCallbackReturn:
         """Do the work of a transition in this thread, and register in ``scope`` how it is undone."""
         self._scope, self._scope_thread = scope, threading.get_ident()
-        try:
-            work()
-        except Exception as error:  # rclpy would discard an unexpected exception without logging it
-            self.get_logger().error(exception_guards.one_line(error))
+        result = self._try(work, TransitionCallbackReturn.FAILURE)
+        self._scope = None
+        if result == TransitionCallbackReturn.FAILURE:
             scope.close()
-            return TransitionCallbackReturn.FAILURE
-        finally:
-            self._scope = None
-        return TransitionCallbackReturn.SUCCESS
+        return result
 
-    def _release(self, work: Callable[[], None]) -> TransitionCallbackReturn:
+    def _try(
+        self, work: Callable[[], None], failed: TransitionCallbackReturn = TransitionCallbackReturn.ERROR
+    ) -> TransitionCallbackReturn:
+        """Do some work and log its failure: rclpy would discard an exception without logging it."""
         try:
             work()
         except Exception as error:
             self.get_logger().error(exception_guards.one_line(error))
-            return TransitionCallbackReturn.ERROR
+            return failed
         return TransitionCallbackReturn.SUCCESS

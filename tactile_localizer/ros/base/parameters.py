@@ -20,7 +20,6 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 
 from tactile_localizer.errors import ParameterError, did_you_mean
-from tactile_localizer.ros.base.rclpy_private import parameter_overrides
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Parameter:
         it can also be written ``['']``, because the command line cannot give an empty list a type
     description : one sentence without its full stop
     unit : SI unit; empty if dimensionless
-    lower, upper : inclusive range of an int or a float
+    lower, upper : inclusive range of an int or a float; both or none
     choices : allowed strings, or entries of a list of strings; empty for any
     live : whether it can be changed while the node is configured; other parameters are read on configuration
     """
@@ -54,15 +53,13 @@ class Parameter:
         descriptor = ParameterDescriptor(name=self.name, description=text)
         if self.choices:
             descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
-        if self.lower is not None or self.upper is not None:
+        if self.lower is not None and self.upper is not None:
             if isinstance(self.default, float):
-                lower = float("-inf") if self.lower is None else float(self.lower)
-                upper = float("inf") if self.upper is None else float(self.upper)
-                descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
+                ends = {"from_value": float(self.lower), "to_value": float(self.upper)}
+                descriptor.floating_point_range = [FloatingPointRange(**ends)]
             else:
-                first = -(2**63) if self.lower is None else int(self.lower)
-                last = 2**63 - 1 if self.upper is None else int(self.upper)
-                descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
+                ends = {"from_value": int(self.lower), "to_value": int(self.upper)}
+                descriptor.integer_range = [IntegerRange(**ends)]
         return descriptor
 
 
@@ -100,12 +97,7 @@ class Parameters:
             default = rclpy.Parameter.Type.STRING_ARRAY if parameter.default == [] else parameter.default
             try:
                 self._node.declare_parameter(parameter.name, default, parameter.descriptor())
-            except InvalidParameterTypeException as error:
-                wanted = "strings" if parameter.default == [] else f"a value such as {parameter.default!r}"
-                raise ParameterError(
-                    f"parameter {parameter.name}: expected {wanted}. {_reason(error, parameter.name)}"
-                ) from error
-            except InvalidParameterValueException as error:
+            except (InvalidParameterTypeException, InvalidParameterValueException) as error:
                 raise ParameterError(
                     f"parameter {parameter.name}: {_reason(error, parameter.name)}"
                 ) from error
@@ -125,9 +117,11 @@ class Parameters:
 
         Members of groups (names with a dot) are not listed: the node declares them when it is configured.
         """
+        # A private interface of rclpy; where a version lacks it, nothing is listed. The public
+        # automatically_declare_parameters_from_overrides fails on an empty list.
         return [
             f"{name}{did_you_mean(name, self._declared)}"
-            for name in parameter_overrides(self._node)
+            for name in getattr(self._node, "_parameter_overrides", ())
             if "." not in name and not self._node.has_parameter(name)
         ]
 

@@ -47,26 +47,25 @@ class DriverDiagnostics:
         self._publisher = publisher
         self._stale_timeout_s = stale_timeout_s
         self._strain_publishers = strain_publishers
-        self._new_on_bus = Increments()
-        self._new_of_phalanx = [Increments() for _ in driver.protocol.phalanges]
-        self._previous_s = time.monotonic()
+        self._increments = Increments()
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Status of the bus, followed by one status per phalanx."""
-        now_s = time.monotonic()
-        elapsed_s, self._previous_s = max(now_s - self._previous_s, 1e-3), now_s
-        new = [
-            increments.since(asdict(counts))
-            for increments, counts in zip(self._new_of_phalanx, self._driver.counts.phalanges, strict=True)
-        ]
-        phalanges = [self._phalanx_status(index, own, elapsed_s) for index, own in enumerate(new)]
-        return [self._bus_status(elapsed_s), *phalanges]
-
-    def _bus_status(self, elapsed_s: float) -> DiagnosticStatus:
         status, counts = self._driver.status, self._driver.counts
-        frames, errors = dict(zip(FrameKind, counts.frames, strict=True)), dict(status.errors)
-        totals = {**frames, **errors, "cycles": counts.cycles, "drops": status.queue_drops}
-        new = self._new_on_bus.since(totals)
+        frames = dict(zip(FrameKind, counts.frames, strict=True))
+        phalanges = dict(zip(self._driver.protocol.phalanges, map(asdict, counts.phalanges), strict=True))
+        totals: dict[Any, int] = {**frames, **dict(status.errors)}
+        totals |= {"cycles": counts.cycles, "drops": status.queue_drops}
+        for name, own in phalanges.items():
+            totals |= {(name, what): count for what, count in own.items()}
+        new = self._increments.since(totals)
+        return [
+            self._bus_status(frames, new),
+            *(self._phalanx_status(name, own, new) for name, own in phalanges.items()),
+        ]
+
+    def _bus_status(self, frames: Mapping[FrameKind, int], new: Mapping[Any, int]) -> DiagnosticStatus:
+        status, elapsed_s = self._driver.status, self._increments.elapsed_s
         received = sum(new[kind] for kind in FrameKind)
         late_s = 1e-9 * max(self._driver.late_ns, time.time_ns() - self._driver.read_ns)
         self._driver.late_ns = 0  # the greatest age since this status
@@ -79,7 +78,7 @@ class DriverDiagnostics:
             "frames_per_s": f"{received / elapsed_s:.1f}",
             **{f"frames_{kind.name.lower()}": count for kind, count in frames.items()},
             "frames_unreadable": status.unreadable,
-            "bus_errors": ", ".join(f"{count} {kind}" for kind, count in errors.items()),
+            "bus_errors": ", ".join(f"{count} {kind}" for kind, count in dict(status.errors).items()),
             "cycles_per_s": f"{new['cycles'] / elapsed_s:.1f}",
             "period_ms": f"{self._driver.assembler.period_ns * 1e-6:.2f}",
             "queue_limit_bytes": status.queue.limit,
@@ -113,18 +112,17 @@ class DriverDiagnostics:
             return DiagnosticStatus.WARN, "; ".join(text for text, holds in warnings.items() if holds)
         return DiagnosticStatus.OK, "open" if received else "open, idle"
 
-    def _phalanx_status(self, index: int, new: Mapping[str, int], elapsed_s: float) -> DiagnosticStatus:
-        counts = asdict(self._driver.counts.phalanges[index])
+    def _phalanx_status(self, name: str, counts: dict[str, int], new: Mapping[Any, int]) -> DiagnosticStatus:
+        new_of_phalanx = {what: new[name, what] for what in counts}
         last_ns = counts.pop("last_ns")
         # Not until now: frames that wait in the queue are the reader's fault, not the phalanx's.
         age_s = max(0.0, (self._driver.read_ns - last_ns) * 1e-9) if last_ns else None
         values = {
-            "rate_hz": f"{new['samples'] / elapsed_s:.1f}",
+            "rate_hz": f"{new_of_phalanx['samples'] / self._increments.elapsed_s:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",
             **counts,
         }
-        level, message = self._level(new, age_s)
-        return self._publisher.status(self._driver.protocol.phalanges[index], level, message, values)
+        return self._publisher.status(name, *self._level(new_of_phalanx, age_s), values)
 
     def _level(self, new: Mapping[str, int], age_s: float | None) -> tuple[bytes, str]:
         """Level and message of a phalanx: the most severe problem since the previous status."""

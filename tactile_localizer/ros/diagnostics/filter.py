@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
-from tactile_localizer.ros.online_localizer import OnlineLocalizer
+from tactile_localizer.ros.online_localizer import USED, OnlineLocalizer
 from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
-
-TOPICS = ("strain", "palm_pose", "initial_pose")
-"""Topics whose invalid messages are counted."""
 
 
 class FilterDiagnostics:
@@ -63,35 +59,17 @@ class FilterDiagnostics:
         self, inputs: TactileInputs, online: OnlineLocalizer, problem: str, is_stale: bool
     ) -> DiagnosticStatus:
         """Status of the inputs: their ``problem``, empty if there is none; whether the estimate is stale."""
-        counts = dataclasses.asdict(online.counts)
-        absent = counts.pop("absent")
-        pairing = inputs.pairing
-        losses = self._losses.describe(
-            {
-                "strain vectors lost in transport": inputs.lost,
-                "strain vectors without a pose": counts["gaps"],
-                "strain vectors without a phalanx with status OK": counts["unusable"],
-                "strain vectors that are not finite": counts["rejected"],
-                **{f"strain vectors without {phalanx}": count for phalanx, count in absent.items()},
-                **{f"invalid messages on {topic}": inputs.invalid[topic] for topic in TOPICS},
-                **{f"messages on {topic} without a stamp": inputs.unstamped[topic] for topic in TOPICS[:2]},
-                "late messages": pairing.late,
-                "backward jumps of the stamps": pairing.resets,
-                "forward jumps of the stamps": pairing.forward_jumps,
-            }
-        )
-        values = {
-            **counts,
-            **{f"absent_{phalanx}": count for phalanx, count in absent.items()},
-            **{f"invalid_{topic}": inputs.invalid[topic] for topic in TOPICS},
-            **{f"unstamped_{topic}": inputs.unstamped[topic] for topic in TOPICS[:2]},
-            "lost": inputs.lost,
-            "late": pairing.late,
-            "backward_jumps": pairing.resets,
-            "forward_jumps": pairing.forward_jumps,
-            "last_error": online.last_error,
+        counts, pairing = online.counts, inputs.pairing
+        losses = {
+            **{f"strain vectors {what}": counts[what] for what in counts if what not in USED},
+            **{f"invalid messages on {topic}": count for topic, count in inputs.invalid.items()},
+            "strain vectors lost in transport": inputs.lost,
+            "late messages": pairing.late,
+            "backward jumps of the stamps": pairing.resets,
+            "forward jumps of the stamps": pairing.forward_jumps,
         }
-        message = "; ".join(filter(None, [problem, ", ".join(losses)]))
+        values = {**{name: counts[name] for name in USED}, **losses, "last_error": online.last_error}
+        message = "; ".join(filter(None, [problem, ", ".join(self._losses.describe(losses))]))
         level = (
             DiagnosticStatus.ERROR if is_stale else DiagnosticStatus.WARN if message else DiagnosticStatus.OK
         )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 
+from tactile_localizer.ros.base.managed_node import ManagedNode
+
+_PERIOD_S = 1.0
 _PROGRESS_PERIOD_S = 0.5
 
 
@@ -22,20 +24,24 @@ class DiagnosticsPublisher:
     hardware_id : identifier of the device; empty if there is none
     """
 
-    def __init__(self, node: Node, hardware_id: str = "") -> None:
+    def __init__(self, node: ManagedNode, hardware_id: str = "") -> None:
         self._node, self._hardware_id = node, hardware_id
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def status(self, name: str, level: bytes, message: str, values: Mapping[str, Any]) -> DiagnosticStatus:
-        """A status of this node; ``values`` are converted to text."""
+        """A status of this node; ``values`` are converted to text, and their names get underscores."""
         return DiagnosticStatus(
             name=f"{self._name}: {name}",
             hardware_id=self._hardware_id,
             level=level,
             message=message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            values=[KeyValue(key=key.replace(" ", "_"), value=str(value)) for key, value in values.items()],
         )
+
+    def publish_each_second(self, statuses: Callable[[], Sequence[DiagnosticStatus]]) -> None:
+        """Publish what ``statuses`` returns at 1 Hz, until the transition in progress is undone."""
+        self._node.create_timer(_PERIOD_S, lambda: self.publish(*statuses()))
 
     def publish(self, *statuses: DiagnosticStatus) -> None:
         """Publish statuses with the present time."""
@@ -54,7 +60,7 @@ class ProgressReporter:
     name : name of the status
     """
 
-    def __init__(self, node: Node, publisher: DiagnosticsPublisher, name: str) -> None:
+    def __init__(self, node: ManagedNode, publisher: DiagnosticsPublisher, name: str) -> None:
         self._log, self._publisher, self._name = node.get_logger(), publisher, name
         self._activity, self._reported_s = "", -math.inf
 
@@ -70,15 +76,23 @@ class ProgressReporter:
 
 
 class Increments:
-    """Counts since the previous call; the first call counts from zero."""
+    """Counts since the previous call; the first call counts from zero.
+
+    Attributes
+    ----------
+    elapsed_s : time from the call before the last one to the last, s
+    """
 
     def __init__(self) -> None:
         self._previous: Mapping[Any, int] = {}
+        self._previous_s = time.monotonic()
 
     def since(self, counts: Mapping[Any, int]) -> dict[Any, int]:
         """Increases of totals, by the same keys."""
         new = {what: count - self._previous.get(what, 0) for what, count in counts.items()}
-        self._previous = dict(counts)
+        now_s = time.monotonic()
+        self.elapsed_s = max(now_s - self._previous_s, 1e-3)
+        self._previous, self._previous_s = dict(counts), now_s
         return new
 
     def describe(self, counts: Mapping[str, int]) -> list[str]:

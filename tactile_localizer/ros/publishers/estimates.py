@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from array import array
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -28,11 +27,6 @@ UNKNOWN_VARIANCE = 1e6
 """Variance of unmodelled axes of a pose, m² or rad²; fusion nodes interpret zero as certainty."""
 
 
-def state_of(estimate: Estimate, stale: str = "") -> int:
-    """The state of a ``Posterior``; ``stale`` is the reason why the estimate is stale, or empty."""
-    return int(Posterior.STALE if stale else getattr(Posterior, estimate.state.name))
-
-
 def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
     """The message of an estimate; if ``stale`` gives a reason, the state is ``STALE`` and not converged."""
     message = Posterior()
@@ -41,7 +35,7 @@ def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str 
     message.mean = array("d", estimate.mean.tobytes())
     message.covariance = array("d", np.ascontiguousarray(estimate.covariance).tobytes())
     message.covariance_trace = estimate.trace
-    message.state = state_of(estimate, stale)
+    message.state = Posterior.STALE if stale else getattr(Posterior, estimate.state.name)
     message.converged = message.state == Posterior.CONVERGED
     message.reason = f"stale: {stale}" if stale else estimate.reason
     message.probability = estimate.probability
@@ -160,11 +154,11 @@ class EstimatePublisher:
         """Publish an estimate; ``stale`` is the reason why it is stale, or empty."""
         axes = localizer.scene.axis_names
         self._posterior.publish(posterior(estimate, axes, self._frame, stale))
-        if _has_subscribers(self._converged):
+        if self._converged.get_subscription_count():
             self._converged.publish(Bool(data=estimate.converged and not stale))
-        if _has_subscribers(self._trace):
+        if self._trace.get_subscription_count():
             self._trace.publish(Float64(data=estimate.trace))
-        if _has_subscribers(self._pose) and not stale:
+        if self._pose.get_subscription_count() and not stale:
             self._pose.publish(pose(estimate, axes, self._frame))
         if stale or self._is_display_due(estimate.stamp_ns):
             self._display(estimate, localizer, stale)
@@ -181,15 +175,11 @@ class EstimatePublisher:
     def _display(self, estimate: Estimate, localizer: Localizer, stale: str) -> None:
         self._displayed_ns = estimate.stamp_ns
         scene = localizer.scene
-        if _has_subscribers(self._markers):
+        if self._markers.get_subscription_count():
             self._markers.publish(hand_markers.markers(estimate, scene, self._frame, stale))
-        if _has_subscribers(self._particles) and not stale:
+        if self._particles.get_subscription_count() and not stale:
             states, weights = subsample(
                 *localizer.hypotheses(), self._parameters["shown_particles"], self._rng
             )
             message = cloud(estimate.stamp_ns, states, scene.axis_names, self._frame, weight=weights)
             self._particles.publish(message)
-
-
-def _has_subscribers(publisher: Any) -> bool:
-    return publisher.get_subscription_count() > 0

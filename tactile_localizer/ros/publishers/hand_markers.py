@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -16,6 +16,7 @@ from tactile_localizer.scene import Scene
 
 _PAD_M = 0.012
 _TEXT_M = 0.003
+_THICKNESS_M = 0.0005
 _CONVERGED = ColorRGBA(r=0.1, g=0.7, b=0.2, a=0.6)
 _NOT_CONVERGED = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
 _STALE = ColorRGBA(r=0.5, g=0.5, b=0.5, a=0.5)
@@ -52,7 +53,6 @@ def markers(estimate: Estimate, scene: Scene, frame: str, stale: str) -> MarkerA
         marker.id = number
         marker.header.frame_id = frame
         marker.header.stamp = from_ns(estimate.stamp_ns)
-        marker.pose.orientation.w = 1.0
     return MarkerArray(markers=shown)
 
 
@@ -63,12 +63,12 @@ def _ellipse(estimate: Estimate, scene: Scene, centre: tuple[float, float], colo
     covariance = np.zeros((2, 2))
     covariance[np.ix_(rows, rows)] = estimate.covariance[np.ix_(columns, columns)]
     values, vectors = np.linalg.eigh(covariance)
-    around = np.linspace(0.0, 2 * math.pi, 49)
-    radii = _ELLIPSE * np.sqrt(np.maximum(values, 0.0))
-    line = vectors @ (radii[:, None] * np.stack([np.cos(around), np.sin(around)]))
-    marker = Marker(type=Marker.LINE_STRIP, ns="covariance", color=color)
-    marker.scale.x = 0.0005
-    marker.points = [Point(x=centre[0] + float(a), y=centre[1] + float(b), z=0.001) for a, b in line.T]
+    diameters = 2 * _ELLIPSE * np.sqrt(np.maximum(values, 0.0))
+    half_turn = math.atan2(vectors[1, 0], vectors[0, 0]) / 2
+    marker = Marker(type=Marker.CYLINDER, ns="covariance", color=color)
+    marker.scale = Vector3(x=float(diameters[0]), y=float(diameters[1]), z=_THICKNESS_M)
+    marker.pose.position = Point(x=centre[0], y=centre[1])
+    marker.pose.orientation = Quaternion(z=math.sin(half_turn), w=math.cos(half_turn))
     return marker
 
 

@@ -65,7 +65,6 @@ def region_marker(scene: Scene, frame: str) -> Marker:
     """
     marker = Marker(type=Marker.LINE_STRIP, ns="feature region", color=_FEATURE)
     marker.header.frame_id = frame
-    marker.pose.orientation.w = 1.0
     marker.scale.x = _LINE_M
     if scene.feature is None:
         marker.action = Marker.DELETE
@@ -101,7 +100,7 @@ class MapPublisher:
 
     def publish(self, scan: Scan, scene: Scene) -> None:
         """Publish the map of a scan, and the feature region if the scene has one."""
-        self._publish(self._messages(scan, scene))
+        self._publish(*self._messages(scan, scene))
 
     def publish_folder(self, path: Path) -> None:
         """Publish the map of a scan that is being recorded, made in the background.
@@ -120,17 +119,15 @@ class MapPublisher:
             return self._messages(scan.select(np.arange(0, len(scan), every)), folder.scene)
 
         try:
-            self._publish(await run_in_thread(self._node, make))
+            self._publish(*await run_in_thread(self._node, make))
         except Exception as error:
             self._node.get_logger().warning(f"map: {one_line(error)}")
         finally:
             self._is_drawing = False
 
     def _messages(self, scan: Scan, scene: Scene) -> tuple[PointCloud2, Marker]:
-        cloud = map_cloud(make_map(scan, scene), self._frame)
-        return cloud, region_marker(scene, self._frame)
+        return map_cloud(make_map(scan, scene), self._frame), region_marker(scene, self._frame)
 
-    def _publish(self, messages: tuple[PointCloud2, Marker]) -> None:
-        if self._map.is_activated:
-            self._map.publish(messages[0])
-            self._region.publish(messages[1])
+    def _publish(self, cloud: PointCloud2, region: Marker) -> None:
+        self._map.publish(cloud)
+        self._region.publish(region)

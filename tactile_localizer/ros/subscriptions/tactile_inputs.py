@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -20,7 +20,7 @@ from tactile_localizer.core.geometry.synchronization import (
     Pair,
     Pairing,
 )
-from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.msg import StrainVectors
@@ -30,6 +30,7 @@ from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 from tactile_localizer.scene import Axis, Scene
 
+_Pairs = list[Pair[StrainSample]]
 _STAMPED = ("strain", "palm_pose")
 
 SYNCHRONIZATION = (
@@ -90,8 +91,7 @@ class TactileInputs:
     Attributes
     ----------
     pairing : pairing of the strain vectors with poses
-    received, invalid, unstamped : numbers of messages, of invalid ones, and of others whose stamp is 0, by
-        topic: ``strain`` and ``palm_pose``
+    received, invalid : numbers of messages and of invalid ones, by topic: ``strain`` and ``palm_pose``
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
 
     Raises
@@ -101,7 +101,7 @@ class TactileInputs:
         ``reference_frame`` is empty.
     """
 
-    def __init__(self, node: ManagedNode, on_pairs: Callable[[list[Pair[StrainSample]]], None]) -> None:
+    def __init__(self, node: ManagedNode, on_pairs: Callable[[_Pairs], None]) -> None:
         self._node, self._on_pairs = node, on_pairs
         self._lookup = self._tf_lookup()
         self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
@@ -116,19 +116,20 @@ class TactileInputs:
         )
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
-        self.unstamped: Counter[str] = Counter()
         self._ahead_ns: dict[str, int] = {}  # newest pose after the newest strain when a topic last arrived
         self.problems: dict[str, str] = {}
 
     def subscribe(self) -> None:
-        """Subscribe to strain and poses."""
+        """Subscribe to strain and poses, best effort: reliable publishers match too."""
         depth = self._node.parameters["queue_depth"]
         overridden = QoSOverridingOptions((QoSPolicyKind.RELIABILITY,))
         best_effort = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        subscribe = partial(self._node.create_subscription, qos_overriding_options=overridden)
-        subscribe(StrainVectors, "strain", self._on_strain, best_effort)
+        subscribe = partial(
+            self._node.create_subscription, qos_profile=best_effort, qos_overriding_options=overridden
+        )
+        subscribe(StrainVectors, "strain", self._on_strain)
         if self._lookup is None:
-            subscribe(PoseStamped, "palm_pose", self._on_pose, QoSProfile(depth=depth))
+            subscribe(PoseStamped, "palm_pose", self._on_pose)
         else:
             self._lookup.subscribe(self._node)
 
@@ -192,30 +193,22 @@ class TactileInputs:
         return PalmLookup(*frames, parameters["patience_s"], self._on_pose, failed)
 
     def _on_strain(self, message: StrainVectors) -> None:
-        self._take(
-            "strain",
-            message.header.stamp,
-            lambda stamp_ns: self.pairing.add_strain(stamp_ns, self._reader.read(message)),
-        )
+        self._take("strain", message, self.pairing.add_strain, self._reader.read)
         if self._lookup is not None and (stamp_ns := to_ns(message.header.stamp)):
             self._lookup.look_up(stamp_ns)
 
     def _on_pose(self, message: PoseStamped) -> None:
-        self._take(
-            "palm_pose",
-            message.header.stamp,
-            lambda stamp_ns: self.pairing.add_pose(stamp_ns, self.position(message)),
-        )
+        self._take("palm_pose", message, self.pairing.add_pose, self.position)
 
-    def _take(self, topic: str, stamp: Time, pair: Callable[[int], list[Pair[StrainSample]]]) -> None:
+    def _take(
+        self, topic: str, message: Any, add: Callable[[int, Any], _Pairs], read: Callable[[Any], Any]
+    ) -> None:
         """Pass on the pairs that a message completes, or reject it."""
-        stamp_ns = to_ns(stamp)
-        if not stamp_ns:
-            self.unstamped[topic] += 1  # the clock of the sender has not started
-            return
         self.received[topic] += 1
         try:
-            pairs = pair(stamp_ns)
+            if not (stamp_ns := to_ns(message.header.stamp)):
+                raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
+            pairs = add(stamp_ns, read(message))
         except TactileLocalizerError as error:
             self.reject(topic, error)
         else:

@@ -82,7 +82,7 @@ class Filter:
         """Counter ``name`` of the inputs in diagnostics of the present."""
         now_ns = time.time_ns()
         self.probe.until(lambda: self.diagnostics and stamp_of(self.diagnostics[-1]) >= now_ns, "diagnostics")
-        return int(self.status("inputs")[2][name])
+        return int(self.status("inputs")[2].get(name, 0))
 
     def wait_for_count(self, name, expected):
         """Wait until counter ``name`` of the inputs is ``expected``."""

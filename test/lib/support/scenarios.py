@@ -1,4 +1,4 @@
-"""Scenarios of several nodes, started by launch files or as plain processes, with checks of their outputs."""
+"""Scenarios of several nodes, started by launch files, with checks of their outputs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,6 @@ from support.processes import node_command
 from support.sweeps import SlidingHand, unseen_sweep
 
 from tactile_localizer.resources import resource_path
-
-_OF_NODES = {"simulator": ("mode",), "mapping": ("scan_file", "scene_file"), "filter": ("scan_file",)}
-"""Launch arguments that become parameters of each node."""
 
 _SIMULATED = yaml.safe_load(resource_path("config/simulator.yaml").read_text())["/**/simulator"][
     "ros__parameters"
@@ -51,18 +48,9 @@ class Started:
         return [(name, str(value)) for name, value in arguments.items()]
 
     def commands(self, folder: Path) -> list[list[str]]:
-        """The command lines that are equivalent to the launch file."""
-        given = self.arguments
-        return [
-            node_command(
-                f"{node}_node",
-                {name: given[name] for name in _OF_NODES.get(node, ()) if name in given},
-                {"palm_pose": given["pose_topic"]} if "pose_topic" in given else None,
-                f"/{given['namespace']}" if "namespace" in given else None,
-                [self._params_file(folder)],
-            )
-            for node in self.nodes
-        ]
+        """The command lines of nodes that substitute hardware."""
+        file = self._params_file(folder)
+        return [node_command(f"{node}_node", parameter_files=[file]) for node in self.nodes]
 
     def _params_file(self, folder: Path) -> Path:
         file = folder / f"{self.arguments.get('namespace', 'hand')}{len(self.nodes)}.yaml"

@@ -58,19 +58,6 @@ def unseen_sweep(feature: str = "bump", number: int = 0, rate: float = 25.0) -> 
     return simulate_sweep(feature, seed=1, number=number, start=(0.004, 0.0241), rate=rate)
 
 
-def kidnapped_sweep(after: int = 129) -> RecordedSweep:
-    """A sweep during which the hand is lifted, after ``after`` strain vectors, and put down elsewhere."""
-    first, again = unseen_sweep(), unseen_sweep(number=1)
-    position = again.position - again.position[0] + first.position[after]
-    return dataclasses.replace(
-        first,
-        stamp_ns=first.stamp_ns[0] + 40_000_000 * np.arange(after + len(position)),
-        position=np.concatenate([first.position[:after], position]),
-        truth=np.concatenate([first.truth[:after], again.truth]),
-        strain=np.concatenate([first.strain[:after], again.strain]),
-    )
-
-
 class SlidingHand:
     """Publishes a simulated sweep: strain at its samples, poses halfway between them.
 

@@ -5,9 +5,7 @@ import os
 
 import pytest
 from support.filter import CELL, Filter, set_parameter
-from support.sweeps import SlidingHand, scene_of, unseen_sweep, write_scan
-
-from tactile_localizer.io.scene_file import save_scene
+from support.sweeps import SlidingHand, unseen_sweep, write_scan
 
 pytestmark = pytest.mark.ros
 
@@ -78,39 +76,6 @@ def test_invalid_parameter_values_are_rejected(node_process, probe, tmp_path):
             assert result.reason
     node.slide(20)
     assert process.stop() == 0
-
-
-STARTS = {
-    "long path": ("filter_node", "scan_file", "x" * 5000, "expected a scan folder, found none"),
-    "alias bomb": ("mapping_node", "scene_file", "bomb.yaml", "expected YAML, expected no alias"),
-    "deep scene": ("mapping_node", "scene_file", "deep.yaml", "expected YAML, found too many lists in lists"),
-    "text for a number": ("mapping_node", "scene_file", "text.yaml", "expected a finite number, got 'wide'"),
-}
-
-
-@pytest.fixture(scope="module")
-def hostile(tmp_path_factory):
-    """A valid scan, and a folder of files that are not."""
-    scan, folder = tmp_path_factory.mktemp("scan") / "bump_scan", tmp_path_factory.mktemp("maps")
-    write_scan(scan)
-    hostile_files(folder, scan)
-    save_scene(scene_of(), folder / "scene.yaml")
-    scene = (folder / "scene.yaml").read_text()
-    (folder / "text.yaml").write_text(scene.replace("motion_std: 0.0035", "motion_std: wide"))
-    (folder / "deep.yaml").write_text("[" * 20_000)
-    lines = [f"l{n}: &l{n} [{f'*l{n - 1}, ' * 9}]" for n in range(1, 20)]
-    (folder / "bomb.yaml").write_text("\n".join(["l0: &l0 [x]", *lines]))
-    return scan, folder
-
-
-@pytest.mark.parametrize("name", STARTS)
-def test_a_hostile_file_is_rejected_in_one_line_at_start(refusal, hostile, name):
-    node, parameter, file, reason = STARTS[name]
-    scan, folder = hostile
-    given = {"scene_file": folder / "scene.yaml", "scan_file": scan} if node == "mapping_node" else {}
-    (line,) = refusal(node, {**given, parameter: folder / file})
-    assert reason in line
-    assert "unexpected" not in line
 
 
 def fail(*arguments):
