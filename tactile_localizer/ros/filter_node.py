@@ -1,6 +1,6 @@
 """Filter node: estimates the palm position on the material from strain vectors and palm poses.
 
-Publishes ``~/posterior`` for each strain vector, with ``~/pose``, ``~/converged`` and ``~/covariance_trace``;
+Publishes ``~/posterior`` for each strain vector, with ``~/pose`` and ``~/converged``;
 ``~/particles`` and ``~/markers`` at a lower rate; ``~/map`` once (latched); ``/diagnostics`` at 1 Hz.
 ``~/initial_pose`` seeds the belief, ``~/reinitialize_global_localization`` resets it to uniform,
 ``~/load_scan`` replaces the map.

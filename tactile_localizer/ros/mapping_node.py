@@ -106,30 +106,22 @@ class MappingNode(ManagedNode):
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start a sweep with the strain measured from now on, unless the last messages were invalid."""
-
-        def start(recorder: SweepRecorder) -> str:
-            for reason in self._inputs.problems.values():
-                raise ScanError(f"start sweep: {reason}")
-            number = recorder.start(self._inputs.newest_ns)
-            self._write_error = ""
-            return f"sweep {number} started"
-
-        return self._answer(response, start)
+        for reason in self._inputs.problems.values():
+            raise ScanError(f"start sweep: {reason}")
+        response = self._answer(response, self._recorder.start, "started")
+        self._write_error = ""
+        return response
 
     def _on_end(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """End the sweep after the newest sample received."""
-        return self._answer(response, lambda recorder: f"sweep {recorder.end(self._inputs.newest_ns)} ended")
+        return self._answer(response, self._recorder.end, "ended")
 
-    def _answer(self, response: Trigger.Response, work: Callable[[SweepRecorder], str]) -> Trigger.Response:
-        try:
-            if self.parameters["sweep_detection"] != "off":
-                raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
-            response.message = work(self._recorder)
-            response.success = True
-            self.get_logger().info(response.message)
-        except ScanError as error:
-            response.message = str(error)
-            self.get_logger().error(response.message)
+    def _answer(self, response: Trigger.Response, work: Callable[[int], int], done: str) -> Trigger.Response:
+        if self.parameters["sweep_detection"] != "off":
+            raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
+        response.message = f"sweep {work(self._inputs.newest_ns)} {done}"
+        response.success = True
+        self.get_logger().info(response.message)
         return response
 
     def _statuses(self) -> list[DiagnosticStatus]:

@@ -17,7 +17,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from tactile_localizer.errors import CanError
+from tactile_localizer.errors import CanError, LiveError
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.msg import StrainVectors
@@ -181,8 +181,7 @@ class SimulatorNode(ManagedNode):
         with self._lock:
             reading = self._rig.read(self._time_s)
             if reading.phase is Phase.SWEEPING:
-                response.message = "expected a hand at rest, it is sweeping"
-                return response
+                raise LiveError("expected a hand at rest, it is sweeping")
             sweep = self._rig.prepare(MODES[self.parameters["mode"]], self._time_s)
             self._number = sweep.number
         await run_in_thread(self, self._wait_until_ready)
@@ -197,8 +196,8 @@ class SimulatorNode(ManagedNode):
         """Respond when the palm starts to move; prepare the sweep first if it is not prepared."""
         with self._lock:
             phase = self._rig.read(self._time_s).phase
-        if phase is not Phase.READY and not (await self._on_prepare(request, response)).success:
-            return response
+        if phase is not Phase.READY:
+            await self._on_prepare(request, response)
         with self._lock:
             self._rig.start(self._time_s)
         return self._respond(response)

@@ -1,11 +1,11 @@
-"""Map and region messages are in the frame of the material."""
+"""The map is in the frame of the material."""
 
 import numpy as np
 import pytest
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.scene import Axis, Phalanx, Region, Scene
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 pytestmark = pytest.mark.ros
 
@@ -13,7 +13,6 @@ SCENE = Scene(
     "bump",
     (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.05)),
     (Phalanx("index", (0.001, 0.01)), Phalanx("middle", (0.0, -0.01))),
-    Region((0.02, -np.inf), (0.03, 0.04)),
 )
 BUMP = np.array([0.025, 0.028])
 """Where the bump is on the material."""
@@ -60,29 +59,10 @@ def test_parts_without_data_have_no_points():
     assert np.isfinite(fields_of(cloud)["intensity"]).all()
 
 
-def test_the_region_outline_is_limited_to_reachable_positions():
-    from tactile_localizer.ros.publishers.maps import region_marker
-
-    marker = region_marker(SCENE, "material")
-    corners = np.array([[point.x, point.y] for point in marker.points])
-    np.testing.assert_allclose(corners.min(axis=0), [0.02, -0.01])
-    np.testing.assert_allclose(corners.max(axis=0), [0.03, 0.04])
-    np.testing.assert_array_equal(corners[0], corners[-1])
-
-
-def test_a_scene_without_a_region_removes_the_marker():
-    from visualization_msgs.msg import Marker
-
-    from tactile_localizer.ros.publishers.maps import region_marker
-
-    assert region_marker(Scene("s", SCENE.axes, SCENE.phalanges), "material").action == Marker.DELETE
-
-
 def test_a_scene_of_one_axis_is_a_line():
-    from tactile_localizer.ros.publishers.maps import map_cloud, region_marker
+    from tactile_localizer.ros.publishers.maps import map_cloud
 
-    scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.01,)),), Region((0.02,), (0.03,)))
+    scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.01,)),))
     fields = fields_of(map_cloud(make_map(scan_of(scene), scene), "material"))
     assert not fields["y"].any()
     np.testing.assert_allclose(fields["x"].min(), 0.01, atol=1e-6)
-    assert len(region_marker(scene, "material").points) == 5

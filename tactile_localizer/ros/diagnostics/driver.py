@@ -80,8 +80,6 @@ class DriverDiagnostics:
             "frames_unreadable": status.unreadable,
             "bus_errors": ", ".join(f"{count} {kind}" for kind, count in dict(status.errors).items()),
             "cycles_per_s": f"{new['cycles'] / elapsed_s:.1f}",
-            "period_ms": f"{self._driver.assembler.period_ns * 1e-6:.2f}",
-            "queue_limit_bytes": status.queue.limit,
             "queue_drops": status.queue_drops,
         }
         return self._publisher.status("CAN bus", *self._bus_level(new, received, late_s), values)

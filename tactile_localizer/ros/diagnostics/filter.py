@@ -8,7 +8,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_localizer.core.hypotheses.convergence import State
-from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.online_localizer import USED, OnlineLocalizer
 from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
@@ -28,11 +27,18 @@ class FilterDiagnostics:
 
     def belief(self, online: OnlineLocalizer, scan_file: str, stale: str) -> DiagnosticStatus:
         """Status of the belief of a localizer on the map ``scan_file``."""
-        estimate, stuck = online.latest, _stuck_phalanges(online)
+        estimate, stuck = online.latest, list[str]()
         strains, positions = online.range_check.fractions
         values: dict[str, Any] = {"scan_file": scan_file}
         if estimate is not None:
-            values |= _describe(estimate) | {
+            names = online.localizer.scene.phalanx_names
+            stuck += [name for name, ok in zip(names, estimate.consistent, strict=True) if not ok]
+            values |= {
+                "reason": estimate.reason,
+                "state": estimate.state.name,
+                "probability": f"{estimate.probability:.4f}",
+                "on_map": f"{estimate.on_map:.4f}",
+                "travel_m": f"{estimate.travel:.4f}",
                 "converged": estimate.converged and not stale,
                 "inconsistent": " ".join(stuck),
             }
@@ -74,20 +80,3 @@ class FilterDiagnostics:
             DiagnosticStatus.ERROR if is_stale else DiagnosticStatus.WARN if message else DiagnosticStatus.OK
         )
         return self._publisher.status("inputs", level, message or "OK", values)
-
-
-def _describe(estimate: Estimate) -> dict[str, Any]:
-    return {
-        "reason": estimate.reason,
-        "state": estimate.state.name,
-        "probability": f"{estimate.probability:.4f}",
-        "on_map": f"{estimate.on_map:.4f}",
-        "travel_m": f"{estimate.travel:.4f}",
-    }
-
-
-def _stuck_phalanges(online: OnlineLocalizer) -> list[str]:
-    if online.latest is None:
-        return []
-    names = online.localizer.scene.phalanx_names
-    return [name for name, ok in zip(names, online.latest.consistent, strict=True) if not ok]

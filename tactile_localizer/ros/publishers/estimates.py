@@ -9,7 +9,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.lifecycle import LifecycleNodeMixin
 from sensor_msgs.msg import PointCloud2, PointField
-from std_msgs.msg import Bool, Float64, Header
+from std_msgs.msg import Bool, Header
 from visualization_msgs.msg import MarkerArray
 
 from tactile_localizer.core.filters.resampling import systematic
@@ -145,7 +145,6 @@ class EstimatePublisher:
         self._displayed_ns: int | None = None
         self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
         self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
-        self._trace = node.create_lifecycle_publisher(Float64, "~/covariance_trace", 100)
         self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", 100)
         self._particles = node.create_lifecycle_publisher(PointCloud2, "~/particles", 10)
         self._markers = node.create_lifecycle_publisher(MarkerArray, "~/markers", 10)
@@ -156,8 +155,6 @@ class EstimatePublisher:
         self._posterior.publish(posterior(estimate, axes, self._frame, stale))
         if self._converged.get_subscription_count():
             self._converged.publish(Bool(data=estimate.converged and not stale))
-        if self._trace.get_subscription_count():
-            self._trace.publish(Float64(data=estimate.trace))
         if self._pose.get_subscription_count() and not stale:
             self._pose.publish(pose(estimate, axes, self._frame))
         if stale or self._is_display_due(estimate.stamp_ns):

@@ -6,12 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-from geometry_msgs.msg import Point
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker
 
-from tactile_localizer.core.geometry.phalanges import turned_offsets
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
 from tactile_localizer.io.scans.folder import ScanFolder
@@ -20,14 +16,9 @@ from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.publishers.estimates import cloud
-from tactile_localizer.ros.publishers.hand_markers import planar
 from tactile_localizer.scene import Scene
 
 _LAYER_M = 0.0005
-_STATES = 33
-"""Number of palm states at which the reach of the phalanges is evaluated."""
-_LINE_M = 0.0006
-_FEATURE = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.9)
 
 
 def map_cloud(tactile_map: TactileMap, frame: str) -> PointCloud2:
@@ -58,33 +49,12 @@ def map_cloud(tactile_map: TactileMap, frame: str) -> PointCloud2:
     return cloud(0, np.concatenate(positions), tactile_map.axes, frame, **fields)
 
 
-def region_marker(scene: Scene, frame: str) -> Marker:
-    """The outline of the feature region on the material; deletes the marker if the scene has no region.
-
-    An unlimited side is drawn at the farthest position that a phalanx can reach.
-    """
-    marker = Marker(type=Marker.LINE_STRIP, ns="feature region", color=_FEATURE)
-    marker.header.frame_id = frame
-    marker.scale.x = _LINE_M
-    if scene.feature is None:
-        marker.action = Marker.DELETE
-        return marker
-    states = np.linspace(scene.lower, scene.upper, _STATES)
-    offsets = np.concatenate([turned_offsets(scene, phalanx, states) for phalanx in scene.phalanges])
-    lower = np.maximum(scene.feature.lower, scene.lower + offsets.min(axis=0))
-    upper = np.minimum(scene.feature.upper, scene.upper + offsets.max(axis=0))
-    (x0, y0), (x1, y1) = (planar(scene.axis_names, corner) for corner in (lower, upper))
-    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
-    marker.points = [Point(x=x, y=y, z=0.001) for x, y in corners]
-    return marker
-
-
 _MAX_PAIRS = 20_000
 """Largest number of pairs from which a map is built during a recording, to bound the time."""
 
 
 class MapPublisher:
-    """Publishes ``~/map`` and ``~/feature_region`` while the node is active, latched for late subscribers.
+    """Publishes ``~/map`` while the node is active, latched for late subscribers.
 
     Parameters
     ----------
@@ -96,11 +66,10 @@ class MapPublisher:
         self._frame = frame
         self._node, self._is_drawing = node, False
         self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", LATCHED)
-        self._region = node.create_lifecycle_publisher(Marker, "~/feature_region", LATCHED)
 
     def publish(self, scan: Scan, scene: Scene) -> None:
-        """Publish the map of a scan, and the feature region if the scene has one."""
-        self._publish(*self._messages(scan, scene))
+        """Publish the map of a scan."""
+        self._map.publish(self._cloud(scan, scene))
 
     def publish_folder(self, path: Path) -> None:
         """Publish the map of a scan that is being recorded, made in the background.
@@ -112,22 +81,18 @@ class MapPublisher:
             self._node.executor.create_task(self._draw(path))
 
     async def _draw(self, path: Path) -> None:
-        def make() -> tuple[PointCloud2, Marker]:
+        def make() -> PointCloud2:
             folder = ScanFolder(path)
             scan = folder.load()
             every = math.ceil(len(scan) / _MAX_PAIRS)
-            return self._messages(scan.select(np.arange(0, len(scan), every)), folder.scene)
+            return self._cloud(scan.select(np.arange(0, len(scan), every)), folder.scene)
 
         try:
-            self._publish(*await run_in_thread(self._node, make))
+            self._map.publish(await run_in_thread(self._node, make))
         except Exception as error:
             self._node.get_logger().warning(f"map: {one_line(error)}")
         finally:
             self._is_drawing = False
 
-    def _messages(self, scan: Scan, scene: Scene) -> tuple[PointCloud2, Marker]:
-        return map_cloud(make_map(scan, scene), self._frame), region_marker(scene, self._frame)
-
-    def _publish(self, cloud: PointCloud2, region: Marker) -> None:
-        self._map.publish(cloud)
-        self._region.publish(region)
+    def _cloud(self, scan: Scan, scene: Scene) -> PointCloud2:
+        return map_cloud(make_map(scan, scene), self._frame)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
@@ -61,8 +62,11 @@ class PalmLookup:
 
     def subscribe(self, node: Node) -> None:
         """Receive the transforms with subscriptions of a node."""
-        node.create_subscription(self._message, "/tf", self._on_transforms, _TF)
-        node.create_subscription(self._message, "/tf_static", self._on_static_transforms, _TF_STATIC)
+        for topic, qos, keep in (
+            ("/tf", _TF, self._buffer.set_transform),
+            ("/tf_static", _TF_STATIC, self._buffer.set_transform_static),
+        ):
+            node.create_subscription(self._message, topic, partial(self._on_transforms, keep), qos)
 
     def look_up(self, stamp_ns: int) -> None:
         """Look up the pose at the stamp of a strain vector, now or when its transform arrives."""
@@ -74,14 +78,9 @@ class PalmLookup:
         self._waiting.append(stamp_ns)
         self._resolve()
 
-    def _on_transforms(self, message: Any) -> None:
+    def _on_transforms(self, keep: Callable[[TransformStamped, str], None], message: Any) -> None:
         for transform in message.transforms:
-            self._buffer.set_transform(transform, "/tf")
-        self._resolve()
-
-    def _on_static_transforms(self, message: Any) -> None:
-        for transform in message.transforms:
-            self._buffer.set_transform_static(transform, "/tf_static")
+            keep(transform, "tf")
         self._resolve()
 
     def _resolve(self) -> None:
