@@ -37,7 +37,7 @@ from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.diagnostics.filter import FilterDiagnostics
-from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments, ProgressReporter
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.filter_parameters import LIVE, PARAMETERS, configuration
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.ros.publishers.estimates import EstimatePublisher, standard_deviations
@@ -87,7 +87,6 @@ class FilterNode(ManagedNode):
             raise ParameterError("scan_file: expected a path, got none")
         self._health = DiagnosticsPublisher(self)
         self._diagnostics = FilterDiagnostics(self._health)
-        self._report_progress = ProgressReporter(self, self._health, "map")
         self._inputs = TactileInputs(self, self._on_pairs)
         self._material = None
         if parameters["publish_tf"]:
@@ -119,9 +118,11 @@ class FilterNode(ManagedNode):
             f"{without} without a pose, {self._inputs.lost} lost in transport"
         )
 
-    @property
-    def _localizer(self) -> Localizer:
-        return self._loaded.localizer
+    def _report_progress(self, activity: str, fraction: float) -> None:
+        """Report in log and diagnostics that ``fraction`` of ``activity`` is done."""
+        message, values = f"{activity}: {fraction:.0%}", {"fraction": f"{fraction:.2f}"}
+        self.get_logger().info(message)
+        self._health.publish(self._health.status("map", DiagnosticStatus.OK, message, values))
 
     def _load(self, path: Path) -> LoadedScan:
         """Read a scan and build the localizer; a calibration, which takes seconds, is stored with the scan.
@@ -135,6 +136,8 @@ class FilterNode(ManagedNode):
         scan, scene = folder.load(), folder.scene
         if parameters["scene_file"]:
             scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
+        scene.columns(scan.axes)  # rejects a foreign scene before anything is learned
+        scene.channels(scan.phalanges, scan.channels)
         choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
         calibration = learned_calibration(path, scan, scene, progress)
         localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
@@ -160,13 +163,13 @@ class FilterNode(ManagedNode):
 
     def _publish(self, estimates: list[Estimate]) -> None:
         for estimate in estimates:
-            self._estimates.publish(estimate, self._localizer)
+            self._estimates.publish(estimate, self._loaded.localizer)
         if estimates and self._material is not None and self._online.palm is not None:
-            axes = self._localizer.scene.axis_names
+            axes = self._loaded.localizer.scene.axis_names
             self._material.publish(estimates[-1], axes, self._online.palm)
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
-        scene = self._localizer.scene
+        scene = self._loaded.localizer.scene
         try:
             mean = self._inputs.position(PoseStamped(header=message.header, pose=message.pose.pose))
             std = standard_deviations(message, scene.axis_names)
@@ -258,7 +261,7 @@ class FilterNode(ManagedNode):
 
     def _repeat_as_stale(self) -> None:
         if self._online.latest is not None:
-            self._estimates.publish(self._online.latest, self._localizer, self._stale)
+            self._estimates.publish(self._online.latest, self._loaded.localizer, self._stale)
 
     def _statuses(self) -> list[DiagnosticStatus]:
         if self._stale:
@@ -266,7 +269,7 @@ class FilterNode(ManagedNode):
         elif self._online.latest is None:
             reason = f"no estimate yet, {self._missing()}"
             stamp_ns = self._inputs.newest_ns or self.now_ns
-            self._estimates.publish_waiting(stamp_ns, self._localizer, reason)
+            self._estimates.publish_waiting(stamp_ns, self._loaded.localizer, reason)
         return [
             self._diagnostics.belief(self._online, str(self._loaded.path), self._stale),
             self._diagnostics.inputs(self._inputs, self._online, self._problem(), bool(self._stale)),
@@ -276,8 +279,8 @@ class FilterNode(ManagedNode):
         """Adopt live parameters without a reset of the belief."""
         if any(parameter.name in LIVE for parameter in changed):
             choices = configuration(self.parameters)
-            criteria = convergence_criteria(self._localizer.scene, choices)
-            self._localizer.adjust(criteria, choices.update_distance)
+            criteria = convergence_criteria(self._loaded.localizer.scene, choices)
+            self._loaded.localizer.adjust(criteria, choices.update_distance)
 
 
 def main() -> int:

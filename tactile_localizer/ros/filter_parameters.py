@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 from tactile_localizer.core.configuration import CHOICES, MODELS, RANGES, Configuration
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
@@ -94,5 +92,4 @@ def configuration(parameters: Parameters) -> Configuration:
     ParameterError
         Values in range, but inconsistent with each other.
     """
-    names = [field.name for field in dataclasses.fields(Configuration)]
-    return Configuration.from_mapping({name: parameters[name] for name in names})
+    return Configuration.from_mapping({name: parameters[name] for name in _DESCRIPTIONS})

@@ -67,7 +67,7 @@ def test_a_fingertip_is_reported_while_it_is_silent(node_process, probe):
     strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "fingertip_adapter.yaml"})
     messages = lambda: [report.status[0].message for report in reports]  # noqa: E731
-    probe.until(lambda: "no messages on /wrench" in messages(), "the report")
+    probe.until(lambda: "no messages on wrench" in messages(), "the report")
     wrenches, wrench = probe.publisher(WrenchStamped, "wrench"), WrenchStamped()
     wrench.header.stamp.sec, wrench.wrench.force.x, wrench.wrench.torque.z = 1, 2.0, 3.0
     probe.until(lambda: wrenches.publish(wrench) or "OK" in messages(), "the end of the report")

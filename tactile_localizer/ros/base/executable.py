@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import signal
-import sys
 import threading
 from collections.abc import Callable, Sequence
 
@@ -42,14 +41,10 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         signal.signal(number, lambda *_: ended.set())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # invalid arguments
-        print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
-        return REJECTED
-    try:
         node = make()
-    except Exception as error:  # also from rclpy, for invalid parameter overrides
+    except Exception as error:  # also from rclpy, for invalid arguments or parameter overrides
         rclpy.logging.get_logger("tactile_localizer").error(one_line(error))
-        rclpy.shutdown()
+        rclpy.try_shutdown()
         return REJECTED
     try:
         return _spin(node, ended)

@@ -64,12 +64,9 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self._is_configured = False
         self.is_active = False
         self._in_transition = threading.Lock()
-        for service in self.services:
-            if service.srv_type is ChangeState:
-                self._change_state, service.callback = (
-                    service.callback,
-                    exception_guards.guard_service(self, "state", ChangeState, self._on_change_state),
-                )
+        service = next(service for service in self.services if service.srv_type is ChangeState)
+        self._change_state = service.callback
+        service.callback = exception_guards.guard_service(self, "state", ChangeState, self._on_change_state)
         try:
             self.parameters = Parameters(self, (_AUTOSTART, *declared), lambda: self._is_configured)
         except TactileLocalizerError:

@@ -98,10 +98,12 @@ class Parameters:
             try:
                 self._node.declare_parameter(parameter.name, default, parameter.descriptor())
             except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-                raise ParameterError(
-                    f"parameter {parameter.name}: {_reason(error, parameter.name)}"
-                ) from error
-            if not self._has_value(parameter.name):  # [] on the command line has no type
+                # The exceptions of rclpy surround the reason with other text.
+                text = str(error).removesuffix(f": {parameter.name}")
+                reason = text.partition("Reason: ")[2] or text
+                raise ParameterError(f"parameter {parameter.name}: {reason}") from error
+            # [] on the command line has no type.
+            if self._node.get_parameter_or(parameter.name).value is None:
                 if parameter.default != []:
                     raise ParameterError(
                         f"parameter {parameter.name}: expected a value such as {parameter.default!r}, got []"
@@ -131,9 +133,6 @@ class Parameters:
             return [entry for entry in value if entry]
         return list(value) if isinstance(self._declared[name].default, list) else value
 
-    def _has_value(self, name: str) -> bool:
-        return self._node.get_parameter_or(name).value is not None
-
     def _is_change(self, new: rclpy.Parameter) -> bool:
         """Whether a parameter has another value; a loaded dump of all parameters repeats most of them."""
         old = self._node.get_parameter_or(new.name)
@@ -157,12 +156,6 @@ class Parameters:
                 reason = f"{change.name}: expected an unconfigured node, cannot be changed while configured"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
-
-
-def _reason(error: Exception, name: str) -> str:
-    # The exceptions of rclpy surround the reason with other text.
-    text = str(error).removesuffix(f": {name}")
-    return text.partition("Reason: ")[2] or text
 
 
 def import_optional(module: str, parameter: str) -> Any:

@@ -93,7 +93,7 @@ class DriverDiagnostics:
             return DiagnosticStatus.ERROR, f"expected one publisher of strain, found {publishers}"
         if status.controller in (BUS_OFF, ERROR_PASSIVE):
             return DiagnosticStatus.ERROR, f"{status.controller}: wrong bit rate, wiring or termination"
-        discarded = ", ".join(f"{new[kind]} {_words(kind)}" for kind in _SUSPECT if new[kind])
+        discarded = ", ".join(f"{new[kind]} {kind.name.lower()}" for kind in _SUSPECT if new[kind])
         errors = ", ".join(f"{new[kind]} {kind}" for kind in dict(status.errors) if new.get(kind))
         foreign = 0 if received else status.foreign
         place = f"on {self._driver.bus.channel}"
@@ -101,7 +101,7 @@ class DriverDiagnostics:
             f"{new['drops']} frames dropped, receive queue full": new["drops"],
             f"read {late_s:.1f} s late: {new[FrameKind.LATE]} frames discarded": late_s
             > self._driver.max_age_s,
-            f"discarded frames: {discarded}": discarded,
+            f"discarded frames: {discarded}".replace("_", " "): discarded,
             f"bus errors: {errors}": errors,
             status.controller: status.controller != ERROR_ACTIVE,
             f"idle: {foreign} frames {place}, none with an identifier of the DBC": foreign,
@@ -146,7 +146,3 @@ class DriverDiagnostics:
         else:
             return DiagnosticStatus.OK, "OK"
         return DiagnosticStatus.WARN, text
-
-
-def _words(kind: FrameKind) -> str:
-    return kind.name.lower().replace("_", " ")

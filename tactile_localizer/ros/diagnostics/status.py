@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -12,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from tactile_localizer.ros.base.managed_node import ManagedNode
 
 _PERIOD_S = 1.0
-_PROGRESS_PERIOD_S = 0.5
 
 
 class DiagnosticsPublisher:
@@ -48,31 +46,6 @@ class DiagnosticsPublisher:
         message = DiagnosticArray(status=statuses)
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
-
-
-class ProgressReporter:
-    """Reports the progress of a long computation in the log and the diagnostics, at a limited rate.
-
-    Parameters
-    ----------
-    node : node that computes
-    publisher : publisher of the diagnostics of the node
-    name : name of the status
-    """
-
-    def __init__(self, node: ManagedNode, publisher: DiagnosticsPublisher, name: str) -> None:
-        self._log, self._publisher, self._name = node.get_logger(), publisher, name
-        self._activity, self._reported_s = "", -math.inf
-
-    def __call__(self, activity: str, fraction: float) -> None:
-        """Report that ``fraction`` of ``activity`` is done."""
-        now_s = time.monotonic()
-        if fraction < 1.0 and activity == self._activity and now_s - self._reported_s < _PROGRESS_PERIOD_S:
-            return
-        self._activity, self._reported_s = activity, now_s
-        message, values = f"{activity}: {fraction:.0%}", {"fraction": f"{fraction:.2f}"}
-        self._log.info(message)
-        self._publisher.publish(self._publisher.status(self._name, DiagnosticStatus.OK, message, values))
 
 
 class Increments:

@@ -114,16 +114,6 @@ def cloud(
     return message
 
 
-def subsample(
-    states: np.ndarray, weights: np.ndarray, limit: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """At most ``limit`` of the states (P, d), resampled, with the summed weights of their copies."""
-    if len(states) <= limit:
-        return states, weights
-    kept, copies = np.unique(systematic(weights, limit, rng), return_counts=True)
-    return states[kept], copies / limit
-
-
 def _header(stamp_ns: int, frame: str) -> Header:
     return Header(stamp=from_ns(stamp_ns), frame_id=frame)
 
@@ -142,7 +132,7 @@ class EstimatePublisher:
         self._frame = parameters["material_frame"]
         # A separate generator: subscribers must not influence the estimates.
         self._rng = np.random.default_rng(0)
-        self._displayed_ns: int | None = None
+        self._displayed_ns = -math.inf
         self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
         self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
         self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", 100)
@@ -157,7 +147,8 @@ class EstimatePublisher:
             self._converged.publish(Bool(data=estimate.converged and not stale))
         if self._pose.get_subscription_count() and not stale:
             self._pose.publish(pose(estimate, axes, self._frame))
-        if stale or self._is_display_due(estimate.stamp_ns):
+        period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
+        if stale or not 0 <= estimate.stamp_ns - self._displayed_ns < period_ns:
             self._display(estimate, localizer, stale)
 
     def publish_waiting(self, stamp_ns: int, localizer: Localizer, reason: str) -> None:
@@ -165,18 +156,15 @@ class EstimatePublisher:
         axes = localizer.scene.axis_names
         self._posterior.publish(waiting(stamp_ns, localizer.hypotheses(), axes, self._frame, reason))
 
-    def _is_display_due(self, stamp_ns: int) -> bool:
-        period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
-        return self._displayed_ns is None or not 0 <= stamp_ns - self._displayed_ns < period_ns
-
     def _display(self, estimate: Estimate, localizer: Localizer, stale: str) -> None:
         self._displayed_ns = estimate.stamp_ns
         scene = localizer.scene
         if self._markers.get_subscription_count():
             self._markers.publish(hand_markers.markers(estimate, scene, self._frame, stale))
         if self._particles.get_subscription_count() and not stale:
-            states, weights = subsample(
-                *localizer.hypotheses(), self._parameters["shown_particles"], self._rng
-            )
+            states, weights = localizer.hypotheses()
+            if len(states) > (shown := self._parameters["shown_particles"]):
+                kept, copies = np.unique(systematic(weights, shown, self._rng), return_counts=True)
+                states, weights = states[kept], copies / shown
             message = cloud(estimate.stamp_ns, states, scene.axis_names, self._frame, weight=weights)
             self._particles.publish(message)

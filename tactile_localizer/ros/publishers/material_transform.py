@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,7 +49,7 @@ class MaterialBroadcaster:
             )
         self._message = import_optional("tf2_msgs.msg", "publish_tf").TFMessage
         self._frames, self._material_pose = (reference_frame, material_frame), material_pose
-        self._published_ns: int | None = None
+        self._published_ns = -math.inf
         self._publisher = node.create_lifecycle_publisher(self._message, "/tf", 100)
 
     def publish(self, estimate: Estimate, axes: tuple[str, ...], palm: np.ndarray) -> None:
@@ -60,10 +61,7 @@ class MaterialBroadcaster:
         axes : names of its axes
         palm : (d,) palm position that the estimate was made with, in the nominal material frame, m (yaw: rad)
         """
-        before_ns = self._published_ns
-        if not estimate.converged or (
-            before_ns is not None and 0 <= estimate.stamp_ns - before_ns < PUBLISH_PERIOD_NS
-        ):
+        if not estimate.converged or 0 <= estimate.stamp_ns - self._published_ns < PUBLISH_PERIOD_NS:
             return
         self._published_ns = estimate.stamp_ns
         translation, quaternion = material_in_reference(axes, palm, estimate.mean, self._material_pose)

@@ -103,7 +103,13 @@ class TactileInputs:
 
     def __init__(self, node: ManagedNode, on_pairs: Callable[[_Pairs], None]) -> None:
         self._node, self._on_pairs = node, on_pairs
-        self._lookup = self._tf_lookup()
+        self._lookup: PalmLookup | None = None
+        if node.parameters["pose_source"] == "tf":
+            frames = node.parameters["reference_frame"], node.parameters["palm_frame"]
+            if not frames[0]:
+                raise ParameterError("reference_frame: expected the target of the lookup in tf, got none")
+            failed = partial(self.reject, "palm_pose")
+            self._lookup = PalmLookup(*frames, node.parameters["patience_s"], self._on_pose, failed)
         self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
 
     def start(self, scene: Scene) -> None:
@@ -180,17 +186,6 @@ class TactileInputs:
         return PalmFrame(
             axes, parameters["material_frame"], parameters["reference_frame"], parameters["material_pose"]
         )
-
-    def _tf_lookup(self) -> PalmLookup | None:
-        """The lookup of palm poses in tf; ``None`` if they arrive on a topic."""
-        parameters = self._node.parameters
-        if parameters["pose_source"] == "topic":
-            return None
-        if not parameters["reference_frame"]:
-            raise ParameterError("reference_frame: expected the target frame of the lookup in tf, got none")
-        frames = parameters["reference_frame"], parameters["palm_frame"]
-        failed = partial(self.reject, "palm_pose")
-        return PalmLookup(*frames, parameters["patience_s"], self._on_pose, failed)
 
     def _on_strain(self, message: StrainVectors) -> None:
         self._take("strain", message, self.pairing.add_strain, self._reader.read)
