@@ -251,7 +251,8 @@ class FilterNode(ManagedNode):
         inputs, tolerance_s = self._inputs, self.parameters["stale_timeout_s"] / 2
         strain_ns, pose_ns = inputs.pairing.newest_ns or 0, inputs.pairing.newest_pose_ns or 0
         late = "palm_pose" if pose_ns < strain_ns else "strain"
-        reasons = (*inputs.problems.values(), inputs.misalignment(tolerance_s), self._online.last_error)
+        invalid = map(inputs.problems.get, _INPUTS)
+        reasons = (*invalid, inputs.misalignment(tolerance_s), self._online.last_error)
         return next(filter(None, reasons), f"no {late}")
 
     def _problem(self) -> str:

@@ -60,7 +60,7 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
     """Start a node and run its callbacks; returns the exit status."""
     with SingleThreadedExecutor() as executor:
         executor.add_node(node)
-        # Python handles a signal between two waits of the executor, which none of them interrupts.
+        # A signal does not end a wait of the executor; Python handles it when the executor wakes up.
         node.create_timer(_WAKE_PERIOD_S, lambda: None)
         if node.parameters["autostart"]:
             started = executor.create_task(node.start())

@@ -76,8 +76,8 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def create_publisher(self, *arguments: Any, **options: Any) -> Publisher:
         """A publisher that also publishes while the node is inactive.
 
-        It does not report incompatible subscriptions, which the other side does: each event that the executor
-        waits for delays every message.
+        It does not report incompatible subscriptions: each event that the executor waits for delays every
+        message.
         """
         options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
         publisher = super().create_publisher(*arguments, **options)
@@ -100,7 +100,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
     ) -> Subscription:
         """A subscription that drops the message if its callback raises an exception.
 
-        As :meth:`create_publisher`, it does not report incompatible publishers.
+        As :meth:`create_publisher`, it does not report incompatible publishers; best effort matches all.
         """
         options.setdefault("event_callbacks", SubscriptionEventCallbacks(use_default_callbacks=False))
         guarded = exception_guards.guard_callback(self, topic, callback)
