@@ -236,12 +236,10 @@ class Tares:
 def test_a_tare_requires_a_sending_hand_at_rest(
     node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
 ) -> None:
-    from std_srvs.srv import Trigger
-
     tares = Tares(probe, hand)
     node_process("driver_node", parameters=parameters)
     tares.wait_for_offset([0.0] * 16, "the offset at the start")
-    silent = probe.call(Trigger, "driver/tare")
+    silent = probe.trigger("driver/tare")
     assert not silent.success
     assert "at least 10 valid samples of index, got 0" in silent.message
 
@@ -284,8 +282,6 @@ def test_a_tare_is_published_stored_and_cleared(
 def test_two_hands_have_separate_diagnostics_and_tares(
     process: Callable[..., Any], parameters: dict[str, Any], probe: Any, tmp_path: Path
 ) -> None:
-    from std_srvs.srv import Trigger
-
     del parameters["tare_file"]
     for hand in ("left", "right"):
         process(node_command("driver_node", parameters, namespace=f"/{hand}"), {"ROS_HOME": str(tmp_path)})
@@ -293,7 +289,7 @@ def test_two_hands_have_separate_diagnostics_and_tares(
     wanted = {"left/driver: CAN bus", "right/driver: CAN bus"}
     probe.until(lambda: wanted <= {status.name for array in reports for status in array.status}, "both")
     for hand in ("left", "right"):
-        answer = probe.call(Trigger, f"{hand}/driver/clear_tare")
+        answer = probe.trigger(f"{hand}/driver/clear_tare")
         assert answer.message.endswith(f"stored in {tmp_path}/tactile_localizer/{hand}/tare.yaml")
 
 

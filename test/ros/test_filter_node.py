@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.filter import CELL, Filter, set_parameter
+from support.filter import CELL, Filter
 from support.sweeps import (
     SlidingHand,
     scene_of,
@@ -110,7 +110,7 @@ def test_live_parameters_keep_the_belief(start, probe):
         ("particles_rate_hz", 1.0),
         ("shown_particles", 10),
     ):
-        answer = set_parameter(probe, name, value)
+        answer = probe.set_parameter("filter", name, value)
         assert answer.successful, answer.reason
     node.slide(1)
     after = node.fresh()[-1]
@@ -119,7 +119,7 @@ def test_live_parameters_keep_the_belief(start, probe):
     node.slide(80)
     after = node.fresh()[-1]
     assert "of 1000.0 mm" in after.reason
-    assert set_parameter(probe, "convergence_travel", 0.0).successful
+    assert probe.set_parameter("filter", "convergence_travel", 0.0).successful
     node.slide(3)
     assert node.fresh()[-1].converged
 

@@ -60,15 +60,14 @@ class Hand:
     def __init__(self, probe):
         from geometry_msgs.msg import PoseStamped
         from std_msgs.msg import Bool
-        from std_srvs.srv import Trigger
 
-        self._probe, self._trigger = probe, Trigger
+        self._probe = probe
         self.poses = probe.listen(PoseStamped, "palm_pose", 1000)
         self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
         self.active = probe.listen(Bool, "simulator/sweep_active", probe.latched)
 
     def call(self, service):
-        return self._probe.call(self._trigger, f"simulator/{service}")
+        return self._probe.trigger(f"simulator/{service}")
 
     def do_sweep(self):
         """Message of the service, and poses and ground truth of the sweep, (n, 2) each."""
@@ -182,9 +181,6 @@ def test_a_sweep_is_prepared_and_excludes_another(start, hand, probe):
 
 
 def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
-    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
-
     start(**{"fault.silent": ["index"]})
     protocol = LoadCellProtocol(resource_path("config/loadcells.dbc"), ("index", "middle"))
     probe.until(lambda: len(hand.poses) > 10, "palm poses")
@@ -198,14 +194,10 @@ def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
     assert kinds == {FrameKind.DATA}
     assert {protocol.phalanges[protocol.messages[slot].phalanx] for slot in slots} == {"middle"}
 
-    thumb = ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=["thumb"])
-    request = SetParameters.Request(parameters=[Parameter(name="fault.silent", value=thumb)])
-    refused = probe.call(SetParameters, "simulator/set_parameters", request).results[0]
+    refused = probe.set_parameter("simulator", "fault.silent", ["thumb"])
     assert refused.reason == "fault.silent: expected one of index, middle, got 'thumb'"
 
-    some = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.5)
-    request = SetParameters.Request(parameters=[Parameter(name="fault.garbage", value=some)])
-    assert probe.call(SetParameters, "simulator/set_parameters", request).results[0].successful
+    assert probe.set_parameter("simulator", "fault.garbage", 0.5).successful
     drain(frames)
     kinds, _ = kinds_and_slots()
     assert {FrameKind.DATA, FrameKind.UNKNOWN_ID} <= kinds

@@ -100,11 +100,3 @@ def initial_pose(x, y, variance, frame="material"):
     message.pose.pose.orientation.w = 1.0
     message.pose.covariance[0] = message.pose.covariance[7] = variance
     return message
-
-
-def set_parameter(probe, name, value):
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
-
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    return probe.call(SetParameters, "filter/set_parameters", request).results[0]

@@ -78,9 +78,9 @@ class Probe:
         finally:
             self.node.destroy_client(client)
 
-    def trigger(self, service: str, timeout_s: float = 30.0) -> Any:
+    def trigger(self, service: str) -> Any:
         """The response of a service without arguments."""
-        return self.call(Trigger, service, timeout_s=timeout_s)
+        return self.call(Trigger, service)
 
     def change(self, node: str, transition: str) -> bool:
         """Request a transition of a lifecycle node, such as ``configure``; returns whether it succeeded."""

@@ -4,7 +4,7 @@ import asyncio
 import os
 
 import pytest
-from support.filter import CELL, Filter, set_parameter
+from support.filter import CELL, Filter
 from support.sweeps import SlidingHand, unseen_sweep, write_scan
 
 pytestmark = pytest.mark.ros
@@ -71,7 +71,7 @@ def test_invalid_parameter_values_are_rejected(node_process, probe, tmp_path):
             [],
             [1.0],
         ):
-            result = set_parameter(probe, name, value)
+            result = probe.set_parameter("filter", name, value)
             assert not result.successful, (name, value)
             assert result.reason
     node.slide(20)

@@ -7,20 +7,6 @@ from support.sweeps import write_scan
 pytestmark = pytest.mark.ros
 
 
-@pytest.fixture
-def change(probe):
-    """``change(node, transition)``: request a transition; returns whether it succeeded."""
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState
-
-    def ask(node, transition):
-        number = getattr(Transition, f"TRANSITION_{transition.upper()}")
-        request = ChangeState.Request(transition=Transition(id=number))
-        return probe.call(ChangeState, f"{node}/change_state", request, timeout_s=120.0).success
-
-    return ask
-
-
 def state_of(probe, node):
     from lifecycle_msgs.srv import GetState
 
@@ -35,18 +21,18 @@ def managed_filter(node_process, tmp_path, *, calibrated=True):
     return node_process("filter_node", {"scan_file": scan, "autostart": False, **CELL})
 
 
-def test_an_invalid_transition_is_rejected(node_process, probe, change, tmp_path):
+def test_an_invalid_transition_is_rejected(node_process, probe, tmp_path):
     process = managed_filter(node_process, tmp_path)
-    assert not change("filter", "activate")
+    assert not probe.change("filter", "activate")
     process.wait_for_line("transition 3")
     assert state_of(probe, "filter") == "unconfigured"
-    assert change("filter", "configure")
-    assert not change("filter", "configure")
-    assert change("filter", "activate")
+    assert probe.change("filter", "configure")
+    assert not probe.change("filter", "configure")
+    assert probe.change("filter", "activate")
     assert state_of(probe, "filter") == "active"
 
 
-def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, change, tmp_path):
+def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, tmp_path):
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
@@ -58,7 +44,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     answer = client.call_async(configure)
     probe.until(lambda: state_of(probe, "filter") == "configuring", "the calibration")
-    assert not change("filter", "configure"), "one transition at a time"
+    assert not probe.change("filter", "configure"), "one transition at a time"
     probe.until(answer.done, "the end of the calibration", 180.0)
     assert "calibrating on held-out sweeps: 20%" in process.output
     assert answer.result().success
@@ -76,19 +62,19 @@ def test_an_interrupt_ends_a_calibrating_node(node_process, tmp_path):
     assert "Traceback" not in process.output
 
 
-def test_inactive_nodes_publish_nothing(node_process, probe, change, tmp_path):
+def test_inactive_nodes_publish_nothing(node_process, probe, tmp_path):
     from tactile_localizer.msg import ScanStatus
 
     statuses = probe.listen(ScanStatus, "mapping/status", probe.latched)
     parameters = {"scan_file": tmp_path / "bump_scan", "scene_file": "bump.yaml", "autostart": False}
     node_process("mapping_node", parameters)
-    assert change("mapping", "configure")
+    assert probe.change("mapping", "configure")
     probe.until(lambda: probe.node.count_publishers("mapping/status"), "the publisher")
     probe.known_to("mapping")
     assert not statuses
-    assert change("mapping", "activate")
+    assert probe.change("mapping", "activate")
     probe.until(lambda: statuses, "a status")
-    assert change("mapping", "deactivate")
+    assert probe.change("mapping", "deactivate")
     probe.known_to("mapping")
     statuses.clear()
     probe.known_to("mapping")
