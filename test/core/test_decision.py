@@ -15,7 +15,7 @@ from support.models import noise_model
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.hypotheses.correlation import MEMORY, PRIOR, Correlation, Sums
 from tactile_localizer.core.hypotheses.explanations import (
-    LEAVING_RATE,
+    LEAST_OTHER,
     RELOCATION_RATE,
     RETURN_RATE,
     Explanations,
@@ -32,13 +32,24 @@ from tactile_localizer.core.scan.interpolation import Expectation
 EVEN = np.full(4, -math.log(4.0))
 
 
-def test_a_hand_leaves_the_map_and_is_placed_elsewhere_by_their_rates() -> None:
-    staying, unmoved = math.exp(-LEAVING_RATE * 0.3), math.exp(-RELOCATION_RATE * 0.3)
-    away = math.exp(-RETURN_RATE * 0.3)
-    moved = Explanations(0.6, 0.3, 0.1, EVEN).predict(0.3, left=0.0)
-    other = 0.1 + 0.9 * (1.0 - staying)
-    assert moved.tracked == pytest.approx((0.6 * staying + (1.0 - away) * other) * unmoved)
-    assert moved.other == pytest.approx(away * other * unmoved)
+def test_a_hand_returns_to_the_map_and_is_placed_elsewhere_by_their_rates() -> None:
+    away, unmoved = math.exp(-RETURN_RATE * 0.1), math.exp(-RELOCATION_RATE * 0.1)
+    moved = Explanations(0.5, 0.2, 0.3, EVEN).predict(0.1, left=0.2)
+    assert moved.tracked == pytest.approx((0.8 * 0.5 + (1.0 - away) * 0.3) * unmoved)
+    assert moved.other == pytest.approx((away * 0.3 + 0.2 * 0.5) * unmoved)
+
+
+@pytest.mark.parametrize("other", [1e-12, 0.01])
+def test_other_material_is_never_ruled_out_by_what_was_felt_before(other: float) -> None:
+    before = Explanations(0.8, 0.2 - other, other, EVEN)
+    moved = before.predict(1e-9, left=0.0)
+    assert moved.other == pytest.approx(LEAST_OTHER, rel=1e-6)
+    assert moved.tracked / moved.relocated == pytest.approx(before.tracked / before.relocated, rel=1e-6)
+    assert sum(moved[:3]) == pytest.approx(1.0)
+
+
+def test_where_the_material_is_felt_everywhere_the_hand_is_on_the_map() -> None:
+    assert Explanations.start(4, only_map=True).predict(0.1, left=0.2).other == 0.0
 
 
 def test_parts_of_a_measurement_add_up_to_the_whole() -> None:
@@ -166,7 +177,7 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
     noise = noise_model(layout, offset_variance=level_variance, turning=TURNING)
     lattice, same = (YAWS[:1], np.full(1, 0.01), (41,)), np.zeros((41, 1, 2), np.float32)
     tables = same, np.ones((41, 1, 1), np.float32), same[..., 0]
-    strain_map = StrainMap(*lattice, *tables, 1.0, TURNING[None])
+    strain_map = StrainMap(*lattice, *tables, 0.0, 1.0, TURNING[None])
     drift = Drift(np.inf, 1.0, np.full(2, level_variance))
     return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), 0.002)
 
@@ -177,7 +188,7 @@ def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[L
     nodes, expected = model.expected(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
-    return model.evaluate(nodes, len(YAWS), innovation, np.ones(1), np.ones(1, bool)), trend
+    return model.evaluate(nodes, len(YAWS), 0, innovation, np.ones(1, bool)), trend
 
 
 def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -> None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from tactile_localizer.core.likelihood.weights import normalize
 
-LEAVING_RATE = 0.1
-"""Rate at which a hand leaves the map, per metre of travel: it is placed elsewhere, or the material changes.
-By judgement."""
+LEAST_OTHER = 0.05
+"""Probability of other material before each strain, at least: what was felt until now does not show that the
+material is still the same. By judgement."""
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
@@ -67,13 +67,12 @@ class Explanations(NamedTuple):
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
         if other > 0.0:
-            staying = math.exp(-LEAVING_RATE * travel)
-            gone = tracked * (1.0 - (1.0 - left) * staying) + relocated * (1.0 - staying)
-            tracked, relocated = tracked * (1.0 - left) * staying, relocated * staying
-            other += gone
+            returned = -math.expm1(-RETURN_RATE * travel) * other
+            tracked, other = tracked * (1.0 - left) + returned, other - returned + tracked * left
+            if other < LEAST_OTHER:
+                kept = (1.0 - LEAST_OTHER) / (1.0 - other)
+                tracked, relocated, other = kept * tracked, kept * relocated, LEAST_OTHER
         moved = -math.expm1(-RELOCATION_RATE * travel)
-        returned = -math.expm1(-RETURN_RATE * travel) * other
-        tracked, other = tracked + returned, other - returned
         arriving = moved * (tracked + other)
         uniform = math.log(max(arriving, 1e-300) / len(elsewhere))
         elsewhere = np.logaddexp(math.log(max(relocated, 1e-300)) + elsewhere, uniform)

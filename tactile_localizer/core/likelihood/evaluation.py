@@ -14,7 +14,9 @@ class Likelihoods(NamedTuple):
     ----------
     states : (P,) at each state of the filter
     anchors : (R,) at each of the places that represent the whole map
+    resembling : (F,) of each phalanx, on material that resembles the map where the hand was expected
     """
 
     states: np.ndarray
     anchors: np.ndarray
+    resembling: np.ndarray

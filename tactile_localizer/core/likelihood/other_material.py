@@ -9,7 +9,7 @@ from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
 _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
 """Variances of the signal of other material, in those of the map's own signal; zero is featureless."""
-_FORGOTTEN = 0.01
+_FORGOTTEN = 0.003
 """Fraction by which the probabilities of the strengths return to equal ones at each update."""
 
 
@@ -48,24 +48,15 @@ class OtherMaterial:
 
     def start(self) -> np.ndarray:
         """Log-weights (G, F) of the strengths before the first strain."""
-        count = len(self._spread)
+        count = len(self._spread) + 1
         return np.full((count, self._layout.phalanges), -np.log(count))
-
-    def energy(self, strain: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
-        """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
-
-        Large ones are bounded as by the weights of the t-distribution.
-        """
-        squared = self._layout.sum(np.square(strain)) / (self._variance + level_variance)
-        widths = self._layout.widths
-        return np.asarray(squared * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + squared) / widths)
 
     def update(
         self,
         log_weights: np.ndarray,
         strain: np.ndarray,
         level_variance: np.ndarray,
-        scale: np.ndarray,
+        resembling: np.ndarray,
         used: np.ndarray,
         exponent: float,
     ) -> tuple[float, np.ndarray]:
@@ -76,15 +67,15 @@ class OtherMaterial:
         log_weights : (G, F) of the strengths
         strain : (C,) innovation
         level_variance : (F,) of the level from which it deviates
-        scale : (F,) factor of the least variance in this sweep
+        resembling : (F,) log-likelihood on material that resembles the map
         used : (F,) bool, phalanges that count
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = self._spread + layout.expand(self._variance * scale + level_variance)
+        variance = self._spread + layout.expand(self._variance + level_variance)
         squared = np.square(strain @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
-        densities -= 0.5 * layout.sum(np.log(variance))
+        densities = np.vstack([densities - 0.5 * layout.sum(np.log(variance)), resembling])
         following = log_weights + exponent * densities
         weights = np.exp(following - _log_sum(following))
         weights += _FORGOTTEN * (1.0 / len(weights) - weights)

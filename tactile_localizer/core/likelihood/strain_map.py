@@ -28,8 +28,8 @@ _MOST_POINTS = 200
 _LONGEST_CORRELATION = 0.03
 """Largest lag of the residual's autocorrelation, m."""
 
-_FIRST_SIGNAL = 0.01
-"""First value of the factor of the signal, where there is a level from which it deviates."""
+_FIRST_SIGNAL, _FIRST_GAIN = 0.01, 0.03
+"""First values of the factors of the signal, where there is a level from which it deviates."""
 _LEAST_VISIT = 0.1
 """Least factor of the noise of a visit: that of a scan without any is its resolution."""
 _MOST_ITERATIONS, _CONVERGED = 200, 1e-3
@@ -46,16 +46,19 @@ class VarianceModel:
     signal : factor of the squared signal, because visits differ more where the signal is stronger; zero if
         there is no featureless strain relative to which the signal is defined
     interpolation : factor of :attr:`.Expectation.interpolation_error`
+    gain : variance of the factor by which visits differ in the signal of a phalanx, as for another force;
+        zero as ``signal``
     summed_correlation : m of travel between independent residuals
     """
 
     visit: float = 1.0
     signal: float = 0.0
     interpolation: float = 0.5
+    gain: float = 0.0
     summed_correlation: float = 0.003
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
-        """Variance of a new visit, (M, K, F)."""
+        """Variance of a new visit, (M, K, F), in the directions in which there is no signal."""
         return np.asarray(np.tensordot(self.factors, _terms(expected, layout), 1))
 
     @property
@@ -81,6 +84,7 @@ class StrainMap(NamedTuple):
     mean : (M, K, C) float32, whitened strain
     variance : (M, K, F) float32, variance of a new visit about it
     log_prior : (M, K) float32, of the components
+    gain : variance of the factor by which visits differ in the signal of a phalanx
     featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
     turning : (d, C) change of the whitened strain of featureless material per m (rad) of each axis: zero but
         for yaw; not in ``mean``
@@ -92,6 +96,7 @@ class StrainMap(NamedTuple):
     mean: np.ndarray
     variance: np.ndarray
     log_prior: np.ndarray
+    gain: float
     featureless_variance: float | None
     turning: np.ndarray
 
@@ -142,38 +147,48 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
     thinned = np.concatenate([own[:: max(1, len(own) // _MOST_POINTS)] for own in parts])
     expected = interpolation.best(material.components).at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
-    squared = layout.sum(by_component**2)
-    first_factors = VarianceModel(signal=_FIRST_SIGNAL * material.has_level).factors
-    fitted = _fitted(first_factors, _terms(expected, layout), squared, expected.log_prior, layout.widths)
+    start = VarianceModel()
+    if material.has_level:
+        start = replace(start, signal=_FIRST_SIGNAL, gain=_FIRST_GAIN)
+    fitted = _fitted(start, expected, by_component, layout)
     scaled = residuals / np.sqrt(layout.expand(fitted.variance(first, layout)[:, 0]))
     length = summed_correlation([scaled[own] for own in parts], fitted.summed_correlation)
     return replace(fitted, summed_correlation=length)
 
 
 def _fitted(
-    start: np.ndarray, terms: np.ndarray, squared: np.ndarray, log_prior: np.ndarray, widths: np.ndarray
+    start: VarianceModel, expected: Expectation, residual: np.ndarray, layout: ChannelLayout
 ) -> VarianceModel:
-    """Factors of ``terms`` (3, M, K, F) under which residuals of ``squared`` length (M, K, F) are likeliest.
+    """Factors under which residuals (M, K, C) are likeliest.
 
     EM averages over the component and the scale of the t-distribution; the maximum over each
     factor of a bound of what is left is in closed form (Zhou et al., 2019, square root left out). The first
-    values, ``start`` (3,), count as one observation each, so that they stay where there is none.
+    values count as one observation each, so that they stay where there is none.
     """
-    factors, axes = start, ([1, 2, 3], [0, 1, 2])
+    first = np.append(start.factors, start.gain)
+    terms, widths, axes = _terms(expected, layout), layout.widths, ([1, 2, 3], [0, 1, 2])
+    squared, energy = layout.sum(residual**2), layout.sum(expected.mean**2)
+    product = layout.sum(residual * expected.mean)
+    factors = first
     for _ in range(_MOST_ITERATIONS):
-        variance = np.tensordot(factors, terms, 1)
-        log_weights = log_prior[..., None] + log_density(squared, variance, widths)
+        variance, gain = np.tensordot(factors[:3], terms, 1), factors[3]
+        total, projected = variance + gain * energy, gain * product**2
+        log_weights = expected.log_prior[..., None]
+        log_weights = log_weights + log_density(squared, variance, widths, projected, gain * energy)
         weights = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
-        weights /= weights.sum(axis=1, keepdims=True) * variance
-        tails = (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM * variance + squared)
-        found = factors * np.tensordot(terms, weights * tails * squared, axes)
-        found += start / np.maximum(factors, 1e-300)
-        ratio = found / (factors * np.tensordot(terms, weights * widths, axes) + 1.0)
-        factors = np.maximum(factors * ratio, [_LEAST_VISIT, 0.0, 0.0])
+        weights /= weights.sum(axis=1, keepdims=True)
+        # With S the scale matrix: r'S^-1 r, r'S^-2 r and the trace of S^-1; (m'S^-1 r)^2 and m'S^-1 m.
+        distance = np.maximum(squared - projected / total, 0.0) / variance
+        even = (squared - projected * (2.0 - gain * energy / total) / total) / variance**2
+        trace = (widths - gain * energy / total) / variance
+        tails = weights * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + distance)
+        found = np.append(np.tensordot(terms, tails * even, axes), np.sum(tails * (product / total) ** 2))
+        bound = np.append(np.tensordot(terms, weights * trace, axes), np.sum(weights * energy / total))
+        ratio = (factors * found + first / np.maximum(factors, 1e-300)) / (factors * bound + 1.0)
+        factors = np.maximum(factors * ratio, [_LEAST_VISIT, 0.0, 0.0, 0.0])
         if np.abs(ratio[factors > 0.0] - 1.0).max() < _CONVERGED:
             break
-    visit, signal, interpolation = factors.tolist()
-    return VarianceModel(visit, signal, interpolation)
+    return VarianceModel(*factors.tolist())
 
 
 def build_map(
@@ -206,7 +221,7 @@ def build_map(
     mean, spread, prior = tables
     least = float(spread.min()) if scan.material.has_level else None
     by_axis = np.outer([name == "yaw" for name in scene.axis_names], scan.noise.turning)
-    return StrainMap(origin, step, shape, mean, spread, prior, least, by_axis)
+    return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, least, by_axis)
 
 
 def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:

@@ -10,17 +10,30 @@ DEGREES_OF_FREEDOM = 8.0
 _ITERATIONS = 25
 
 
-def log_density(squared: np.ndarray, variance: np.ndarray, channels: int | np.ndarray) -> np.ndarray:
-    """Log-density up to a constant that depends on ``channels`` alone.
+def log_density(
+    squared: np.ndarray,
+    variance: np.ndarray,
+    channels: int | np.ndarray,
+    projected: np.ndarray | float = 0.0,
+    gain_variance: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """Log-density of a residual r up to a constant that depends on ``channels`` alone.
+
+    The scale matrix is A I + g m m', in units of the whitened variance, with m the signal and g the variance
+    of the gain by which visits differ in it.
 
     Parameters
     ----------
-    squared : (...) squared length of the whitened residual
-    variance : (...) squared scale of the distribution, in units of the whitened variance
+    squared : (...) r'r
+    variance : (...) A
     channels : dimension of the residual
+    projected, gain_variance : (...) g (m'r)^2 and g m'm
     """
-    tails = np.log(variance + squared / DEGREES_OF_FREEDOM)
-    return -0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - DEGREES_OF_FREEDOM * np.log(variance))
+    total = variance + gain_variance
+    left = np.maximum(squared - projected / total, 0.0)  # rounded, it could be negative
+    tails = np.log(variance + left * (1.0 / DEGREES_OF_FREEDOM))
+    scale = (DEGREES_OF_FREEDOM + 1.0) * np.log(variance) - np.log(total)
+    return np.asarray(-0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - scale))
 
 
 def scatter(residuals: np.ndarray) -> np.ndarray:

@@ -12,8 +12,11 @@ from tactile_localizer.core.likelihood.evaluation import Likelihoods
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+from tactile_localizer.core.likelihood.student_t import log_density
 
+_RESEMBLING = 9.0
+"""Variance, in variances of a visit, about what is expected, of material that resembles the map: three times
+as far from it. By judgement."""
 _LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 
@@ -47,7 +50,7 @@ class SweepMixture:
         variance = np.moveaxis(strain_map.variance, (0, 1, 2), (2, 1, 0))
         self._variance = np.ascontiguousarray(variance).reshape(layout.phalanges, -1)
         self._log_prior = np.ascontiguousarray(strain_map.log_prior.T)
-        self._tails = np.float32(DEGREES_OF_FREEDOM) + np.array(layout.counts, dtype=np.float32)
+        self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
         # A product with these columns sums over the channels of each phalanx.
         self._columns = layout.expand(np.eye(layout.phalanges, dtype=np.float32)).T
         self._transform: np.ndarray | None = None
@@ -122,7 +125,7 @@ class SweepMixture:
         return strain, self.noise.layout.mean(innovation.level_variance)
 
     def evaluate(
-        self, nodes: np.ndarray, states: int, innovation: Innovation, scale: np.ndarray, used: np.ndarray
+        self, nodes: np.ndarray, states: int, likeliest: int, innovation: Innovation, used: np.ndarray
     ) -> Likelihoods:
         """Log-likelihoods of a strain at states and reference places.
 
@@ -130,40 +133,50 @@ class SweepMixture:
         ----------
         nodes : (N,) of the map, nearest to the P states and then to the R reference places
         states : their number P
+        likeliest : index of the likeliest of them before this strain
         innovation : of the strain and of the map at these N places
-        scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
-        places = len(nodes)
+        places, gain = len(nodes), np.float32(self.map.gain)
         further = (nodes[:states] + self._nodes * np.arange(1, self._components)[:, None]).ravel()
+        rows = np.concatenate([nodes, further])
         strain = innovation.strain.astype(np.float32)
-        residual = np.empty((places + len(further), len(strain)), dtype=np.float32)
+        expected = self._mean.take(rows, axis=0)
+        residual = np.empty_like(expected)
         np.subtract(strain, innovation.map, out=residual[:places])
         if len(further):
             target = strain + innovation.map_trend[:states]
-            others = self._mean.take(further, axis=0).reshape(-1, states, len(strain))
+            others = expected[places:].reshape(-1, states, len(strain))
             np.subtract(target, others, out=residual[places:].reshape(others.shape))
         if self._transform is not None:
-            residual = residual @ self._transform.T
-        squared = np.ascontiguousarray((np.square(residual, out=residual) @ self._columns).T)
-        variance = self._variance.take(np.concatenate([nodes, further]), axis=1)
-        variance *= scale.astype(np.float32)[:, None]
+            residual, expected = residual @ self._transform.T, expected @ self._transform.T
+        variance = self._variance.take(rows, axis=1)
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        plain = self._log_densities(squared, variance, used)
+        projected = gain * np.square(self._by_phalanx(residual * expected))
+        gain_variance = gain * self._by_phalanx(np.square(expected, out=expected))
+        squared = self._by_phalanx(np.square(residual, out=residual))
+
+        plain = log_density(squared, variance, self._channels, projected, gain_variance) * used[:, None]
         by_component = np.concatenate([plain[:, :states], plain[:, places:]], axis=1)
         by_component = by_component.reshape(len(used), self._components, states)
+        own = np.r_[likeliest, places + likeliest + states * np.arange(self._components - 1)]
+        resembling = log_density(
+            squared[:, own],
+            _RESEMBLING * variance[:, own],
+            self._channels,
+            projected[:, own],
+            gain_variance[:, own],
+        )
         if self._components > 1:
             by_component += self._log_prior.take(nodes[:states], axis=1)
+            resembling += self._log_prior[:, nodes[likeliest]]
         at_states = _mixed(by_component).sum(axis=0)
         at_references = plain[:, states:places].sum(axis=0).astype(np.float64)
-        return Likelihoods(at_states, at_references)
+        return Likelihoods(at_states, at_references, _mixed(resembling[..., None])[:, 0])
 
-    def _log_densities(self, squared: np.ndarray, variance: np.ndarray, used: np.ndarray) -> np.ndarray:
-        """Log-densities (F, N) of squared residuals (F, N); zero for phalanges that do not count."""
-        scaled = np.log(variance + squared * np.float32(1.0 / DEGREES_OF_FREEDOM))
-        scaled *= (np.float32(-0.5) * self._tails * used)[:, None]
-        scaled += np.log(variance) * (np.float32(0.5 * DEGREES_OF_FREEDOM) * used.astype(np.float32))[:, None]
-        return np.asarray(scaled)
+    def _by_phalanx(self, values: np.ndarray) -> np.ndarray:
+        """Sums over the channels of each phalanx, (N, C) to (F, N)."""
+        return np.ascontiguousarray((values @ self._columns).T)
 
 
 def _mixed(log_densities: np.ndarray) -> np.ndarray:

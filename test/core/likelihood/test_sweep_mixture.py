@@ -14,7 +14,7 @@ from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 
-NODES, COMPONENTS = 30, 3
+NODES, COMPONENTS, GAIN = 30, 3, 0.2
 STATES = (np.arange(NODES) + 0.5)[:, None] * 0.001
 
 
@@ -26,7 +26,8 @@ def mixture(counts: tuple[int, ...]) -> SweepMixture:
     variance = rng.uniform(1.0, 4.0, (NODES, COMPONENTS, len(counts)))
     prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
-    strain_map = StrainMap(np.array([0.0005]), np.array([0.001]), (NODES,), *tables, 1.3, np.zeros((1, size)))
+    lattice = np.array([0.0005]), np.array([0.001]), (NODES,)
+    strain_map = StrainMap(*lattice, *tables, GAIN, 1.3, np.zeros((1, size)))
     other = OtherMaterial(layout, np.eye(size), 1.3)
     drift = Drift(np.inf, 1.0, np.zeros(size))
     return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, 0.002)
@@ -37,16 +38,15 @@ def evaluated(
     strain: np.ndarray,
     used: np.ndarray | None = None,
     level_variance: float = 0.0,
-    scale: np.ndarray | None = None,
+    likeliest: int = 0,
 ) -> Likelihoods:
     """Likelihoods of a strain, V, of a sweep without an offset; the nodes of the map are the anchors."""
     layout = model.noise.layout
     nodes, expected = model.expected(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), expected, np.zeros_like(expected), level)
-    every = np.ones(layout.phalanges)
-    scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
-    return model.evaluate(nodes, NODES, innovation, scale, used)
+    used = np.ones(layout.phalanges, dtype=bool) if used is None else used
+    return model.evaluate(nodes, NODES, likeliest, innovation, used)
 
 
 def log_constant(channels: int) -> float:
@@ -55,32 +55,44 @@ def log_constant(channels: int) -> float:
 
 
 def direct(
-    model: SweepMixture, node: int, volts: np.ndarray, scale: np.ndarray, components: int = COMPONENTS
-) -> float:
-    """The density at a node, by scipy and float64."""
-    total, strain = 0.0, model.whitened(volts)
+    model: SweepMixture, node: int, volts: np.ndarray, inflation: float = 1.0, components: int = COMPONENTS
+) -> np.ndarray:
+    """The log-densities (F,) at a node, by scipy and float64: visits differ in the gain of the signal."""
+    found, strain = [], model.whitened(volts)
     for phalanx, own in enumerate(model.noise.layout.slices):
         terms, size = [], own.stop - own.start
         for component in range(components):
-            shape = scale[phalanx] * float(model.map.variance[node, component, phalanx])
             mean = model.map.mean[node, component, own].astype(np.float64)
-            density = stats.multivariate_t(mean, shape * np.eye(size), df=NU).logpdf(strain[own])
+            shape = inflation * float(model.map.variance[node, component, phalanx]) * np.eye(size)
+            shape += GAIN * np.outer(mean, mean)
+            density = stats.multivariate_t(mean, shape, df=NU).logpdf(strain[own])
             prior = model.map.log_prior[node, component] if components > 1 else 0.0
             terms.append(float(prior) + density)
-        total += float(logsumexp(terms)) - log_constant(size)
-    return total
+        found.append(float(logsumexp(terms)) - log_constant(size))
+    return np.array(found)
 
 
 @pytest.mark.parametrize("counts", [(1,), (3, 5), (8, 8)])
 def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) -> None:
     model, rng = mixture(counts), np.random.default_rng(1)
     for volts in (1.0, 10.0, 1e3):
-        strain, scale = volts * rng.standard_normal(sum(counts)), rng.uniform(1.0, 4.0, len(counts))
-        found = evaluated(model, strain, scale=scale)
-        expected = [direct(model, node, strain, scale) for node in range(NODES)]
-        first = [direct(model, node, strain, scale, 1) for node in range(NODES)]
+        strain, likeliest = volts * rng.standard_normal(sum(counts)), int(rng.integers(NODES))
+        found = evaluated(model, strain, likeliest=likeliest)
+        expected = [direct(model, node, strain).sum() for node in range(NODES)]
+        first = [direct(model, node, strain, components=1).sum() for node in range(NODES)]
         np.testing.assert_allclose(found.states, expected, atol=2e-3)
         np.testing.assert_allclose(found.anchors, first, atol=2e-3)
+        np.testing.assert_allclose(found.resembling, direct(model, likeliest, strain, 9.0), atol=2e-3)
+
+
+def test_a_signal_of_another_force_fits_better_than_as_large_a_deviation_in_its_shape() -> None:
+    model = mixture((8,))
+    signal = np.linalg.solve(model.noise.whitening, model.map.mean[4, 0].astype(np.float64))
+    turned = np.roll(signal, 1) * np.linalg.norm(signal) / np.linalg.norm(np.roll(signal, 1))
+    stronger, other = (
+        evaluated(model, model.noise.centre + signal + 0.5 * more).anchors[4] for more in (signal, turned)
+    )
+    assert stronger > other + 1.0
 
 
 def test_the_mixture_drops_an_absent_phalanx() -> None:
@@ -101,7 +113,9 @@ def test_a_noisy_channel_loses_its_weight_and_the_others_keep_theirs() -> None:
     np.testing.assert_allclose(burst.anchors, found.anchors, atol=1e-3)
     residual = model.whitened(volts)[1] - model.map.mean[:, 0, 1]
     variance = model.map.variance[:, 0, 0]
-    alone = -0.5 * ((NU + 2.0) * np.log(variance + residual**2 / NU) - NU * np.log(variance))
+    total = variance + GAIN * model.map.mean[:, 0, 1] ** 2
+    left = residual**2 * variance / total
+    alone = -0.5 * ((NU + 2.0) * np.log(variance + left / NU) - (NU + 1.0) * np.log(variance) + np.log(total))
     np.testing.assert_allclose(found.anchors, alone, atol=2e-3)
     np.testing.assert_array_equal(evaluated(model, volts).anchors, evaluated(mixture((2,)), volts).anchors)
 
