@@ -27,7 +27,7 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
     noise = np.linalg.norm(np.linalg.inv(model.noise.whitening), axis=1)
     return {
         "material": "textured everywhere" if is_textured else "featureless between features",
-        "information length": f"{calibration.information_length * MM:.1f} mm",
+        "information length": f"{model.information_length * MM:.1f} mm",
         "memory of the offset": f"{memory * MM:.0f} mm" if np.isfinite(memory) else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
         "registration": describe_sizes(scene, calibration.registration_std),

@@ -4,15 +4,11 @@ import numpy as np
 import pytest
 from support.scans import axes, scan, strain_at
 
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
-CALIBRATION = Calibration(0.001, np.array([0.0004, 0.0004]), VarianceModel())
-"""Given, so that no test waits for it to be learned."""
 GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
 
 
@@ -26,9 +22,7 @@ def scene(counts=COUNTS, feature=None):
 def test_every_model_localizes_with_any_channels(counts, model):
     of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "featureless" else None)
     configuration, rng = Configuration(model=model, filter="grid"), np.random.default_rng(1)
-    localizer = build_localizer(
-        scan(np.random.default_rng(0), of, 800), of, configuration, rng, None, CALIBRATION
-    )
+    localizer = build_localizer(scan(np.random.default_rng(0), of, 800), of, configuration, rng)
     present = np.ones(len(counts), bool)
     for n in range(40):
         truth = np.array([0.01, 0.02]) + n * np.array([0.0006, 0.0002])

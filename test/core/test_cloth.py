@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.scans import slides
 
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Estimate, Localizer
@@ -15,8 +14,6 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 
 LENGTH, STEP, NOISE_V = 0.3, 0.0005, 0.05
 SCENE = Scene("cloth", (Axis("x", 0.0, LENGTH),), (Phalanx("index", (0.0,)), Phalanx("middle", (0.0,))))
-CALIBRATION = Calibration(0.005, np.array([1e-4]))
-"""Given, so that no test waits for it to be learned."""
 X = np.arange(0.0, LENGTH, STEP)
 
 
@@ -36,7 +33,7 @@ def cloth_scan(sweeps: int = 3, noise: float = 0.0) -> Scan:
 
 def build(scan: Scan, kind: str = "grid", scene: Scene = SCENE) -> Localizer:
     configuration, rng = Configuration(filter=kind), np.random.default_rng(0)
-    return build_localizer(scan, scene, configuration, rng, calibration=CALIBRATION)
+    return build_localizer(scan, scene, configuration, rng)
 
 
 @pytest.fixture(scope="module", params=["grid", "particle"])

@@ -16,7 +16,7 @@ from tactile_localizer.errors import MeasurementError
 
 OF = scene()
 SCAN = line_scan(np.random.default_rng(0), OF)
-CALIBRATION = Calibration(0.0017, np.full(2, 4e-4))
+CALIBRATION = Calibration(np.full(2, 4e-4))
 """Given, so that no test waits for it to be learned."""
 ANYWHERE = np.array([3.0, -2.0])
 """Where the arm's frame has its origin, seen from the material."""
@@ -183,7 +183,7 @@ def test_a_hand_near_the_estimate_is_tracked_and_not_relocated():
 @pytest.mark.parametrize("std", [4e-4, 0.005])
 def test_the_flag_includes_the_registration_error(std):
     """A sure belief is within r of the truth with 1 - exp(-r^2 / 2 s^2), however narrow it is."""
-    *_, (_, estimate) = slide(build(calibration=Calibration(0.0017, np.full(2, std))))
+    *_, (_, estimate) = slide(build(calibration=Calibration(np.full(2, std))))
     near = 1.0 - math.exp(-0.5 * (Configuration().convergence_radius / std) ** 2)
     assert estimate.probability / estimate.on_map == pytest.approx(near, abs=0.02)
     assert estimate.converged == (near > Configuration().convergence_probability)

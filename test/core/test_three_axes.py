@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.recording import join, scan_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -23,10 +21,6 @@ SCENE = Scene(
     tuple(Phalanx(phalanx.name, (*phalanx.offset, 0.0)) for phalanx in BUMP.phalanges),
 )
 SCANNED = (-0.17, -0.085, 0.0, 0.085, 0.17)
-CALIBRATION = Calibration(
-    0.0017, np.array([0.0013, 0.0006, 0.046]), VarianceModel(0.241, 0.0175, 0.158, 0.0047)
-)
-"""As learned from held-out sweeps, which takes half a minute."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +32,7 @@ def localizer() -> Localizer:
         turned = [replace(each, position=np.insert(each.truth, 2, yaw, axis=1)) for each in session.sweeps]
         sessions.append(replace(session, sweeps=turned))
     scan = scan_of(join(sessions), SCENE)
-    return build_localizer(scan, SCENE, Configuration(), np.random.default_rng(0), calibration=CALIBRATION)
+    return build_localizer(scan, SCENE, Configuration(), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("yaw", [-0.12, 0.05])

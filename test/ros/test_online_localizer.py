@@ -22,7 +22,7 @@ OK = np.zeros(2, dtype=np.uint8)
 def localizer():
     scan = simulate_scan("bump", seed=1)
     configuration = Configuration(cell=1.0)
-    calibration = Calibration(0.0033, np.array([0.0004, 0.0004]))
+    calibration = Calibration(np.array([0.0004, 0.0004]))
     return build_localizer(scan, scene_of(), configuration, np.random.default_rng(0), None, calibration)
 
 

@@ -49,12 +49,10 @@ class Calibration(NamedTuple):
 
     Parameters
     ----------
-    information_length : m of travel per independent measurement of the position
     registration_std : (d,) m (yaw: rad), standard deviation of the shift between sweeps
     variance : variance model under which the sweeps were registered; ``None``: not stored
     """
 
-    information_length: float
     registration_std: np.ndarray
     variance: VarianceModel | None = None
 
@@ -92,7 +90,7 @@ def calibrate(model: SweepModel) -> Calibration:
     # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
     factor = math.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / max(sweeps - 1, 1)))
     registration = factor * registration_std(found, tracks.scene) / scale
-    return Calibration(model.information_length, registration, model.variance)
+    return Calibration(registration, model.variance)
 
 
 def _most_signal(points: slice, signal: np.ndarray) -> slice:

@@ -29,7 +29,7 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
-ALGORITHM = 12
+ALGORITHM = 13
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 
@@ -49,7 +49,6 @@ def learned_calibration(
         with open_file(Path(path, FILE)) as file:
             values = json.loads(file.read())
         calibration = Calibration(
-            float(values["information_length"]),
             np.array(values["registration_std"], dtype=np.float64),
             values["variance"] and VarianceModel(**values["variance"]),
         )
@@ -73,7 +72,6 @@ def store_calibration(path: str | Path, digest: str, calibration: Calibration) -
 def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
     """What the file holds; the checksum is that of what was learned."""
     learned = {
-        "information_length": calibration.information_length,
         "registration_std": calibration.registration_std.tolist(),
         "variance": calibration.variance and dataclasses.asdict(calibration.variance),
     }

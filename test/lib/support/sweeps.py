@@ -24,7 +24,6 @@ START_NS = 1_700_000_000_000_000_000
 MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
 """Kernel widths, so that tests of kernel models do not wait for their choice."""
 CALIBRATION = Calibration(
-    0.0033,
     np.array([0.0004, 0.0004]),
     VarianceModel(visit=0.21, signal=0.036, interpolation=0.18, summed_correlation=0.005),
 )
