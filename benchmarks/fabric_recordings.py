@@ -101,45 +101,26 @@ class Perturbation:
 
     Parameters
     ----------
-    every : use every n-th sample
-    resample_hz : rate to which recordings are interpolated linearly; ``None``: as recorded
-    speed : factor of the replay speed, which brings the stamps closer together
-    scale : factor of all strains, including those of the map
-    offset : offset of the strain with a fixed random sign per channel, in noise widths: standard deviations
-        of the difference between the map's two repeats
-    drift : offset that grows by so many noise widths per 100 mm of travel, from zero at each start
+    drift : offset of the strain, with a fixed random sign per channel, that grows by so many noise widths per
+        100 mm of travel, from zero at each start. A noise width is the standard deviation of the difference
+        between the map's two repeats
     noisy_channel : standard deviation of white noise on one of the channels, in its noise widths
-    tared : whether recordings of another fabric get the mean strain of the map
     """
 
-    every: int = 1
-    resample_hz: float | None = None
-    speed: float = 1.0
-    scale: float = 1.0
-    offset: float = 0.0
     drift: float = 0.0
     noisy_channel: float = 0.0
-    tared: bool = False
 
     def of(self, sweep: Sweep, noise_width: np.ndarray) -> Sweep:
-        """Apply the changes to a recording; ``noise_width`` (16,) refers to unscaled strain."""
-        strain = sweep.strain + self.offset * _with_signs(noise_width)
-        noise = np.random.default_rng(_NOISE_SEED).standard_normal(len(strain))
+        """Add the noise to a recording; ``noise_width`` (16,)."""
+        noise = np.random.default_rng(_NOISE_SEED).standard_normal(len(sweep.strain))
+        strain = sweep.strain.copy()
         strain[:, _NOISY_CHANNEL] += self.noisy_channel * noise_width[_NOISY_CHANNEL] * noise
-        strain *= self.scale
-        since_ns = np.round((sweep.stamp_ns - sweep.stamp_ns[0]) / self.speed)
-        used = Sweep(since_ns.astype(np.int64), sweep.position, strain)
-        used = Sweep(used.stamp_ns[:: self.every], used.position[:: self.every], strain[:: self.every])
-        return used if self.resample_hz is None else _resampled(used, self.resample_hz)
+        return replace(sweep, strain=strain)
 
     def drift_per_m(self, noise_width: np.ndarray) -> np.ndarray:
         """Growth of the strain's offset, (16,) per m of travel."""
-        return self.scale * self.drift / _DRIFT_M * _with_signs(noise_width)
-
-
-def _with_signs(noise_width: np.ndarray) -> np.ndarray:
-    """Noise widths (16,) with a fixed random sign per channel."""
-    return noise_width * np.random.default_rng(_OFFSET_SEED).choice([-1.0, 1.0], len(noise_width))
+        signs = np.random.default_rng(_OFFSET_SEED).choice([-1.0, 1.0], len(noise_width))
+        return self.drift / _DRIFT_M * noise_width * signs
 
 
 @dataclass(frozen=True)
@@ -207,8 +188,8 @@ def _kind(mapped: Condition, other: Condition) -> str | None:
     return "force" if other.speed == mapped.speed else None
 
 
-def load_map(condition: Condition, scale: float = 1.0) -> FabricMap:
-    """Map of a condition's first two repeats, with strain multiplied by ``scale``."""
+def load_map(condition: Condition) -> FabricMap:
+    """Map of a condition's first two repeats."""
     files = dict(condition.files)
     repeats = [load_sweep(files[repeat], condition.speed) for repeat in _MAPPED]
     length = float(max(repeat.position[-1] for repeat in repeats))
@@ -216,7 +197,7 @@ def load_map(condition: Condition, scale: float = 1.0) -> FabricMap:
     scene = Scene(condition.name, (axis,), _PHALANGES)
     scan = Scan(
         states=np.concatenate([repeat.position for repeat in repeats])[:, None],
-        strain=scale * np.concatenate([repeat.strain for repeat in repeats]),
+        strain=np.concatenate([repeat.strain for repeat in repeats]),
         sweep=np.repeat(np.arange(len(repeats)), [len(repeat.position) for repeat in repeats]),
         axes=scene.axis_names,
         phalanges=scene.phalanx_names,
@@ -249,12 +230,6 @@ def cut(sweep: Sweep, begin: float, end: float) -> Sweep:
     return replace(
         sweep, stamp_ns=sweep.stamp_ns[part], position=sweep.position[part], strain=sweep.strain[part]
     )
-
-
-def _resampled(sweep: Sweep, rate_hz: float) -> Sweep:
-    stamp_ns = np.arange(0, sweep.stamp_ns[-1] + 1, 1e9 / rate_hz).astype(np.int64)
-    position = np.interp(stamp_ns, sweep.stamp_ns, sweep.position)
-    return Sweep(stamp_ns, position, _interpolated(stamp_ns, sweep.stamp_ns, sweep.strain))
 
 
 def _interpolated(at: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:

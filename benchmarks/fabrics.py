@@ -60,10 +60,9 @@ import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-import argparse
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -82,13 +81,13 @@ from fabric_recordings import (
     load_map,
     load_sweep,
 )
-from rows import Row, in_parallel, print_rows, write_rows
-from simulated import read_us
+from measures import read_us
+from rows import Row, accuracy_parser, measured, print_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.io.configuration_file import load_configuration
+from tactile_localizer.offline.tradeoff import named_configuration
 
 TRAVEL = 0.165
 """m, from each start."""
@@ -261,7 +260,7 @@ def measure_map(
     kidnap: bool,
 ) -> list[Row]:
     """The rows of one map."""
-    fabric = load_map(mapped, perturbation.scale)
+    fabric = load_map(mapped)
     began = time.process_time()
     localizer = build_localizer(fabric.scan, fabric.scene, configuration, np.random.default_rng(0))
     learning_s = time.process_time() - began
@@ -284,10 +283,6 @@ def _measure_pair(
     wrong = pair.kind == "wrong"
     assert pair.recording.tested is not None
     sweep = load_sweep(pair.recording.tested, pair.recording.speed)
-    if wrong and perturbation.tared:
-        sweep = replace(
-            sweep, strain=sweep.strain + fabric.scan.strain.mean(axis=0) - sweep.strain.mean(axis=0)
-        )
     sweep = perturbation.of(sweep, fabric.noise_width)
     drift = perturbation.drift_per_m(fabric.noise_width)
     length = float(sweep.position[-1]) if wrong else fabric.length
@@ -395,33 +390,23 @@ def show(rows: Sequence[Row]) -> None:
     print_rows(("map", "recording", "kind", "starts"), _COLUMNS, rows, labelled)
 
 
+def _order(row: Row) -> tuple[Any, ...]:
+    return KINDS.index(row["kind"]), row["map"], row["recording"]
+
+
 def _matching(patterns: Sequence[str]) -> Callable[[Condition], bool]:
     return lambda condition: any(fnmatch(condition.name, pattern) for pattern in patterns)
 
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = accuracy_parser(__doc__)
     parser.add_argument("folder", type=Path, metavar="DIR")
     parser.add_argument("--starts", type=int, default=30)
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes, a map each at a time")
     parser.add_argument("--maps", nargs="+", default=["*"], metavar="PATTERN", help="such as 'Linen_F250_V*'")
     parser.add_argument("--recordings", nargs="+", default=["*"], metavar="PATTERN")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--kidnap", action="store_true", help="put the hand down elsewhere after 80 mm")
-    parser.add_argument(
-        "--every", type=int, default=1, metavar="K", help="use each K-th sample of recordings"
-    )
-    parser.add_argument("--resample", type=float, metavar="HZ", help="interpolate recordings to this rate")
-    parser.add_argument("--speed", type=float, default=1.0, help="replay recordings so many times as fast")
-    parser.add_argument("--scale", type=float, default=1.0, help="multiply all strains, also the maps'")
-    parser.add_argument(
-        "--offset", type=float, default=0.0, help="of the recordings' strains, in noise widths"
-    )
     parser.add_argument(
         "--drift", type=float, default=0.0, metavar="W", help="drift of W noise widths per 100 mm"
     )
@@ -434,9 +419,6 @@ def main() -> None:
         metavar="W",
         help="white noise of W (5) noise widths on one of the sixteen channels",
     )
-    parser.add_argument(
-        "--tared", action="store_true", help="give recordings of another fabric the mean strain of the map"
-    )
     given = parser.parse_args()
     on_map, recorded = _matching(given.maps), _matching(given.recordings)
     kinds = [kind for kind in given.kinds if not given.kidnap or kind in ("own", "speed")]
@@ -447,28 +429,13 @@ def main() -> None:
     ]
     if not pairs:
         parser.error("expected a map and a recording, found none that match")
-    configuration = load_configuration(None if given.configuration == "default" else given.configuration)
-    perturbation = Perturbation(
-        given.every,
-        given.resample,
-        given.speed,
-        given.scale,
-        given.offset,
-        given.drift,
-        given.noisy_channel,
-        given.tared,
-    )
+    perturbation = Perturbation(given.drift, given.noisy_channel)
     by_map: dict[Condition, list[Pair]] = {}
     for pair in pairs:
         by_map.setdefault(pair.map, []).append(pair)
-    common = configuration, perturbation, given.starts, given.kidnap
+    common = named_configuration(given.configuration), perturbation, given.starts, given.kidnap
     calls = [(mapped, own, *common) for mapped, own in by_map.items()]
-    rows: list[Row] = []
-    for own in in_parallel(measure_map, calls, given.jobs, "maps"):
-        rows = sorted(rows + own, key=lambda row: (KINDS.index(row["kind"]), row["map"], row["recording"]))
-        if given.json is not None:
-            write_rows(given.json, vars(given), rows, totals(rows))
-    show(rows)
+    show(measured(measure_map, calls, given, _order, totals))
 
 
 if __name__ == "__main__":

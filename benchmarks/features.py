@@ -21,7 +21,7 @@ feature, and has
 ``false_blank``, ``false_before``, ``false_none``
     how many blank sweeps, sweeps over the feature before contact, and sweeps over featureless material ever
     converge
-``seam_strains``, ``seam_sweeps``
+``foreign_strains``, ``foreign_sweeps``
     share of the strains after contact with the seam that are converged, and of the sweeps with such a strain
 ``update_us``, ``update_open_us``, ``learning_s``
     median of a measurement update that is converged, and of one that is not, us; processor time of learning
@@ -39,22 +39,31 @@ import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from measures import Row, ever_converged, falsely_converged, on_feature, on_unscanned, update_times
-from rows import in_parallel, print_rows, write_rows
-from simulated import read_us
+from measures import (
+    COLUMNS,
+    Row,
+    ever_converged,
+    falsely_converged,
+    on_feature,
+    on_unscanned,
+    read_us,
+    summary,
+    update_times,
+)
+from rows import accuracy_parser, measured, print_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
-from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.tradeoff import named_configuration
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
@@ -68,7 +77,7 @@ def measure_feature(
     scan = simulate_scan(feature, seed)
     own, blank, seam, none = (
         simulate_recording(material, seed, "test", sweeps=sweeps, reach_feature=reach)
-        for material, reach in ((feature, True), (feature, False), ("seam", True), ("none", True))
+        for material, reach in ((feature, True), (feature, False), ("foreign", True), ("none", True))
     )
     began = time.process_time()
     calibration = learn(scan, scene)
@@ -78,7 +87,7 @@ def measure_feature(
         rng = np.random.default_rng(seed)
         localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
         replayed = replay(localizer, own)
-        seam_strains, seam_sweeps = on_unscanned(replay(localizer, seam))
+        foreign_strains, foreign_sweeps = on_unscanned(replay(localizer, seam))
         rows.append(
             {
                 "seed": seed,
@@ -89,8 +98,8 @@ def measure_feature(
                 **falsely_converged(scene, replayed, configuration.convergence_radius),
                 "false_blank": ever_converged(replay(localizer, blank)),
                 "false_none": ever_converged(replay(localizer, none)),
-                "seam_strains": seam_strains,
-                "seam_sweeps": seam_sweeps,
+                "foreign_strains": foreign_strains,
+                "foreign_sweeps": foreign_sweeps,
                 "learning_s": learning_s,
                 **update_times(replayed, read_us(scan)),
             }
@@ -103,48 +112,14 @@ def bare(scene: Scene, region: bool) -> Scene:
     return replace(scene, measurement={}, feature=scene.feature if region else None)
 
 
-_COUNTS = ("false_blank", "false_before", "false_none", "sweeps")
-_COLUMNS = {
-    "error_mm": ("error", ".2f"),
-    "error_settled_mm": ("settled", ".2f"),
-    "coverage": ("cover", ".3f"),
-    "coverage_contact": ("contact", ".3f"),
-    "within_5_mm": ("in 5 mm", ".3f"),
-    "within_10_mm": ("in 10 mm", ".3f"),
-    "false_sweeps": ("false sweeps", ".3f"),
-    "false_strains": ("strains", ".4f"),
-    "false_blank": ("blank", "d"),
-    "false_before": ("before", "d"),
-    "false_none": ("none", "d"),
-    "seam_strains": ("seam, strains", ".3f"),
-    "seam_sweeps": ("sweeps", ".3f"),
-    "learning_s": ("learning, s", ".1f"),
-    "update_us": ("update, us", ".0f"),
-    "update_open_us": ("open", ".0f"),
-}
-
-
 def totals(rows: Sequence[Row]) -> list[Row]:
     """Over all rows, of each feature, seed and threshold: counts summed, other measures averaged."""
-    groups: list[tuple[Row, list[Row]]] = [({"over": "all"}, list(rows))]
+    answer = [{"over": "all", **summary(rows)}]
     for over in ("feature", "seed", "probability"):
         for value in dict.fromkeys(row[over] for row in rows):
-            groups.append(({"over": over, over: value}, [row for row in rows if row[over] == value]))
-    answer = []
-    for what, own in groups:
-        summed = {key: sum(row[key] for row in own) for key in _COUNTS}
-        known = {key: [row[key] for row in own if row[key] is not None] for key in _COLUMNS}
-        averaged = {
-            key: float(np.mean(values)) for key, values in known.items() if values and key not in _COUNTS
-        }
-        answer.append({**what, **summed, **averaged})
+            own = [row for row in rows if row[over] == value]
+            answer.append({"over": over, over: value, **summary(own)})
     return answer
-
-
-def show(rows: Sequence[Row]) -> None:
-    """Print the rows, and below them the totals."""
-    every = [{**row, "seed": row.get("seed", row["over"])} for row in totals(rows)]
-    print_rows(("seed", "feature", "probability", "sweeps"), _COLUMNS, rows, every)
 
 
 def convergence_figure(rows: Sequence[Row]) -> Figure:
@@ -153,7 +128,7 @@ def convergence_figure(rows: Sequence[Row]) -> Figure:
     curves = (
         ("within_10_mm", "over the feature, 10 mm after contact", "o-", "tab:green"),
         ("within_5_mm", "over the feature, 5 mm after contact", "o-", "tab:blue"),
-        ("seam_sweeps", "false, on a seam that was not scanned", "s--", "tab:red"),
+        ("foreign_sweeps", "false, on a seam that was not scanned", "s--", "tab:red"),
         ("false_sweeps", "false, on the feature", "^--", "tab:orange"),
     )
     figure = Figure(figsize=(7.6, 3.4), layout="constrained")
@@ -179,32 +154,25 @@ def convergence_figure(rows: Sequence[Row]) -> Figure:
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = accuracy_parser(__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[81, 82, 83])
     parser.add_argument("--features", nargs="+", choices=SIMULATED_FEATURES, default=SIMULATED_FEATURES)
     parser.add_argument("--sweeps", type=int, default=18, help="of each kind")
     parser.add_argument("--no-region", action="store_true", help="scenes without the feature's region")
-    parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
     parser.add_argument("--probabilities", type=float, nargs="+", metavar="P")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw convergence over --probabilities")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
-    parser.add_argument("--json", type=Path, metavar="FILE")
     given = parser.parse_args()
-    base = load_configuration(None if given.configuration == "default" else given.configuration)
+    base = named_configuration(given.configuration)
     configurations = [
         replace(base, convergence_probability=probability)
         for probability in given.probabilities or [base.convergence_probability]
     ]
     common = configurations, not given.no_region, given.sweeps
     calls = [(feature, seed, *common) for seed in given.seeds for feature in given.features]
-    rows: list[Row] = []
-    for own in in_parallel(measure_feature, calls, given.jobs, "scans"):
-        rows = sorted(rows + own, key=lambda row: (row["seed"], row["feature"], row["probability"]))
-        if given.json is not None:
-            write_rows(given.json, vars(given), rows, totals(rows))
-    show(rows)
+    names = ("seed", "feature", "probability")
+    rows = measured(measure_feature, calls, given, itemgetter(*names), totals)
+    every = [{**row, "seed": row.get("seed", row["over"])} for row in totals(rows)]
+    print_rows((*names, "sweeps"), COLUMNS, rows, every)
     if given.plot is not None:
         convergence_figure(rows).savefig(given.plot, dpi=120)
 

@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.offline.metrics import covered, position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
 Row = dict[str, Any]
+
+COLUMNS = {
+    "error_mm": ("error", ".2f"),
+    "error_settled_mm": ("settled", ".2f"),
+    "coverage": ("cover", ".3f"),
+    "coverage_contact": ("contact", ".3f"),
+    "within_5_mm": ("in 5 mm", ".2f"),
+    "within_10_mm": ("in 10 mm", ".2f"),
+    "converged": ("converged", ".2f"),
+    "false_sweeps": ("false sweeps", ".3f"),
+    "false_strains": ("strains", ".4f"),
+    "false_before": ("before", "d"),
+    "false_blank": ("blank", "d"),
+    "false_none": ("none", "d"),
+    "foreign_strains": ("foreign strains", ".3f"),
+    "foreign_sweeps": ("sweeps", ".2f"),
+    "update_us": ("update, us", ".0f"),
+    "update_open_us": ("open", ".0f"),
+    "update_reads": ("reads", ".1f"),
+    "update_open_reads": ("open", ".1f"),
+    "learning_s": ("learning, s", ".1f"),
+}
+"""Heading and format of each measure."""
+
+COUNTS = ("sweeps", "false_before", "false_blank", "false_none")
+"""Measures that are numbers of sweeps."""
 
 SETTLED_M = 0.004
 """Travel from contact after which an error counts as settled, m."""
@@ -61,6 +89,16 @@ def falsely_converged(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: flo
     }
 
 
+def summary(rows: Sequence[Row]) -> Row:
+    """Over rows: their counts summed, and the means of their other measures."""
+    answer: Row = {}
+    for key in (*COUNTS, *COLUMNS):
+        known = [row[key] for row in rows if row.get(key) is not None]
+        if known:
+            answer[key] = sum(known) if key in COUNTS else float(np.mean(known))
+    return answer
+
+
 def standard_errors(
     measure: Callable[[Sequence[ReplayedSweep]], Row], sweeps: Sequence[ReplayedSweep]
 ) -> Row:
@@ -99,6 +137,17 @@ def update_times(sweeps: Sequence[ReplayedSweep], read: float) -> Row:
         row[f"{name}_us"] = median
         row[f"{name}_reads"] = None if median is None else median / read
     return row
+
+
+def read_us(scan: Scan) -> float:
+    """Median time of one read (the sum) of the training strains as float32, µs."""
+    strain = scan.strain.astype(np.float32)
+    times = []
+    for _ in range(200):
+        began = time.perf_counter()
+        strain.sum()
+        times.append(time.perf_counter() - began)
+    return 1e6 * float(np.median(times))
 
 
 def _from_contact(sweep: ReplayedSweep) -> np.ndarray:

@@ -169,10 +169,9 @@ def compare(scan: Scan, scene: Scene, strains: np.ndarray) -> list[dict[str, Any
 
 if __name__ == "__main__":
     from rows import print_rows
-    from simulated import paper_sized_scan
 
-    from tactile_localizer.sim import shipped_scene
+    from tactile_localizer.sim import shipped_scene, simulate_scan
 
-    scan = paper_sized_scan()
+    scan = simulate_scan("bump", 1)
     measured = compare(scan, shipped_scene("bump"), scan.strain[:: len(scan) // 50])
     print_rows(("name",), {"value": ("us", ".0f"), "ratio": ("times own", ".1f")}, measured)

@@ -44,8 +44,8 @@ default. ``--lines K`` uses every K-th line. ``--odometry-noise K`` multiplies t
 and leaves the localizer unaware of it; ``--process-noise K`` multiplies both. ``--gauge-noise FACTOR`` raises
 the white noise of all channels of ``test`` and ``blank`` to that many times its standard deviation in
 ``train``, ``--noisy-channel WIDTHS`` adds white noise of so many of them to their first channel. ``--seeds``
-repeats everything with other noise. The file of ``--json`` has ``arguments``, ``rows`` and ``totals``, the
-means over all rows.
+repeats everything with other noise. The file of ``--json`` has ``arguments``, ``rows`` and ``totals``:
+counts summed over all rows, other measures averaged.
 """
 
 from __future__ import annotations
@@ -54,37 +54,39 @@ import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-import argparse
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from measures import (
+    COLUMNS,
     Row,
     ever_converged,
     falsely_converged,
     on_feature,
     on_unscanned,
+    read_us,
     standard_errors,
+    summary,
     update_times,
 )
-from rows import in_parallel, print_rows, write_rows
-from simulated import read_us
+from rows import accuracy_parser, measured, print_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, scan_of
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.odometry import SIMULATED, with_odometry
 from tactile_localizer.offline.replay import ReplayedSweep, replay
+from tactile_localizer.offline.tradeoff import named_configuration
 from tactile_localizer.scene import Scene
 
 PASSES = ("both", "1", "2")
@@ -256,38 +258,17 @@ def learned_values(values: Mapping[str, Any]) -> Row:
 
 
 _NAMES = ("folder", "passes", "lines", "noise", "gauge", "channel", "seed")
-_COLUMNS = {
-    "error_mm": ("error", ".2f"),
-    "error_settled_mm": ("settled", ".2f"),
-    "coverage": ("cover", ".3f"),
-    "coverage_contact": ("contact", ".3f"),
-    "within_5_mm": ("in 5 mm", ".2f"),
-    "within_10_mm": ("in 10 mm", ".2f"),
-    "converged": ("converged", ".2f"),
-    "false_sweeps": ("false sweeps", ".2f"),
-    "false_strains": ("strains", ".4f"),
-    "false_before": ("before", "g"),
-    "false_blank": ("blank", "g"),
-    "foreign_strains": ("foreign strains", ".3f"),
-    "foreign_sweeps": ("sweeps", ".2f"),
-    "update_us": ("update, us", ".0f"),
-    "update_open_us": ("open", ".0f"),
-    "update_reads": ("reads", ".1f"),
-    "update_open_reads": ("open", ".1f"),
-    "learning_s": ("learning, s", ".1f"),
-}
 
 
 def totals(rows: Sequence[Row]) -> list[Row]:
-    """Means over all rows, of what they know."""
-    known = {key: [row[key] for row in rows if row.get(key) is not None] for key in _COLUMNS}
-    return [{"folder": "mean", **{key: float(np.mean(values)) for key, values in known.items() if values}}]
+    """Over all rows: counts summed, other measures averaged."""
+    return [{"folder": "all", **summary(rows)}]
 
 
 def show(rows: Sequence[Row]) -> None:
     """Print the rows, with what of their variants differs, their means, and what was learned."""
     varied = [name for name in _NAMES[1:] if len({row[name] for row in rows}) > 1]
-    print_rows(("folder", *varied, "sweeps"), _COLUMNS, rows, totals(rows))
+    print_rows(("folder", *varied, "sweeps"), COLUMNS, rows, totals(rows))
     for row in rows:
         learned = ", ".join(f"{name} {value}" for name, value in row["learned"].items())
         print(f"{row['folder']}, passes {row['passes']}, lines {row['lines']}: {learned}")
@@ -295,12 +276,8 @@ def show(rows: Sequence[Row]) -> None:
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = accuracy_parser(__doc__)
     parser.add_argument("folders", type=Path, nargs="+", metavar="DIR")
-    parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
-    parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--passes", nargs="+", choices=PASSES, default=["both"])
     parser.add_argument("--lines", type=int, nargs="+", default=[1], metavar="K", help="every K-th line")
     parser.add_argument("--odometry-noise", type=float, nargs="+", default=[1.0], metavar="K")
@@ -308,35 +285,16 @@ def main() -> None:
     parser.add_argument("--gauge-noise", type=float, nargs="+", default=[1.0], metavar="FACTOR")
     parser.add_argument("--noisy-channel", type=float, nargs="+", default=[0.0], metavar="WIDTHS")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="of the noise")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     given = parser.parse_args()
     if min(given.gauge_noise) < 1.0:
         parser.error(f"--gauge-noise: expected at least 1, got {min(given.gauge_noise):g}")
-    configuration = load_configuration(None if given.configuration == "default" else given.configuration)
-    variants = [
-        Variant(*values)
-        for values in product(
-            given.passes,
-            given.lines,
-            given.odometry_noise,
-            given.process_noise,
-            given.gauge_noise,
-            given.noisy_channel,
-        )
-    ]
+    configuration = named_configuration(given.configuration)
+    variants = product(*(getattr(given, name) for name in Variant._fields))
     calls = [
-        (folder, variant, configuration, seed)
-        for folder in given.folders
-        for variant in variants
-        for seed in given.seeds
+        (folder, Variant(*values), configuration, seed)
+        for folder, values, seed in product(given.folders, variants, given.seeds)
     ]
-    rows: list[Row] = []
-    for own in in_parallel(measure_folder, calls, given.jobs, "folders"):
-        rows += own
-        rows.sort(key=lambda row: [row[key] for key in _NAMES])
-        if given.json is not None:
-            write_rows(given.json, vars(given), rows, totals(rows))
-    show(rows)
+    show(measured(measure_folder, calls, given, itemgetter(*_NAMES), totals))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,33 @@ def in_parallel(
             for done, rows in enumerate(results):
                 show(what, done / len(calls))
                 yield rows
+
+
+def accuracy_parser(description: str) -> argparse.ArgumentParser:
+    """Parser of the options of every accuracy benchmark."""
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    return parser
+
+
+def measured(
+    function: Callable[..., list[Row]],
+    calls: Sequence[tuple[Any, ...]],
+    given: argparse.Namespace,
+    order: Callable[[Row], Any],
+    totals: Callable[[Sequence[Row]], list[Row]],
+) -> list[Row]:
+    """The rows of all calls in their ``order``; those so far and their ``totals`` are in the JSON file."""
+    rows: list[Row] = []
+    for own in in_parallel(function, calls, given.jobs, "measuring"):
+        rows = sorted(rows + own, key=order)
+        if given.json is not None:
+            write_rows(given.json, vars(given), rows, totals(rows))
+    return rows
 
 
 def write_rows(path: Path, arguments: Mapping[str, Any], rows: Sequence[Row], totals: Sequence[Row]) -> None:
