@@ -77,7 +77,7 @@ def measure_feature(
     scan = simulate_scan(feature, seed)
     own, blank, seam, none = (
         simulate_recording(material, seed, "test", sweeps=sweeps, reach_feature=reach)
-        for material, reach in ((feature, True), (feature, False), ("foreign", True), ("none", True))
+        for material, reach in ((feature, True), (feature, False), ("seam", True), ("none", True))
     )
     began = time.process_time()
     calibration = learn(scan, scene)

@@ -55,11 +55,6 @@ class ChannelLayout:
         return np.repeat(np.arange(self.phalanges), self.counts)
 
     @cached_property
-    def _uniform(self) -> int:
-        """Number of channels per phalanx if all have the same; 0 if they differ."""
-        return self.counts[0] if len(set(self.counts)) == 1 else 0
-
-    @cached_property
     def _starts(self) -> np.ndarray:
         return np.array([part.start for part in self.slices])
 
@@ -73,8 +68,6 @@ class ChannelLayout:
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Sums over the channels of each phalanx, (..., C) to (..., F)."""
-        if self._uniform:
-            return np.asarray(self._reshaped(values).sum(axis=-1))
         return np.add.reduceat(values, self._starts, axis=-1)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
@@ -83,14 +76,9 @@ class ChannelLayout:
 
     def all(self, flags: np.ndarray) -> np.ndarray:
         """Whether all channels of each phalanx have their flag set, (..., C) to (..., F) bool."""
-        if self._uniform:
-            return np.asarray(self._reshaped(flags).all(axis=-1))
         return np.logical_and.reduceat(flags, self._starts, axis=-1)
 
     def place(self, element: int) -> tuple[int, int]:
         """Phalanx index of an element of the strain vector, and its channel number there, from 1."""
         phalanx = int(self.phalanx[element])
         return phalanx, element - self.slices[phalanx].start + 1
-
-    def _reshaped(self, values: np.ndarray) -> np.ndarray:
-        return values.reshape(*values.shape[:-1], self.phalanges, self._uniform)

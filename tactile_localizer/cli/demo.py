@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from tactile_localizer.cli import main
-from tactile_localizer.cli.seeds import add_seed_argument
+from tactile_localizer.cli.recordings import add_seed_argument
 from tactile_localizer.errors import LiveError
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 

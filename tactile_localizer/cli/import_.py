@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from tactile_localizer.cli.recording_options import (
+from tactile_localizer.cli.recordings import (
     add_bag_arguments,
     add_csv_arguments,
     add_gap_argument,

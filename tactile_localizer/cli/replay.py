@@ -13,11 +13,11 @@ from tactile_localizer.cli.recordings import (
     add_configuration_arguments,
     add_recording_arguments,
     add_scan_arguments,
+    add_seed_argument,
     configuration_from_arguments,
     odometry_from_arguments,
     scan_from_arguments,
 )
-from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.cli.seeds import add_seed_argument
+from tactile_localizer.cli.recordings import add_seed_argument
 from tactile_localizer.io.csv.columns import channel_names
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import save_scene

@@ -13,10 +13,10 @@ from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
     add_scan_arguments,
+    add_seed_argument,
     odometry_from_arguments,
     scan_from_arguments,
 )
-from tactile_localizer.cli.seeds import add_seed_argument
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.scans.learned import learned_calibration

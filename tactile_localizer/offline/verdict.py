@@ -21,6 +21,9 @@ class Verdict:
 
     A sweep is *wrong* if it is ever converged with an error beyond the convergence radius, at any estimate.
     It is *right* if it has converged at its end and was never wrong. Without a truth no sweep is wrong.
+    To converge *early* is no failure where it is right: nobody who acts on the position is misled, and what
+    is marked as contact is a threshold, below which a finger may feel the feature. A sweep that was early and
+    off is wrong.
 
     Parameters
     ----------

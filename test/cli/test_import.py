@@ -1,6 +1,7 @@
 """The command `import`."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -182,6 +183,11 @@ def test_missing_columns_print_a_naming_to_fill_in(folder, run):
     quantities = ["stamp_s", "pose_stamp_s", "x", "y", "index", "middle"]
     assert [line.split(":")[0] for line in lines] == quantities
     assert "pass it by --columns FILE" in refusal
+    columns = ("time", "t_ms*0.001", "px", "px", "taxel1..8", "taxel9..16")
+    for quantity, column in zip(quantities, columns, strict=True):
+        printed = re.sub(f"^{quantity}: ", f"{quantity}: {column} ", printed, flags=re.MULTILINE)
+    (folder / "filled.yaml").write_text(printed)
+    assert run("csv touch.csv --poses poses.csv --columns filled.yaml --scene scene.yaml -o own_scan")[0] == 0
 
 
 def test_an_import_that_loses_most_rows_fails(folder, run):

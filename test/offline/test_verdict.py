@@ -59,11 +59,6 @@ def test_a_sweep_that_was_ever_converged_off_the_position_is_wrong() -> None:
     assert counts(right, replayed(errors, converged=np.arange(10) > 5, **TOUCHES))[-1]
 
 
-def test_blank_sweeps_that_never_converge_do_not_count() -> None:
-    right = replayed(np.zeros((10, 2)), converged=LATE, **TOUCHES)
-    assert counts(right, replayed(np.zeros((10, 2)), **NONE)) == (1, 1, 0, 0, 0, True)
-
-
 def test_a_wrong_yaw_is_a_wrong_position() -> None:
     scene = replace(SHEET, axes=(SHEET.axes[0], Axis("yaw", -math.pi, math.pi)))
     turned = replayed([[0.0, 2 * math.pi - 0.1], [0.0, 0.3]], converged=[True, True])

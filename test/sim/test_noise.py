@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.sim.noise import child, rough, smooth
+from tactile_localizer.sim.noise import rough, smooth
 
 
 @pytest.mark.parametrize("process", [rough, smooth])
@@ -16,10 +16,3 @@ def test_noise_has_unit_variance_from_the_first_sample(process, correlation):
 def test_correlation_length_is_as_given():
     noise = rough(np.random.default_rng(2), 2, 200_000, 1.0)
     assert np.mean(noise[0] * noise[1]) == pytest.approx(np.exp(-1), abs=0.02)
-
-
-def test_child_generators_are_independent():
-    first = child(1, 2, 3).random()
-    child(1, 2, 4).random()
-    assert child(1, 2, 3).random() == first
-    assert child(1, 2, 4).random() != first != child(2, 2, 3).random()

@@ -27,10 +27,9 @@ from support.waiting import wait_until
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings
-from tactile_localizer.io.can.driver import LoadCellDriver
+from tactile_localizer.io.can.driver import OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE, ERROR_WARNING
 from tactile_localizer.io.can.protocol import FrameKind
-from tactile_localizer.io.can.reader import OPEN, WAITING
 
 pytestmark = pytest.mark.skipif("IN_CAN_KERNEL" not in os.environ, reason="`make test-socketcan` runs it")
 

@@ -69,9 +69,9 @@ def read_messages(path: str | Path, wanted: Mapping[str, Wanted]) -> BagMessages
     """
     path = Path(path)
     found = BagMessages()
-    if not _has_storage(path):
-        raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), found none")
     try:
+        if not (path.is_dir() or path.is_file()):
+            raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), found none")
         with AnyReader([path], default_typestore=typestore()) as reader:
             found.topics.update({each.topic: each.msgtype for each in reader.connections})
             connections = [each for each in reader.connections if each.topic in wanted]
@@ -97,17 +97,9 @@ def read_messages(path: str | Path, wanted: Mapping[str, Wanted]) -> BagMessages
     except (ScanError, SceneError):
         raise
     except Exception as error:  # as above
-        raise ScanError(f"{path}: expected a readable bag, {_one_line(error)} ({_repair(path)})") from None
+        repair = "`ros2 bag reindex`, `mcap recover` or sqlite3 `.recover` may repair it"
+        raise ScanError(f"{path}: expected a readable bag, {_one_line(error)}; {repair}") from None
     return found
-
-
-def _has_storage(path: Path) -> bool:
-    """Whether a file, or one in a directory, is named as the storage of a bag."""
-    try:
-        files = list(path.iterdir()) if path.is_dir() else [path]
-        return any({".mcap", ".db3"} & set(file.suffixes) for file in files if file.is_file())
-    except OSError:  # no permission, the name is too long
-        return False
 
 
 def typestore() -> Typestore:
@@ -117,16 +109,6 @@ def typestore() -> Typestore:
         text = resource_path(f"msg/{name}.msg").read_text(encoding="utf-8")
         store.register(get_types_from_msg(text, f"tactile_localizer/msg/{name}"))
     return store
-
-
-def _repair(path: Path) -> str:
-    """Command that may repair a bag."""
-    files = [path] if path.is_file() else sorted(path.glob("*.mcap"))
-    if path.is_dir() and not (path / "metadata.yaml").exists():
-        return f"`ros2 bag reindex {path}` makes it"
-    if files and files[0].suffix == ".mcap":
-        return f"repair: `mcap recover {files[0]} -o recovered.mcap`"
-    return "repair: `sqlite3 FILE.db3 .recover`"
 
 
 def _one_line(error: Exception) -> str:

@@ -1,23 +1,94 @@
-"""Driver of a hand's load cells: receive thread, decoding, assembly of cycles, and tare."""
+"""Driver of a hand's load cells: reads a CAN bus in a thread, whatever happens to its interface.
+
+Absent, down and lost are one state: the bus is waited for. A socket of the kernel stays open while its
+interface is down or its controller off the bus, and then delivers again; any other bus is opened again.
+
+Only this thread accesses the bus, so the bus is never closed during a read. The thread waits for frames in
+short steps and therefore stops within a fraction of a second.
+"""
 
 from __future__ import annotations
 
+import errno
+import threading
 import time
+import traceback
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import can
 import numpy as np
+from can.interfaces.socketcan import SocketcanBus
 
+from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
-from tactile_localizer.io.can.bus import BusSettings, open_bus
+from tactile_localizer.io.can.bus import (
+    AbsentBusError,
+    BusSettings,
+    Link,
+    ReceiveQueue,
+    link_of,
+    open_bus,
+    receive_queue,
+)
+from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, read_error_frame
 from tactile_localizer.io.can.protocol import LoadCellProtocol
-from tactile_localizer.io.can.reader import LONGEST_WAIT_S, CanReader
 from tactile_localizer.io.can.tare import tare_offset
 
+OPEN = "open"
+WAITING = "waiting"
+CLOSED = "closed"
 
-class LoadCellDriver(CanReader):
+LONGEST_WAIT_S = 0.1
+"""Longest wait for a frame, after which the thread checks whether it should stop, s."""
+
+MAX_BATCH_FRAMES = 256
+"""Most frames delivered at once if the thread has fallen behind."""
+
+RETRY_S = 0.1
+"""Period of attempts to open a bus, s; opening fails or succeeds within a few milliseconds."""
+
+_POLL_PERIOD_S = 0.5
+"""Period of reading the interface and its receive queue, s; diagnostics are published every second."""
+
+_EPOCH_TOLERANCE_S = 3600.0
+"""Difference from the system's clock from which stamps are those of an adapter's own clock, s."""
+
+
+@dataclass
+class BusStatus:
+    """State of the bus, written only by the receive thread.
+
+    Attributes
+    ----------
+    state : ``open``, ``waiting`` (for an interface that is absent, down or lost), ``closed``
+    controller : last known state of the CAN controller (:mod:`~tactile_localizer.io.can.error_frames`)
+    error : reason of the last failure; empty before the first
+    error_s : system time of the last failure, s
+    reconnects : number of times that the bus was open again after a failure or a request
+    unreadable : number of messages of the interface that were not frames
+    errors : number of errors by kind that error frames reported
+    queue : kernel's receive queue
+    queue_drops : frames that the kernel dropped because the queue was full
+    link : interface of the kernel; ``None`` without one
+    foreign : frames received by the interface since the last one that was delivered to the reader
+    """
+
+    state: str = CLOSED
+    controller: str = ERROR_ACTIVE
+    error: str = ""
+    error_s: float = 0.0
+    reconnects: int = 0
+    unreadable: int = 0
+    errors: Counter[str] = field(default_factory=Counter)
+    queue: ReceiveQueue = field(default_factory=lambda: ReceiveQueue(0, 0))
+    queue_drops: int = 0
+    link: Link | None = None
+    foreign: int = 0
+
+
+class LoadCellDriver:
     """Reads load cells in a thread and delivers cycles.
 
     Parameters
@@ -25,13 +96,15 @@ class LoadCellDriver(CanReader):
     protocol : layout of the frames
     bus : bus to open
     on_cycle : called in the receive thread with each cycle, after subtraction of the tare offset
+    log : called with a line when the bus fails or its controller changes its state
+    note : called with a line when the bus is open, also after a failure
     period_s : period of the samples, s; 0: estimated
     max_age_s : age from which frames are discarded, s: when the thread was late, the newest ones are used
-    reader : log of :class:`~tactile_localizer.io.can.reader.CanReader`
 
     Attributes
     ----------
     protocol, bus, max_age_s : as given
+    status : state of the bus
     offset : (C,) V, subtracted from each strain vector
     assembler : assembly of the frames, with its period
     counts : totals of frames, cycles and phalanges
@@ -44,21 +117,58 @@ class LoadCellDriver(CanReader):
         protocol: LoadCellProtocol,
         bus: BusSettings,
         on_cycle: Callable[[Cycle], None],
+        log: Callable[[str], None],
+        note: Callable[[str], None],
         *,
         period_s: float = 0.0,
         max_age_s: float = 0.2,
-        **reader: Any,
     ) -> None:
-        super().__init__(bus.receive_buffer, **reader)
-        self.protocol = protocol
+        self.protocol, self.bus, self.max_age_s = protocol, bus, max_age_s
+        self.status = BusStatus()
         self.offset = np.zeros(protocol.channels.size)
-        self.read_ns = time.time_ns()
-        self.late_ns = 0
-        self.bus, self.max_age_s = bus, max_age_s
-        self._on_cycle = on_cycle
+        self.read_ns, self.late_ns = time.time_ns(), 0
         self.assembler = CycleAssembler(protocol, period_s)
         self.counts = self.assembler.counts
+        self._on_cycle, self._log, self._note = on_cycle, log, note
         self._at_rest: list[Cycle] | None = None  # cycles during a tare
+        self._stop = threading.Event()
+        self._wake = threading.Event()  # the thread shall stop, or reopen the bus
+        self._thread: threading.Thread | None = None
+        self._drops_before = 0  # of earlier buses
+        self._next_poll_s = 0.0
+        self._is_foreign = True  # whether no frame was read since the last poll
+
+    def start(self) -> None:
+        """Start the thread, which opens the bus as soon as that is possible.
+
+        Raises
+        ------
+        CanError
+            There is no such bus; it is not merely absent or down.
+        """
+        if self._thread is not None and self._thread.is_alive():
+            raise CanError("CAN receive thread: expected it to have stopped, it is still running")
+        try:
+            bus = self._open_bus()
+        except AbsentBusError:
+            bus = None
+        self._stop.clear()
+        self._wake.clear()
+        self._thread = threading.Thread(target=self._run, args=(bus,), name="can-reader", daemon=True)
+        self._thread.start()
+
+    def stop(self, timeout_s: float = 1.0) -> bool:
+        """Stop the thread and close the bus; returns whether that succeeded within ``timeout_s``."""
+        if self._thread is None:
+            return True
+        self._stop.set()
+        self._wake.set()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def reconnect(self) -> None:
+        """Close and reopen the bus without delay."""
+        self._wake.set()
 
     def tare(self, duration_s: float, spread_limit: float) -> np.ndarray:
         """Average the strain for ``duration_s``, and subtract it from now on; returns the offset (C,), V.
@@ -81,10 +191,122 @@ class LoadCellDriver(CanReader):
     def _open_bus(self) -> can.BusABC:
         return open_bus(self.bus, self.protocol)
 
-    def _interrupted(self) -> None:
-        self.assembler.reset()
+    def _run(self, bus: can.BusABC | None) -> None:
+        while not self._stop.is_set():
+            try:
+                if bus is None:
+                    self._deliver([])
+                    bus = self._open_bus()
+                self._read(bus)
+            except Exception as error:
+                self._wait_for_bus(error)
+                is_down = getattr(error, "error_code", None) == errno.ENETDOWN
+                if is_down and isinstance(bus, SocketcanBus):
+                    continue
+            self._close(bus)
+            bus = None
+            self._wake.wait(RETRY_S)
+            self._wake.clear()
+        self._close(bus)
+        self.status.state = CLOSED
+
+    def _read(self, bus: can.BusABC) -> None:
+        self._next_poll_s = 0.0
+        wait_s = 0.0
+        while not self._wake.is_set():
+            messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))  # fails if the interface is down
+            if time.monotonic() >= self._next_poll_s or (messages and self.status.state != OPEN):
+                self._poll(bus)  # frames also wait in the queue of an interface that is down
+            self._update_status(messages)
+            wait_s = self._deliver(messages)
+
+    def _collect(self, bus: can.BusABC, wait_s: float) -> list[can.Message]:
+        """The frames that wait, or the first one that is received within ``wait_s``."""
+        messages: list[can.Message] = []
+        while len(messages) < MAX_BATCH_FRAMES:
+            message = self._receive(bus, 0.0 if messages else wait_s)
+            if message is None:
+                break
+            messages.append(message)
+        return messages
+
+    def _receive(self, bus: can.BusABC, wait_s: float) -> can.Message | None:
+        try:
+            message = bus.recv(wait_s)
+        except can.CanOperationError as error:
+            if error.__cause__ is None or isinstance(error.__cause__, OSError):
+                raise
+            self.status.unreadable += 1  # the bus works, but the message was not a frame
+            return None
+        if message is not None and abs(time.time() - message.timestamp) > _EPOCH_TOLERANCE_S:
+            message.timestamp = time.time()  # instead of an adapter's clock, of unknown origin and rate
+        return message
+
+    def _update_status(self, messages: list[can.Message]) -> None:
+        for message in messages:
+            if message.is_error_frame:
+                errors, state = read_error_frame(message)
+                self.status.errors.update(errors)
+                self._set_controller(state or self.status.controller)
+                continue
+            link = self.status.link
+            if self.status.controller == BUS_OFF or link is None or not link.controller:
+                self._set_controller(ERROR_ACTIVE)  # the kernel does not know, or not yet
+            self._is_foreign, self.status.foreign = False, 0
+
+    def _set_open(self) -> None:
+        if self.status.state != OPEN:
+            self.status.reconnects += self.status.state == WAITING
+            self.status.state = OPEN
+            self.assembler.reset()  # frames may have been missed without a trace
+            limit, wanted = self.status.queue.limit, self.bus.receive_buffer
+            short = f", with a receive buffer of {limit} instead of {wanted} bytes (net.core.rmem_max)"
+            self._note("CAN bus: open" + (short if 0 < limit < wanted else ""))
+
+    def _set_controller(self, state: str) -> None:
+        before, self.status.controller = self.status.controller, state
+        if state != before:
+            self._log(f"CAN controller: {state}")
+            if BUS_OFF in (state, before):
+                self.assembler.reset()
+
+    def _wait_for_bus(self, error: Exception) -> None:
+        reason = str(error) if isinstance(error, CanError) else str(error.__cause__ or error)
+        if not isinstance(error, CanError | can.CanError | OSError | ValueError):  # a bug in this package
+            reason = traceback.format_exc()
+        if (self.status.state, self.status.error) != (WAITING, reason):  # once, not at every attempt
+            self._log(f"waiting for the CAN bus: {reason}")
+        self.status.state, self.status.error, self.status.error_s = WAITING, reason, time.time()
+
+    def _close(self, bus: can.BusABC | None) -> None:
+        if bus is None:
+            return
+        self.status.state = WAITING
+        self._read_queue(bus)
+        self._drops_before = self.status.queue_drops
+        try:
+            bus.shutdown()
+        except Exception as error:  # interfaces raise many types of exceptions; the thread must continue
+            self._log(f"CAN bus: could not be closed: {error}")
+
+    def _poll(self, bus: can.BusABC) -> None:
+        """Read what the kernel knows about the bus."""
+        self._next_poll_s = time.monotonic() + _POLL_PERIOD_S
+        self._read_queue(bus)
+        link, before = link_of(bus), self.status.link
+        if link is not None and before is not None and self._is_foreign:
+            self.status.foreign += max(0, link.received - before.received)
+        self.status.link, self._is_foreign = link, True
+        if link is None or link.is_up:
+            self._set_open()
+            self._set_controller((link and link.controller) or self.status.controller)
+
+    def _read_queue(self, bus: can.BusABC) -> None:
+        self.status.queue = receive_queue(bus) or ReceiveQueue(0, 0)
+        self.status.queue_drops = self._drops_before + self.status.queue.drops
 
     def _deliver(self, messages: list[can.Message]) -> float:
+        """Use frames in order of reception, possibly none; returns how long it can wait for the next, s."""
         now_ns = self.read_ns = time.time_ns()
         if messages:
             self.read_ns = round(messages[-1].timestamp * 1e9)

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
-from tactile_localizer.offline.axes import MM, display_units, label_axis, literal
+from tactile_localizer.offline.axes import MM, axis_label, display_units, literal
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
@@ -75,10 +75,10 @@ def _maps(
             plot.set_title(f"{literal(phalanx)}, channel {channel + 1}", fontsize=10)
         if place < count:
             plot.set_aspect("auto" if "yaw" in tactile_map.axes else "equal")
-            row, column = divmod(place, columns)
-            label_axis(plot, "x", tactile_map.axes[0], inches=row == 0, label=place + columns >= count)
-            is_last = place in (columns - 1, count - 1)
-            label_axis(plot, "y", tactile_map.axes[1], inches=is_last, label=column == 0)
+            if place + columns >= count:
+                plot.set_xlabel(axis_label(tactile_map.axes[0]))
+            if place % columns == 0:
+                plot.set_ylabel(axis_label(tactile_map.axes[1]))
     bar = figure.colorbar(colours, ax=plots, extend="both")
     bar.set_label(f"strain minus that\nof featureless material, {literal(unit)}")
     figure.suptitle(literal(f"{tactile_map.scene.name}: {title}, by the palm's position"))
@@ -108,8 +108,7 @@ def _profiles(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> F
         if scene.feature is not None:
             lower, upper = _palm_limits(scene.feature, _phalanx(scene, phalanx), scene)
             plot.axvspan(*display_units(axis, np.array([lower[0], upper[0]])), color="black", alpha=0.08)
-    label_axis(plots[0], "x", axis, label=False)
-    label_axis(plots[-1], "x", axis, inches=False)
+    plots[-1].set_xlabel(axis_label(axis))
     plots[0].legend(loc="upper right", fontsize=8, ncols=4)
     figure.supylabel(f"channel: strain minus its median, {literal(unit)}", fontsize=10)
     figure.suptitle(literal(f"{scene.name}: strain of phalanx {phalanx}, by the palm's position"))

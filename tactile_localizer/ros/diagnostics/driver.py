@@ -9,10 +9,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_localizer.io.can.driver import LoadCellDriver
+from tactile_localizer.io.can.driver import OPEN, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE
 from tactile_localizer.io.can.protocol import FrameKind
-from tactile_localizer.io.can.reader import OPEN
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 
 _MIN_JUMPS = 10

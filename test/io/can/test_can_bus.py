@@ -66,9 +66,3 @@ def test_the_receive_buffer_has_the_given_size(
     assert receive_queue(bus).drops == 1000 - received > 0  # type: ignore[union-attr]
     sender.shutdown()
     bus.shutdown()
-
-
-def test_a_bus_without_socket_has_no_queue() -> None:
-    bus = open_bus(BusSettings("virtual", "no socket", receive_buffer=1000))
-    assert receive_queue(bus) is None
-    bus.shutdown()

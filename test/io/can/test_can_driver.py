@@ -15,9 +15,8 @@ from support.waiting import wait_until
 
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings
-from tactile_localizer.io.can.driver import LoadCellDriver
+from tactile_localizer.io.can.driver import OPEN, LoadCellDriver
 from tactile_localizer.io.can.protocol import FrameKind
-from tactile_localizer.io.can.reader import OPEN
 
 HAND = protocol()
 

@@ -11,7 +11,6 @@ from tactile_localizer.core.geometry.synchronization import interpolate_poses
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ColumnNaming,
-    MissingColumnError,
     load_naming,
     naming_from_dict,
     naming_from_pairs,
@@ -108,21 +107,6 @@ def test_columns_can_be_named(tmp_path):
     assert sweep.strain_unit == "counts"
     listed = naming_from_pairs(["index=" + ",".join(header[2:]), "stamp_s=time", "x=pos_mm"], ColumnNaming())
     np.testing.assert_allclose(read_csv(path, LINE, listed).sweeps[0].strain, [np.arange(8)])
-
-
-def test_a_missing_column_gives_a_naming_to_fill_in(tmp_path):
-    header = ["time", "pos_mm", *(f"gauge{gauge}" for gauge in range(1, 9))]
-    path = write(tmp_path / "a.csv", header, [[1, 7, *range(8)], [2, 8, *range(8)]])
-    with pytest.raises(
-        MissingColumnError, match=r"column for stamp_s .* found time, pos_mm, gauge1, gauge2, "
-    ) as missing:
-        read_csv(path, LINE)
-    template = missing.value.template
-    assert "\n" not in str(missing.value)
-    filled = template.replace("stamp_s: ", "stamp_s: time*0.01 ").replace("\nx: ", "\nx: pos_mm*0.001 ")
-    (tmp_path / "filled.yaml").write_text(filled.replace("index: ", "index: gauge1..8 "))
-    (sweep,) = read_csv(path, LINE, load_naming(tmp_path / "filled.yaml")).sweeps
-    np.testing.assert_allclose(sweep.position[:, 0], [0.007, 0.008])
 
 
 def test_more_channels_than_the_scene_has_are_refused(tmp_path):

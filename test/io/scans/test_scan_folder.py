@@ -70,16 +70,6 @@ def test_numpy_reads_a_sweep(tmp_path):
         np.testing.assert_array_equal(found[name], values)
 
 
-def test_readers_see_a_sweep_in_progress(tmp_path):
-    scan = record(tmp_path / "scan", sweeps=1)
-    with ScanWriter(scan.path, SCENE) as writer:
-        sweep = writer.begin_sweep()
-        sweep.append(*pairs(5, seed=9))
-        assert [(len(sweep), sweep.ending) for sweep in scan.sweeps()] == [(10, "ended"), (5, "ended early")]
-        sweep.end()
-    assert scan.sweeps()[1].ending == "ended"
-
-
 def test_a_dropped_sweep_is_moved_and_its_number_stays_in_use(tmp_path):
     scan = record(tmp_path / "scan")
     (scan.path / "dropped").mkdir()
@@ -87,12 +77,6 @@ def test_a_dropped_sweep_is_moved_and_its_number_stays_in_use(tmp_path):
     assert [sweep.number for sweep in scan.sweeps()] == [1, 2]
     with ScanWriter(scan.path, SCENE) as writer:
         assert writer.begin_sweep().number == 4
-
-
-def test_merging_is_copying(tmp_path):
-    one, two = record(tmp_path / "one", sweeps=2), record(tmp_path / "two", sweeps=3)
-    shutil.copy(two.path / "sweep_0003.npy", one.path)
-    assert [sweep.number for sweep in one.sweeps()] == [1, 2, 3]
 
 
 def of_another_unit(path):

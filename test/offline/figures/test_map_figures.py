@@ -1,4 +1,4 @@
-"""Figures of a scan: channels in one colour scale, millimetres and inches."""
+"""Figures of a scan: channels in one colour scale, millimetres."""
 
 import numpy as np
 import pytest
@@ -61,12 +61,10 @@ def test_the_region_is_outlined_in_palm_coordinates(scan):
     assert drawn.index(box) > drawn.index(mesh), "what is drawn later lies above"
 
 
-def test_axes_have_millimetres_and_inches(scan):
+def test_axes_have_millimetres(scan):
     figure = scan_figures(scan, SCENE)["map_index"]
-    labels = {plot.get_xlabel() for plot in figure.axes} | {
-        child.get_xlabel() for plot in figure.axes for child in plot.child_axes
-    }
-    assert {"x, mm", "x, inch"} <= labels
+    assert [plot.get_xlabel() for plot in figure.axes[:8]] == 4 * [""] + 4 * ["x, mm"]
+    assert [plot.get_ylabel() for plot in figure.axes[:8]] == 2 * ["y, mm", "", "", ""]
     np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
 
 

@@ -8,21 +8,24 @@ from collections.abc import Callable, Iterator
 
 import can
 import pytest
+from support.load_cells import protocol
 from support.waiting import wait_until
 
 from tactile_localizer.errors import CanError
-from tactile_localizer.io.can.bus import AbsentBusError
+from tactile_localizer.io.can.bus import AbsentBusError, BusSettings
+from tactile_localizer.io.can.driver import CLOSED, OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, NO_ACKNOWLEDGEMENT, OTHER
-from tactile_localizer.io.can.reader import CLOSED, OPEN, WAITING, CanReader
 
 
-class Line(CanReader):
-    """A reader at one end of a virtual bus; its interface can be taken away."""
+class Line(LoadCellDriver):
+    """A driver at one end of a virtual bus, which keeps the frames; its interface can be taken away."""
 
-    def __init__(self, channel: str, up: bool = True, receive_buffer: int = 0) -> None:
+    def __init__(self, channel: str, up: bool = True) -> None:
         self.log: list[str] = []
         self.notes: list[str] = []
-        super().__init__(receive_buffer, self.log.append, self.notes.append)
+        bus = BusSettings("virtual", channel)
+        super().__init__(protocol(), bus, print, self.log.append, self.notes.append)
+        self.assembler.reset = self._interrupted  # type: ignore[method-assign]
         self.channel = channel
         self.up = up
         self.opened: list[can.BusABC] = []
