@@ -6,7 +6,6 @@ Together with the figures of `test/regression` they fail when a mechanism of the
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from tactile_localizer.core.hypotheses.explanations import (
     RETURN_RATE,
     Explanations,
 )
-from tactile_localizer.core.likelihood.drift import Drift, innovations
+from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend, innovations
 from tactile_localizer.core.likelihood.evaluation import Likelihoods
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
@@ -182,26 +181,29 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
     return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), 0.002)
 
 
-def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[Likelihoods, Any]:
-    """Likelihoods of what featureless material feels like at a yaw, and the trend after it."""
+def felt_at_yaw(
+    yaw: float, weights: np.ndarray, model: SweepMixture
+) -> tuple[Likelihoods, Innovation, Trend]:
+    """Likelihoods and innovation of what featureless material feels like at a yaw, and the trend after it."""
     places, log_weights = np.tile(YAWS, 2)[:, None], np.log(weights)
     nodes, expected = model.expected(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
-    return model.evaluate(nodes, len(YAWS), 0, innovation, np.ones(1, bool)), trend
+    return model.evaluate(nodes, len(YAWS), 0, innovation, np.ones(1, bool)), innovation, trend
 
 
 def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -> None:
     weights = np.exp(-0.5 * ((YAWS - 0.05) / 0.04) ** 2)
-    found, _ = felt_at_yaw(YAWS[5], weights / weights.sum(), turned_material())
+    found, innovation, _ = felt_at_yaw(YAWS[5], weights / weights.sum(), turned_material())
     assert found.states.argmax() == found.anchors.argmax() == 5
     assert found.states[5] == pytest.approx(0.0, abs=1e-4), "no residual"
+    np.testing.assert_allclose(innovation.strain + innovation.turned, YAWS[5] * TURNING, rtol=1e-6)
 
 
 def test_the_variance_of_the_yaw_counts_as_noise() -> None:
     """The level is that of a Kalman filter with the variance of the strain about the mean yaw as noise."""
     weights, level_variance = np.full(41, 1.0 / 41.0), 5.0
-    _, trend = felt_at_yaw(0.1, weights, turned_material(level_variance))
+    _, _, trend = felt_at_yaw(0.1, weights, turned_material(level_variance))
     noise = 1.0 + np.var(YAWS) * TURNING**2
     np.testing.assert_allclose(trend.level, 0.1 * TURNING * level_variance / (level_variance + noise))
 
