@@ -1,8 +1,9 @@
 """Registration error, from held-out sweeps that are registered to the others.
 
 Fingers flex, material stretches and recordings start late, which shifts sweeps against each other. The shift
-of a held-out sweep is tracked by a Kalman filter, linear about the true positions, with the measurement model
-that the localizer has. The variance added to that of the filter maximizes the predictive density of these
+of a held-out sweep is tracked by a Kalman filter, linear about the true positions, with the variances and the
+exponents that the localizer has, but for the gain of the signal: what a sweep's gain looks like counts as a
+shift. The variance added to that of the filter maximizes the predictive density of these
 shifts.
 """
 

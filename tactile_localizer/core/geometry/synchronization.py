@@ -174,13 +174,9 @@ class Pairing(Generic[T]):
         if np.shape(position) != (len(self._axes),) or not np.all(np.isfinite(position)):
             names = ", ".join(axis.name for axis in self._axes)
             raise MeasurementError(f"palm position: expected finite {names}, got {position}")
-        newest = self.newest_pose_ns
-        done: list[Pair[T]] = []
-        if newest is not None and stamp_ns <= newest:
-            if newest - stamp_ns <= self._length_ns:
-                self.late += 1
-                return []
-            done = self._reset()
+        done = self._arrived(stamp_ns, self.newest_pose_ns)
+        if done is None:
+            return []
         self._pose_ns.append(stamp_ns)
         self._poses.append(np.asarray(position, dtype=np.float64))
         # Deleting only once half of the poses are old makes the cost per pose constant.
@@ -192,14 +188,10 @@ class Pairing(Generic[T]):
     def add_strain(self, stamp_ns: int, measurement: T) -> list[Pair[T]]:
         """Add a strain vector; returns the pairs that are now complete, by stamp."""
         newest = self._newest_strain_ns
-        done: list[Pair[T]] = []
-        if newest is not None and stamp_ns <= newest:
-            if newest - stamp_ns <= self._length_ns:
-                self.late += 1
-                return []
-            done = self._reset()
-        elif newest is not None:
-            self.forward_jumps += stamp_ns - newest > self._patience_ns
+        done = self._arrived(stamp_ns, newest)
+        if done is None:
+            return []
+        self.forward_jumps += newest is not None and stamp_ns - newest > self._patience_ns
         self._newest_strain_ns = stamp_ns
         self._waiting.append((stamp_ns, measurement))
         return done + self._complete()
@@ -231,7 +223,13 @@ class Pairing(Generic[T]):
         )
         return positions[0] if found[0] else None
 
-    def _reset(self) -> list[Pair[T]]:
+    def _arrived(self, stamp_ns: int, newest_ns: int | None) -> list[Pair[T]] | None:
+        """Pairs that end where time jumps back; ``None``: the stamp is late by the newest of its topic."""
+        if newest_ns is None or stamp_ns > newest_ns:
+            return []
+        if newest_ns - stamp_ns <= self._length_ns:
+            self.late += 1
+            return None
         self.resets += 1
         self._newest_strain_ns = None
         self._pose_ns.clear()

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
@@ -251,11 +252,6 @@ def _shrink(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
 
 
 def _smoothed(values: np.ndarray, slices: list[slice]) -> np.ndarray:
-    """Moving averages of values (n, C) along each track."""
-    return np.concatenate([moving_average(values[own], round(_SMOOTHING / PITCH)) for own in slices])
-
-
-def moving_average(values: np.ndarray, width: int) -> np.ndarray:
-    """Averages over ``width`` of values (n, C) along a track, padded by the values at its ends."""
-    padded = np.pad(values, ((width // 2, (width - 1) // 2), (0, 0)), mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).mean(axis=-1))
+    """Moving averages of values (n, C) along each track, as if those at its ends continued."""
+    width = round(_SMOOTHING / PITCH)
+    return np.concatenate([uniform_filter1d(values[own], width, axis=0, mode="nearest") for own in slices])
