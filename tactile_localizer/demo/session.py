@@ -16,6 +16,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.srv import SetParameters
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -71,7 +72,7 @@ class Operator:
     """
 
     def __init__(self, bag: BagWriter, check: Callable[[], None]) -> None:
-        self._bag, self._check, self._interrupted = bag, check, threading.Event()
+        self._bag, self._interrupted = bag, threading.Event()
         self._handlers = {
             number: signal.signal(number, lambda *_: self._interrupted.set())
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -79,11 +80,18 @@ class Operator:
         }
         self.newest: dict[str, Any] = {topic: kind() for topic, kind in TOPICS.items()}
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node, self._executor = Node("operator"), SingleThreadedExecutor()
+        # Thousands of messages arrive per second; each entity that the executor waits for delays them all.
+        self._node, self._executor = (
+            Node("operator", start_parameter_services=False),
+            SingleThreadedExecutor(),
+        )
         self._executor.add_node(self._node)
+        self._node.create_timer(_POLL_S, check)
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         for topic, kind in TOPICS.items():
             quality = _STRAIN if kind is StrainVectors else _DEPTH
-            self._node.create_subscription(kind, topic, partial(self._on_message, topic), quality, raw=True)
+            receive = partial(self._on_message, topic)
+            self._node.create_subscription(kind, topic, receive, quality, event_callbacks=silent, raw=True)
 
     def close(self) -> None:
         """Leave the ROS graph."""
@@ -115,8 +123,7 @@ class Operator:
                 raise KeyboardInterrupt
             if time.monotonic() > deadline:
                 raise LiveError(f"waited {_TIMEOUT_S:g} s for {what}")
-            self._executor.spin_once(timeout_sec=_POLL_S)
-            self._check()
+            self._executor.spin_once()
 
     def call(self, kind: Any, service: str, request: Any = None) -> None:
         """Call a service.
