@@ -72,6 +72,7 @@ def build_localizer(
         information_length,
         learned.presence_length,
         calibration.registration_std,
+        learned.quiet_energy(mixture),
         Anchors(scene, learned.scan.material.anchors),
     )
     say("ready", 1.0)

@@ -34,6 +34,10 @@ from tactile_localizer.scene import Scene
 UPDATE_PERIOD_NS = 8_000_000
 """Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
 passes an update distance with every strain; an update for each would take longer than they take to come."""
+ENERGY_MEMORY = 0.025
+"""m over which the energy of a sweep on featureless material is averaged. By judgement."""
+_LARGEST_SCALE = 4.0
+"""Largest factor of the variance of a visit in a sweep: another squeezing force, other slack."""
 _LARGEST_EXCESS = 100.0
 """Largest noise of a channel above the scan's, in variances of a visit; more is another sensor or unit."""
 _CHANGED = 0.2
@@ -95,6 +99,7 @@ class _Sweep(NamedTuple):
     explanations : probabilities of what explains the strain
     log_odds : of the map to chance
     strengths : (G, F) log-weights of the strengths of other material
+    energy : (F,) mean energy of the innovations from featureless material
     """
 
     weights: np.ndarray
@@ -103,6 +108,7 @@ class _Sweep(NamedTuple):
     explanations: Explanations
     log_odds: float
     strengths: np.ndarray
+    energy: np.ndarray
 
 
 class _Noisier(NamedTuple):
@@ -132,6 +138,7 @@ class Localizer:
     information_length, presence_length : m of travel per independent measurement of the position, and of the
         material
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
+    quiet_energy : (F,) usual energy of the scan's innovations from featureless material
     anchors : trajectories that represent the whole map
     """
 
@@ -147,6 +154,7 @@ class Localizer:
         information_length: float,
         presence_length: float,
         registration_std: np.ndarray,
+        quiet_energy: np.ndarray,
         anchors: Anchors,
     ) -> None:
         self.scene = scene
@@ -160,7 +168,7 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._consistency = PhalanxConsistency(scene.layout)
-        self._anchors = anchors
+        self._quiet_energy, self._anchors = quiet_energy, anchors
         self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
         self._updated_ns = 0
@@ -242,6 +250,7 @@ class Localizer:
             explanations=Explanations.start(anchors, only_map=self._correlation is not None),
             log_odds=-PRIOR,
             strengths=self.model.other.start(),
+            energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
         self._noisier = _Noisier(np.zeros(self.scene.layout.size), self.model, self._correlation)
@@ -269,10 +278,11 @@ class Localizer:
             sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
         )
         off_map, level_variance = model.off_map(innovation)
+        energy, scale = self._scale(sweep.energy, model.other.energy(off_map, level_variance), stretch)
         likeliest = int(prediction.log_weights.argmax())
-        likelihoods = model.evaluate(nodes, states, likeliest, innovation, used)
+        likelihoods = model.evaluate(nodes, states, likeliest, innovation, scale, used)
         other, strengths = model.other.update(
-            sweep.strengths, off_map, level_variance, likelihoods.resembling, used, exponent
+            sweep.strengths, off_map, level_variance, scale, likelihoods.resembling, used, exponent
         )
         position = likelihoods.states
         if self._position_model is not None:
@@ -302,7 +312,7 @@ class Localizer:
             masses = np.bincount(boxes, weights, minlength=len(self._anchors))
             log_odds = correlation.log_odds(sums, masses, far)
 
-        self._sweep = _Sweep(weights, trend, sums, explanations, log_odds, strengths)
+        self._sweep = _Sweep(weights, trend, sums, explanations, log_odds, strengths, energy)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
@@ -324,6 +334,13 @@ class Localizer:
                 correlation = correlation.with_noise(transform @ transform.T)
             self._noisier = _Noisier(excess, self.model.with_noise(excess), correlation)
         return self._noisier.model, self._noisier.correlation
+
+    def _scale(self, before: np.ndarray, energy: np.ndarray, travel: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean energy (F,) of the sweep off the map, and the factor (F,) of the variance that it shows."""
+        mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
+        if self._correlation is not None:
+            return mean, np.ones_like(mean)
+        return mean, (mean / self._quiet_energy).clip(1.0, _LARGEST_SCALE)
 
     def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""

@@ -51,11 +51,21 @@ class OtherMaterial:
         count = len(self._spread) + 1
         return np.full((count, self._layout.phalanges), -np.log(count))
 
+    def energy(self, strain: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
+        """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
+
+        Large ones are bounded as by the weights of the t-distribution.
+        """
+        widths = self._layout.widths
+        squared = self._layout.sum(np.square(strain)) / (self._variance + level_variance)
+        return np.asarray(squared * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + squared) / widths)
+
     def update(
         self,
         log_weights: np.ndarray,
         strain: np.ndarray,
         level_variance: np.ndarray,
+        scale: np.ndarray,
         resembling: np.ndarray,
         used: np.ndarray,
         exponent: float,
@@ -67,12 +77,13 @@ class OtherMaterial:
         log_weights : (G, F) of the strengths
         strain : (C,) innovation
         level_variance : (F,) of the level from which it deviates
+        scale : (F,) factor of the least variance in this sweep
         resembling : (F,) log-likelihood on material that resembles the map
         used : (F,) bool, phalanges that count
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = self._spread + layout.expand(self._variance + level_variance)
+        variance = self._spread + layout.expand(self._variance * scale + level_variance)
         squared = np.square(strain @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities = np.vstack([densities - 0.5 * layout.sum(np.log(variance)), resembling])

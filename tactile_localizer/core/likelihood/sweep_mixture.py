@@ -125,7 +125,13 @@ class SweepMixture:
         return strain, self.noise.layout.mean(innovation.level_variance)
 
     def evaluate(
-        self, nodes: np.ndarray, states: int, likeliest: int, innovation: Innovation, used: np.ndarray
+        self,
+        nodes: np.ndarray,
+        states: int,
+        likeliest: int,
+        innovation: Innovation,
+        scale: np.ndarray,
+        used: np.ndarray,
     ) -> Likelihoods:
         """Log-likelihoods of a strain at states and reference places.
 
@@ -135,6 +141,7 @@ class SweepMixture:
         states : their number P
         likeliest : index of the likeliest of them before this strain
         innovation : of the strain and of the map at these N places
+        scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
         places, gain = len(nodes), np.float32(self.map.gain)
@@ -151,6 +158,7 @@ class SweepMixture:
         if self._transform is not None:
             residual, expected = residual @ self._transform.T, expected @ self._transform.T
         variance = self._variance.take(rows, axis=1)
+        variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
         projected = gain * np.square(self._by_phalanx(residual * expected))
         gain_variance = gain * self._by_phalanx(np.square(expected, out=expected))

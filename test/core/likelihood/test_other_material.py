@@ -16,7 +16,7 @@ SIGNAL = np.zeros((4, 4))
 SIGNAL[:3, :3] = 40.0 * np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
 SIGNAL[3, 3] = 40.0
 MATERIAL = OtherMaterial(LAYOUT, SIGNAL, 1.3)
-NONE, BOTH, UNLIKE = np.zeros(2), np.ones(2, dtype=bool), np.full(2, -1e9)
+NONE, BOTH, SCALE, UNLIKE = np.zeros(2), np.ones(2, dtype=bool), np.ones(2), np.full(2, -1e9)
 EXPONENT = 0.3
 
 
@@ -29,7 +29,7 @@ def after(material: OtherMaterial, innovations: np.ndarray) -> np.ndarray:
     """Probabilities (G, F) of the strengths after innovations (n, C)."""
     log_weights = material.start()
     for innovation in innovations:
-        _, log_weights = material.update(log_weights, innovation, NONE, UNLIKE, BOTH, EXPONENT)
+        _, log_weights = material.update(log_weights, innovation, NONE, SCALE, UNLIKE, BOTH, EXPONENT)
     return np.asarray(np.exp(log_weights))
 
 
@@ -41,7 +41,9 @@ def test_its_likelihood_is_a_density() -> None:
     def density(strain: float) -> float:
         innovation, one = np.array([strain]), np.ones(1)
         resembling = stats.t(df=NU, loc=3.0).logpdf(strain) - log_constant(1)
-        total, _ = material.update(weights, innovation, 0.7 * one, resembling * one, one.astype(bool), 1.0)
+        total, _ = material.update(
+            weights, innovation, 0.7 * one, 2.0 * one, resembling * one, one.astype(bool), 1.0
+        )
         return float(np.exp(total + log_constant(1)))
 
     assert quad(density, -np.inf, np.inf, limit=200)[0] == pytest.approx(1.0, abs=1e-6)
@@ -50,12 +52,14 @@ def test_its_likelihood_is_a_density() -> None:
 def test_without_a_signal_it_is_featureless_material() -> None:
     featureless = np.full_like(MATERIAL.start(), -np.inf)
     featureless[0] = 0.0
-    innovation, level = np.array([1.0, -2.0, 0.5, 3.0]), np.array([0.7, 0.0])
+    innovation, level, scale = np.array([1.0, -2.0, 0.5, 3.0]), np.array([0.7, 0.0]), np.array([2.0, 1.0])
     with np.errstate(divide="ignore"):
-        total, _ = MATERIAL.update(featureless, innovation, level, UNLIKE, BOTH, EXPONENT)
+        total, _ = MATERIAL.update(featureless, innovation, level, scale, UNLIKE, BOTH, EXPONENT)
     expected = sum(
         stats.multivariate_t(np.zeros(size), variance * np.eye(size), df=NU).logpdf(own) - log_constant(size)
-        for size, variance, own in zip(LAYOUT.counts, 1.3 + level, LAYOUT.split(innovation), strict=True)
+        for size, variance, own in zip(
+            LAYOUT.counts, 1.3 * scale + level, LAYOUT.split(innovation), strict=True
+        )
     )
     assert total == pytest.approx(expected)
 
@@ -80,7 +84,7 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
 ) -> None:
     """Far off in every direction, also in those in which the map has no signal."""
     strain = volts * np.random.default_rng(0).standard_normal(4)
-    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, UNLIKE, BOTH, EXPONENT)
+    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, SCALE, UNLIKE, BOTH, EXPONENT)
     signal = np.array([np.linalg.eigvalsh(SIGNAL[own, own]).max() for own in LAYOUT.slices])
     there = log_density(LAYOUT.sum(strain**2), NONE, 0.1 * signal, NONE, LAYOUT.widths).sum()
     assert total > there
@@ -89,8 +93,8 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
 def test_what_resembles_the_map_is_other_material_of_its_own() -> None:
     """Far from featureless, and less likely in any strength of the signal than where the map expects it."""
     far, start = np.array([60.0, -60.0, 60.0, 20.0]), MATERIAL.start()
-    unlike, _ = MATERIAL.update(start, far, NONE, UNLIKE, BOTH, EXPONENT)
-    like, following = MATERIAL.update(start, far, NONE, np.zeros(2), BOTH, EXPONENT)
+    unlike, _ = MATERIAL.update(start, far, NONE, SCALE, UNLIKE, BOTH, EXPONENT)
+    like, following = MATERIAL.update(start, far, NONE, SCALE, np.zeros(2), BOTH, EXPONENT)
     assert like == pytest.approx(-LAYOUT.phalanges * np.log(len(start)), abs=0.1)
     assert unlike < like - 10.0
     np.testing.assert_array_equal(following.argmax(axis=0), len(start) - 1)
@@ -99,10 +103,17 @@ def test_what_resembles_the_map_is_other_material_of_its_own() -> None:
 def test_a_phalanx_that_does_not_count_changes_nothing() -> None:
     first, start = np.array([True, False]), MATERIAL.start()
     one, other = (np.array([1.0, 2.0, 3.0, last]) for last in (0.0, 1e6))
-    found = [MATERIAL.update(start, strain, NONE, UNLIKE, first, EXPONENT) for strain in (one, other)]
+    found = [MATERIAL.update(start, strain, NONE, SCALE, UNLIKE, first, EXPONENT) for strain in (one, other)]
     assert found[0][0] == found[1][0]
     for _, log_weights in found:
         np.testing.assert_array_equal(log_weights[:, 1], start[:, 1])
+
+
+def test_energy_is_in_variances_and_bounded() -> None:
+    """One, where the squared length is the number of channels; of outliers as much as a t-distribution's."""
+    unit = np.sqrt(1.3 + 0.7) * np.ones(4)
+    np.testing.assert_allclose(MATERIAL.energy(unit, np.full(2, 0.7)), 1.0)
+    np.testing.assert_allclose(MATERIAL.energy(1e9 * unit, NONE), (NU + LAYOUT.widths) / LAYOUT.widths)
 
 
 def test_it_is_the_same_material_in_other_coordinates() -> None:
@@ -111,7 +122,7 @@ def test_it_is_the_same_material_in_other_coordinates() -> None:
     transform = np.eye(4)
     transform[:3, :3] = rotation
     innovation, start = np.array([1.0, -20.0, 5.0, 3.0]), MATERIAL.start()
-    plain, _ = MATERIAL.update(start, innovation, NONE, UNLIKE, BOTH, EXPONENT)
+    plain, _ = MATERIAL.update(start, innovation, NONE, SCALE, UNLIKE, BOTH, EXPONENT)
     turned = MATERIAL.transformed(transform)
-    moved, _ = turned.update(start, transform @ innovation, NONE, UNLIKE, BOTH, EXPONENT)
+    moved, _ = turned.update(start, transform @ innovation, NONE, SCALE, UNLIKE, BOTH, EXPONENT)
     assert moved == pytest.approx(plain)

@@ -39,14 +39,16 @@ def evaluated(
     used: np.ndarray | None = None,
     level_variance: float = 0.0,
     likeliest: int = 0,
+    scale: np.ndarray | None = None,
 ) -> Likelihoods:
     """Likelihoods of a strain, V, of a sweep without an offset; the nodes of the map are the anchors."""
     layout = model.noise.layout
     nodes, expected = model.expected(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), expected, np.zeros_like(expected), level)
-    used = np.ones(layout.phalanges, dtype=bool) if used is None else used
-    return model.evaluate(nodes, NODES, likeliest, innovation, used)
+    every = np.ones(layout.phalanges)
+    scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
+    return model.evaluate(nodes, NODES, likeliest, innovation, scale, used)
 
 
 def log_constant(channels: int) -> float:
@@ -55,7 +57,7 @@ def log_constant(channels: int) -> float:
 
 
 def direct(
-    model: SweepMixture, node: int, volts: np.ndarray, inflation: float = 1.0, components: int = COMPONENTS
+    model: SweepMixture, node: int, volts: np.ndarray, scale: np.ndarray, components: int = COMPONENTS
 ) -> np.ndarray:
     """The log-densities (F,) at a node, by scipy and float64: visits differ in the gain of the signal."""
     found, strain = [], model.whitened(volts)
@@ -63,7 +65,7 @@ def direct(
         terms, size = [], own.stop - own.start
         for component in range(components):
             mean = model.map.mean[node, component, own].astype(np.float64)
-            shape = inflation * float(model.map.variance[node, component, phalanx]) * np.eye(size)
+            shape = scale[phalanx] * float(model.map.variance[node, component, phalanx]) * np.eye(size)
             shape += GAIN * np.outer(mean, mean)
             density = stats.multivariate_t(mean, shape, df=NU).logpdf(strain[own])
             prior = model.map.log_prior[node, component] if components > 1 else 0.0
@@ -76,13 +78,14 @@ def direct(
 def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) -> None:
     model, rng = mixture(counts), np.random.default_rng(1)
     for volts in (1.0, 10.0, 1e3):
-        strain, likeliest = volts * rng.standard_normal(sum(counts)), int(rng.integers(NODES))
-        found = evaluated(model, strain, likeliest=likeliest)
-        expected = [direct(model, node, strain).sum() for node in range(NODES)]
-        first = [direct(model, node, strain, components=1).sum() for node in range(NODES)]
+        strain, scale = volts * rng.standard_normal(sum(counts)), rng.uniform(1.0, 4.0, len(counts))
+        likeliest = int(rng.integers(NODES))
+        found = evaluated(model, strain, likeliest=likeliest, scale=scale)
+        expected = [direct(model, node, strain, scale).sum() for node in range(NODES)]
+        first = [direct(model, node, strain, scale, 1).sum() for node in range(NODES)]
         np.testing.assert_allclose(found.states, expected, atol=2e-3)
         np.testing.assert_allclose(found.anchors, first, atol=2e-3)
-        np.testing.assert_allclose(found.resembling, direct(model, likeliest, strain, 9.0), atol=2e-3)
+        np.testing.assert_allclose(found.resembling, direct(model, likeliest, strain, 9.0 * scale), atol=2e-3)
 
 
 def test_a_signal_of_another_force_fits_better_than_as_large_a_deviation_in_its_shape() -> None:
