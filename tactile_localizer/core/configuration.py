@@ -79,7 +79,7 @@ class Configuration:
     update_distance: float = 0.0005
     convergence_radius: float = 0.0075
     convergence_yaw_radius: float = 0.15
-    convergence_probability: float = 0.96
+    convergence_probability: float = 0.97
     convergence_travel: float = 0.001
 
     def __post_init__(self) -> None:

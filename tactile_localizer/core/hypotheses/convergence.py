@@ -30,14 +30,14 @@ class ConvergenceCriteria:
     radius : (d,) m (yaw: rad) about the estimate within which the hand has to be
     probability : that it is on the map and there, above which the position has converged
     sustain : m of travel over which this must hold
-    release : probability below which a converged position is lost, by judgement
+    release : probability below which a converged position is lost: it is more probably wrong
     unknown : probability of unknown material above which nothing on the map is searched for
     """
 
     radius: np.ndarray
-    probability: float = 0.96
+    probability: float = 0.97
     sustain: float = 0.001
-    release: float = 0.7
+    release: float = 0.5
     unknown: float = 0.95
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_localizer.core.likelihood.weights import normalize
 
-LEAST_OTHER = 0.05
+LEAST_OTHER = 0.03
 """Probability of other material before each strain, at least: what was felt until now does not show that the
 material is still the same. By judgement."""
 RELOCATION_RATE = 1.0

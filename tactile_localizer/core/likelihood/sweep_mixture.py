@@ -53,6 +53,7 @@ class SweepMixture:
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
         # A product with these columns sums over the channels of each phalanx.
         self._columns = layout.expand(np.eye(layout.phalanges, dtype=np.float32)).T
+        self._energy = self._by_phalanx(np.square(self._mean))
         self._transform: np.ndarray | None = None
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
@@ -65,6 +66,7 @@ class SweepMixture:
         volume = [np.log(np.diag(transform)[own]).sum() for own in self.noise.layout.slices]
         model.noise = replace(self.noise, log_volume=self.noise.log_volume + np.array(volume))
         model._transform, model.other = transform.astype(np.float32), self.other.transformed(transform)
+        model._energy = self._by_phalanx(np.square(self._mean @ model._transform.T))
         return model
 
     def innovation(
@@ -160,8 +162,8 @@ class SweepMixture:
         variance = self._variance.take(rows, axis=1)
         variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        projected = gain * np.square(self._by_phalanx(residual * expected))
-        gain_variance = gain * self._by_phalanx(np.square(expected, out=expected))
+        projected = gain * np.square(self._by_phalanx(np.multiply(residual, expected, out=expected)))
+        gain_variance = gain * self._energy.take(rows, axis=1)
         squared = self._by_phalanx(np.square(residual, out=residual))
 
         plain = log_density(squared, variance, self._channels, projected, gain_variance) * used[:, None]
