@@ -72,7 +72,7 @@ def trial(task: tuple[str, float]) -> np.ndarray:
     if name == "motion_std":
         scene = with_motion(scene, value)
     passes = int(value) if name == "passes" else 1
-    train = simulate_scan("bump", 1, "train", sweeps=passes * TRAINING_SWEEPS)
+    train = simulate_scan("bump", 1, sweeps=passes * TRAINING_SWEEPS)
     inside = screen(scene, train.states, train.strain, np.zeros((len(train), 2), np.uint8)) == USABLE
     if name == "lines":
         inside &= train.sweep % round(value / 2.54) == 0
