@@ -18,8 +18,9 @@ class OtherMaterial:
 
     The innovation v of phalanx f has the density sum over g of w_g t_8(v; 0, A I + g S_f), with S_f from the
     covariance of the map's own signal, A the least variance of a visit, and weights w_g that follow the
-    sweep. The eigenvalues of S_f are halfway, geometrically, between those of the signal and their mean. One
-    more component has the largest variance in all directions.
+    sweep. The eigenvalues of S_f are halfway, geometrically, between those of the signal and their mean. Two
+    more components are a signal with the largest variance in all directions, and material that resembles the
+    map, whose likelihood is given.
 
     Parameters
     ----------
