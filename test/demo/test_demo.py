@@ -55,7 +55,9 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     assert status == 0, demo.output
     assert (folder / "replay.png").stat().st_size > 10_000
     assert len(ScanFolder(folder / "scan").sweeps()) == 42
-    assert not any("Traceback" in log.read_text() for log in (folder / "log").glob("*.log"))
+    logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
+    assert logs.keys() == {"simulator", "driver", "mapping", "filter"}
+    assert not any("Traceback" in text for text in logs.values())
     wanted = {"/filter/posterior": Wanted("tactile_localizer/msg/Posterior", lambda m, _: m.covariance_trace)}
     bag = read_messages(folder / "bag", wanted)
     assert {"/strain", "/palm_pose", "/simulator/ground_truth", "/mapping/status"} <= set(bag.topics)
