@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_localizer.cli.outputs import require_picture, require_writable, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_configuration_arguments,
@@ -25,7 +26,6 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.metrics import with_contact
@@ -42,13 +42,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_seed_argument(parser)
     add_recording_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error along the travel (*.png)")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error (*.png, *.pdf, *.svg)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and print errors, convergence and the verdict; 0 if it is a success, else 1."""
-    if args.plot is not None:  # before the work, which would be lost without matplotlib
-        from tactile_localizer.offline.figures.replay import replay_figure
+    if args.json is not None:
+        require_writable(args.json)
+    if args.plot is not None:
+        require_picture(args.plot)
     scan, scene = scan_from_arguments(args)
     configuration = configuration_from_arguments(args)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
@@ -66,9 +68,9 @@ def run(args: argparse.Namespace) -> int:
         write_json(args.json, document, rows="updates")
         print(f"{args.json}: {document['summary']['strains']} updates")
     if args.plot is not None:
-        with whole_file(args.plot) as unfinished:
-            replay_figure(scene, sweeps).savefig(unfinished, dpi=120)
-        print(args.plot)
+        from tactile_localizer.offline.figures.replay import replay_figure
+
+        write_picture(args.plot, replay_figure(scene, sweeps))
     for line in filter(None, (*recording.notes, _misfit(scan, scene, recording))):
         print(f"note: {printable(line)}")
     _print(document, args.scan)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.cli.outputs import require_picture, write_picture
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import Recording, scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
-from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.offline.scan_quality import findings
 
 
@@ -61,14 +61,12 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _plot(args: argparse.Namespace) -> int:
+    require_picture(args.output / "map.png")
     # Importing matplotlib takes a second; no other action needs it.
     from tactile_localizer.offline.figures.tactile_map import scan_figures
 
     folder = ScanFolder(args.scan)
     figures = scan_figures(folder.load(), folder.scene, folder.sweeps()[0].strain_unit)
     for name, figure in figures.items():
-        path = args.output / f"{name.replace('/', '_')}.png"
-        with whole_file(path) as unfinished:
-            figure.savefig(unfinished, dpi=args.dpi)
-        print(path)
+        write_picture(args.output / f"{name.replace('/', '_')}.png", figure, args.dpi)
     return 0

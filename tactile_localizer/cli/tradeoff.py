@@ -9,6 +9,7 @@ from pathlib import Path
 
 import yaml
 
+from tactile_localizer.cli.outputs import require_picture, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -68,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
     """Measure, print the table, write picture and numbers; 1 where no candidate meets the request."""
     if args.target_mm is not None and not args.target_mm > 0:
         raise ParameterError(f"--target-mm: expected a positive number, got {args.target_mm:g}")
+    picture = args.output / "tradeoff.png"
+    require_picture(picture)
     scan, scene = scan_from_arguments(args)
     recording, _ = odometry_from_arguments(args, scene, args.recordings)
     named = [Candidate(Path(name).stem, named_configuration(name)) for name in args.configurations or ()]
@@ -89,11 +92,11 @@ def run(args: argparse.Namespace) -> int:
     _print(trades)
     for name, reason in failed.items():
         print(f"{name}: not measured, {reason}")
-    with whole_file(args.output / "tradeoff.png") as unfinished:
-        tradeoff_figure(trades).savefig(unfinished, dpi=120)
+    write_picture(picture, tradeoff_figure(trades))
     rows = [_row(one, trades[0]) for one in trades]
-    write_json(args.output / "tradeoff.json", {"candidates": rows, "not_measured": failed})
-    print(f"{args.output}/tradeoff.png, tradeoff.json")
+    numbers = args.output / "tradeoff.json"
+    write_json(numbers, {"candidates": rows, "not_measured": failed})
+    print(numbers)
     return 0 if args.target_mm is None else _choose(trades, args.target_mm, args.output)
 
 

@@ -89,6 +89,32 @@ def test_a_closed_pipe_ends_the_command_quietly() -> None:
         assert command.wait(30) == 141
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("replay a.csv --scan none --plot a.xyz", "a.xyz: expected a name that ends in .pdf, .png or .svg"),
+        ("replay a.csv --scan none --plot a", "a: expected a name that ends in .pdf, .png or .svg"),
+        ("replay a.csv --scan none --plot file/a.png", "file/a.png: could not be written, Not a directory"),
+        ("replay a.csv --scan none --plot a.png", "a.png: could not be written, Is a directory"),
+        ("replay a.csv --scan none --json a.png", "a.png: could not be written, Is a directory"),
+        ("tradeoff a.csv --scan none -o file", "file/tradeoff.png: could not be written, Not a directory"),
+        ("scan plot none -o file", "file/map.png: could not be written, Not a directory"),
+        ("replay a.csv --scan none --plot b.png", "none: expected a scan folder"),
+    ],
+)
+def test_outputs_are_checked_before_the_work(
+    tmp_path, monkeypatch, capsys: pytest.CaptureFixture, arguments: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    (tmp_path / "a.png").mkdir()
+    assert cli.main(arguments.split()) == 2
+    refusal = capsys.readouterr().err
+    assert refusal.startswith(f"error: {message}")
+    assert refusal.count("\n") == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "a.png"}
+
+
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
 @pytest.mark.parametrize("command", [["replay", "a.csv", "--scan", "a_scan"], ["simulate", "bump"], ["demo"]])
 def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.CaptureFixture) -> None:
