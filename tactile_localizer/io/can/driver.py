@@ -16,6 +16,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import can
 import numpy as np
@@ -217,8 +218,11 @@ class LoadCellDriver:
             messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))  # fails if the interface is down
             if time.monotonic() >= self._next_poll_s or (messages and self.status.state != OPEN):
                 self._poll(bus)  # frames also wait in the queue of an interface that is down
-            self._update_status(messages)
-            wait_s = self._deliver(messages)
+            # What was received before an error frame is used before the controller's new state.
+            starts = [0, *(k for k, message in enumerate(messages) if k and message.is_error_frame)]
+            for begin, end in pairwise([*starts, len(messages)]):
+                self._update_status(messages[begin:end])
+                wait_s = self._deliver(messages[begin:end])
 
     def _collect(self, bus: can.BusABC, wait_s: float) -> list[can.Message]:
         """The frames that wait, or the first one that is received within ``wait_s``."""

@@ -141,6 +141,19 @@ def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[...,
     assert len(one.opened) == 1
 
 
+def test_frames_before_a_bus_off_are_used_before_it(line: Callable[..., Line]) -> None:
+    one = line(up=False)
+    bus, received = can.Bus(interface="virtual", channel=one.channel), list[list[int]]()
+    one.send(1, 2)
+    one.send(0x40, is_error_frame=True)
+    one.send(3)
+    one.assembler.reset = lambda: received.append(one.received)  # type: ignore[method-assign]
+    one.opened.append(bus)
+    one._open_bus = lambda: bus  # type: ignore[method-assign]
+    one.wait_for(1, 2, 0x40, 3)
+    assert received == [[], [1, 2], [1, 2]], "the bus opens, goes off and returns"
+
+
 def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -> None:
     one = line()
     one.mistakes.append("a mistake")
