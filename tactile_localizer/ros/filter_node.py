@@ -229,7 +229,7 @@ class FilterNode(ManagedNode):
         timeout_s = self.parameters["stale_timeout_s"]
         arrived = self._arrivals.since({**self._inputs.received, "estimate": self._online.estimates})
         for name, last_ns in self._last_ns.items():
-            if arrived.get(name) or now_ns < last_ns:
+            if arrived.get(name) or not 0 < last_ns <= now_ns:  # simulated time starts, or restarts
                 self._last_ns[name] = now_ns
         oldest_ns = now_ns - timeout_s * NANOSECONDS
         self._silent = [topic for topic in _INPUTS if self._last_ns[topic] < oldest_ns]

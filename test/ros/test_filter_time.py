@@ -72,11 +72,12 @@ def test_without_a_clock_stamps_determine_the_time(filter_in_simulated_time, pro
 
 def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe):
     process, posteriors, hand = filter_in_simulated_time
-    clock = Clock(probe)
-    clock.show()
     slide(probe, hand, posteriors, 20)
-    clock.show()
+    reports = probe.diagnostics()
+    probe.until(lambda: len(reports) >= 2, "diagnostics before the clock, which is later than the strain")
     still = len(posteriors)
+    clock = Clock(probe)
+    clock.show_until_seen()
     wall = []
     probe.node.create_timer(1.5, lambda: wall.append(True))
     probe.until(lambda: wall, "a period longer than the timeout")
@@ -86,7 +87,7 @@ def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe
     clock.show()
     hand.offset_ns = clock.now_ns - int(hand.strain_ns[20])
     slide(probe, hand, posteriors, 20)
-    reports = probe.diagnostics()
+    reports.clear()
     probe.until(lambda: len(reports) >= 2, "diagnostics while the clock stands still")
     assert not posteriors[-1].stale, "a fresh estimate is not repeated as stale"
     clock.run(0.2)
