@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -33,12 +32,9 @@ BAD_PARAMETERS = {
 
 
 @pytest.fixture
-def parameters(simulated_can: dict[str, Any], tmp_path: Path) -> dict[str, Any]:
+def parameters(valid: dict[str, dict[str, Any]]) -> dict[str, Any]:
     return {
-        "interface": simulated_can["interface"],
-        "channel": simulated_can["channel"],
-        "bus_options": [f"port={simulated_can['port']}"],
-        "tare_file": str(tmp_path / "tare.yaml"),
+        **valid["driver"],
         "tare_duration_s": 1.0,  # enough for the 10 samples that a tare needs, even on a busy machine
         "period_s": 0.4,  # on a busy machine the test can pause between two frames,
         "max_age_s": 60.0,  # or the driver before it reads them
@@ -85,26 +81,6 @@ def test_an_invalid_configuration_ends_the_process(node_process: Callable[..., A
     assert node.wait() == 2
     assert "/nowhere/hand.dbc: expected a DBC file" in node.output
     assert len(node.lines) == 1
-
-
-def test_parameters_are_described_and_numbers_have_ranges(
-    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any
-) -> None:
-    from rcl_interfaces.srv import DescribeParameters, ListParameters
-
-    node_process("driver_node", parameters=parameters)
-    names = probe.call(ListParameters, "driver/list_parameters").result.names
-    of_rclpy = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-    own = [name for name in names if not name.startswith(of_rclpy)]
-    assert {"phalanges", "interface", "receive_buffer", "messages.index", "autostart"} <= set(own)
-    request = DescribeParameters.Request(names=own)
-    for descriptor in probe.call(DescribeParameters, "driver/describe_parameters", request).descriptors:
-        assert len(descriptor.description) > 10, descriptor.name
-        if descriptor.type == 2:
-            assert descriptor.integer_range, descriptor.name
-        if descriptor.type == 3:
-            assert descriptor.floating_point_range, descriptor.name
-            assert descriptor.description.endswith(("[s]", "[V]")), descriptor.name
 
 
 def values(arrays: list[Any], what: str) -> tuple[bytes, str, dict[str, str]]:
@@ -291,21 +267,3 @@ def test_two_hands_have_separate_diagnostics_and_tares(
     for hand in ("left", "right"):
         answer = probe.trigger(f"{hand}/driver/clear_tare")
         assert answer.message.endswith(f"stored in {tmp_path}/tactile_localizer/{hand}/tare.yaml")
-
-
-@pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_driver_promptly(
-    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand, sig: signal.Signals
-) -> None:
-    from tactile_localizer.msg import StrainVectors
-
-    strains = probe.listen(StrainVectors, "strain", probe.best_effort)
-    node = node_process("driver_node", parameters=parameters)
-
-    def flowing() -> bool:
-        hand.send()
-        return len(strains) > 20
-
-    probe.until(flowing, "strain")
-    assert node.stop(sig, timeout_s=3.0) == 0  # of which the thread takes at most 1
-    assert "Traceback" not in node.output

@@ -1,6 +1,7 @@
 """The installed filter node: strain and poses in, estimates out."""
 
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -19,11 +20,11 @@ from tactile_localizer.scene import Phalanx
 pytestmark = pytest.mark.ros
 
 
-@pytest.fixture(scope="module")
-def scan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scans") / "bump_scan"
-    write_scan(path)
-    return path
+HOSTILE_PATHS = (
+    "", ".", "..", "/", "x" * 5000, "x/" * 2000, "\x00", "a\x00b_scan", "~", "-", "%s%n", "[/bold]", "\n",
+    "ü" * 300, "/dev/zero", "/proc/self/mem", "file:bump_scan?mode=memory", ":memory:",
+    "folder_scan", "fifo_scan", "loop_scan",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -48,6 +49,9 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     write_scan(directory / "snap_scan", "snap", other)
     (directory / "foreign_scan").write_text("not a scan " * 100)
     (directory / "link_scan").symlink_to(scan_file)
+    (directory / "loop_scan").symlink_to("loop_scan")
+    (directory / "folder_scan").mkdir()
+    os.mkfifo(directory / "fifo_scan")
     node = start(scan_directory=directory)
     maps = probe.listen(PointCloud2, "filter/map", probe.latched)
     node.slide(50)
@@ -62,6 +66,10 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
         answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
         assert (answer.success, answer.result) == (False, result)
         assert reason in answer.message
+    for path in HOSTILE_PATHS:
+        answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
+        assert (answer.success, bool(answer.message), "\n" in answer.message) == (False, True, False), path
+        assert "unexpected" not in answer.message, f"{path}: {answer.message}"
     node.slide(5)
     assert node.fresh()[-1].travel > 0.01, "the belief is kept"
     assert len(maps) == 1
@@ -112,6 +120,7 @@ def test_live_parameters_keep_the_belief(start, probe):
     ):
         answer = probe.set_parameter("filter", name, value)
         assert answer.successful, answer.reason
+    assert "out of range" in probe.set_parameter("filter", "update_distance", np.nan).reason
     node.slide(1)
     after = node.fresh()[-1]
     np.testing.assert_allclose(after.mean, before.mean, atol=5e-3)

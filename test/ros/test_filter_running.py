@@ -11,16 +11,9 @@ import pytest
 from support.filter import CELL, Filter, initial_pose
 from support.probe import Probe
 from support.processes import Process, node_command
-from support.sweeps import SlidingHand, stamp_of, unseen_sweep, write_scan
+from support.sweeps import SlidingHand, stamp_of, unseen_sweep
 
 pytestmark = pytest.mark.ros
-
-
-@pytest.fixture(scope="module")
-def scan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scans") / "bump_scan"
-    write_scan(path)
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +38,20 @@ def node(running):
 @pytest.fixture
 def probe(running):
     return running.probe
+
+
+def slide_until(node, reason, **how):
+    """Slide, as slowly as the stamps say, until a posterior gives this reason (regular expression)."""
+    due_s = time.monotonic()
+
+    def given():
+        nonlocal due_s
+        if time.monotonic() >= due_s and node.hand.next < len(node.hand.strain_ns):
+            due_s = time.monotonic() + 0.05
+            node.hand.slide(1, **how)
+        return next((one for one in node.posteriors if re.match(reason, one.reason)), None)
+
+    return node.probe.until(given, reason)
 
 
 def test_missing_inputs_are_reported(node, probe):
@@ -96,15 +103,6 @@ def test_pose_flag_and_particles_agree_with_the_posterior(node, probe):
     assert reason.pose.position.y > 0.0508, "the text is above the map, not on the hand"
 
 
-def test_the_map_is_latched(node, probe):
-    from sensor_msgs.msg import PointCloud2
-
-    clouds = probe.listen(PointCloud2, "filter/map", probe.latched)
-    probe.until(lambda: clouds, "the map")
-    assert [field.name for field in clouds[0].fields][:4] == ["x", "y", "z", "intensity"]
-    assert clouds[0].width > 15_000
-
-
 def test_lost_strain_vectors_are_counted(node, probe):
     lost = node.count("strain_vectors_lost_in_transport")
     node.slide(10)
@@ -123,9 +121,7 @@ def test_without_poses_the_estimate_is_stale(node, probe):
     probe.known_to("filter")
     node.slide(100)
     last = node.fresh()[-1]
-    node.hand.slide(40, poses=False)
-    probe.until(lambda: node.posteriors[-1].reason.startswith("stale: no palm_pose, no estimate"), "stale")
-    stale = node.posteriors[-1]
+    stale = slide_until(node, "stale: no palm_pose, no estimate", poses=False)
     assert stale.stale
     assert (list(stale.mean), stamp_of(stale)) == (list(last.mean), stamp_of(last))
     assert not stale.converged
@@ -163,21 +159,10 @@ def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, monkey
     assert not node.fresh()
 
 
-def test_poses_that_are_ahead_are_not_taken_for_missing_strain(node, probe, monkeypatch):
+def test_poses_that_are_ahead_are_not_taken_for_missing_strain(node, monkeypatch):
     node.slide(20)
     monkeypatch.setattr(node.hand, "pose_ns", node.hand.pose_ns + 800_000_000)
-    reason = re.compile(r"stale: palm_pose: stamps are 0\.\d s ahead of the strain")
-    due = time.monotonic()
-
-    def is_stale():
-        """One more strain every 50 ms: a busy machine would otherwise reach the end of the way."""
-        nonlocal due
-        if time.monotonic() >= due and node.hand.next < len(node.hand.strain_ns):
-            due = time.monotonic() + 0.05
-            node.hand.slide(1)
-        return any(reason.match(one.reason) for one in node.posteriors)
-
-    probe.until(is_stale, "stale")
+    slide_until(node, r"stale: palm_pose: stamps are 0\.\d s ahead of the strain")
 
 
 def test_zero_stamps_are_ignored(node):

@@ -1,16 +1,9 @@
 """The filter in simulated time: clocks that stop, run and jump, looping bags, late subscribers."""
 
 import pytest
-from support.sweeps import START_NS, SlidingHand, stamp_of, unseen_sweep, write_scan
+from support.sweeps import START_NS, SlidingHand, stamp_of, unseen_sweep
 
 pytestmark = pytest.mark.ros
-
-
-@pytest.fixture(scope="module")
-def scan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scans") / "bump_scan"
-    write_scan(path)
-    return path
 
 
 class Clock:

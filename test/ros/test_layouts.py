@@ -8,7 +8,6 @@ import pytest
 import yaml
 from support.probe import Probe
 from support.processes import Process, node_command
-from support.sweeps import write_scan
 
 from tactile_localizer.resources import resource_path
 
@@ -25,10 +24,8 @@ SIMULATED = {"/simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
 
 
 @pytest.fixture(scope="module")
-def probe(tmp_path_factory):
+def probe(scan_file):
     """A probe beside a running filter."""
-    scan_file = tmp_path_factory.mktemp("scans") / "bump_scan"
-    write_scan(scan_file)
     process = Process(node_command("filter_node", {"scan_file": scan_file, "cell": 2.0}))
     probe = Probe()
     try:

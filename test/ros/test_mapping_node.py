@@ -214,49 +214,22 @@ def test_a_killed_recording_continues_with_a_new_sweep(node_process, probe, file
     assert [sweep.ending for sweep in sweeps] == ["ended early", "ended"]
 
 
-def missing_scene(files, tmp_path):
-    return {**files, "scene_file": tmp_path / "none.yaml"}, "none.yaml: expected a scene file"
-
-
-def no_scan_file(files, tmp_path):
-    return {"scene_file": files["scene_file"]}, "scan_file: expected a path, got none"
-
-
-def foreign_scan(files, tmp_path):
-    files["scan_file"].write_text("not a scan " * 100)
-    return files, "bump_scan: expected a folder that can be written, Not a directory"
-
-
-def scan_of_another_scene(files, tmp_path):
-    other = Scene("other", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
-    ScanWriter(files["scan_file"], other).close()
-    return files, "bump_scan: expected the name "
-
-
-def folder_that_cannot_be_made(files, tmp_path):
-    return {
-        **files,
-        "scan_file": tmp_path / "scene.yaml" / "bump_scan",
-    }, "expected a folder that can be written"
-
-
-def short_material_pose(files, tmp_path):
-    return {**files, "material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"
-
-
 @pytest.mark.parametrize(
-    "spoil",
+    ("parameters", "message"),
     [
-        missing_scene,
-        no_scan_file,
-        foreign_scan,
-        scan_of_another_scene,
-        folder_that_cannot_be_made,
-        short_material_pose,
+        ({"scene_file": "none.yaml"}, "none.yaml: expected a scene file"),
+        ({"scan_file": ""}, "scan_file: expected a path, got none"),
+        ({"scan_file": "file_scan"}, "file_scan: expected a folder that can be written, Not a directory"),
+        ({"scan_file": "scene.yaml/bump_scan"}, "expected a folder that can be written"),
+        ({"scan_file": "other_scan"}, "other_scan: expected the name "),
     ],
-    ids=lambda spoil: spoil.__name__,
 )
-def test_an_invalid_configuration_is_rejected_in_one_line(refusal, files, tmp_path, spoil):
-    parameters, message = spoil(files, tmp_path)
-    (line,) = refusal("mapping_node", parameters)
+def test_an_invalid_configuration_is_rejected_in_one_line(
+    refusal, files, tmp_path, monkeypatch, parameters, message
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file_scan").write_text("not a scan " * 100)
+    other = Scene("other", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
+    ScanWriter(tmp_path / "other_scan", other).close()
+    (line,) = refusal("mapping_node", files | parameters)
     assert message in line

@@ -79,15 +79,6 @@ def test_each_strain_between_poses_gives_an_estimate(online, sweep):
     assert online.last_error == ""
 
 
-def test_late_poses_give_the_same_estimates(localizer, known, online, sweep):
-    in_time = slide(online, sweep, 0, 20)
-    online = Stream(localizer, known)
-    assert [e for k in range(20) for e in add_strain(online, sweep, k)] == []
-    late = [e for k in range(21) for e in add_pose(online, sweep, k)]
-    assert [e.stamp_ns for e in late] == [e.stamp_ns for e in in_time]
-    np.testing.assert_array_equal([e.mean for e in late], [e.mean for e in in_time])
-
-
 def test_strain_in_a_pose_gap_gives_no_estimate(online, sweep):
     slide(online, sweep, 0, 10)
     for k in range(10, 20):

@@ -1,32 +1,17 @@
 """Reliability of the strain: best effort unless overridden."""
 
 import pytest
-from support.sweeps import scene_of, write_scan
-
-from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
 ENDS = {"driver": "publisher", "mapping": "subscription", "filter": "subscription"}
 
 
-@pytest.fixture
-def parameters(simulated_can, tmp_path):
-    write_scan(tmp_path / "bump_scan")
-    save_scene(scene_of(), tmp_path / "scene.yaml")
-    bus = {"interface": "udp_multicast", "bus_options": [f"port={simulated_can['port']}"]}
-    return {
-        "driver": {**bus, "channel": simulated_can["channel"], "tare_file": tmp_path / "tare.yaml"},
-        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
-        "filter": {"scan_file": tmp_path / "bump_scan", "cell": 2.0},
-    }
-
-
 @pytest.mark.parametrize("wanted", ["best_effort", "reliable"])
-def test_reliability_of_strain_can_be_overridden(node_process, probe, parameters, wanted):
+def test_reliability_of_strain_can_be_overridden(node_process, probe, valid, wanted):
     for node, end in ENDS.items():
         override = {f"qos_overrides./strain.{end}.reliability": wanted} if wanted != "best_effort" else {}
-        node_process(f"{node}_node", parameters[node] | override)
+        node_process(f"{node}_node", valid[node] | override)
 
     def reliabilities():
         infos = [

@@ -3,9 +3,7 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-from support.sweeps import scene_of, write_scan
 
-from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.resources import resource_path
 
 NAMESPACE = "/guarded"
@@ -42,21 +40,8 @@ def full_name(name, node):
 
 @pytest.mark.ros
 @pytest.mark.parametrize("node", NODES)
-def test_the_policy_matches_the_running_node(node_process, probe, simulated_can, tmp_path, node):
-    bus = {
-        "interface": simulated_can["interface"],
-        "channel": simulated_can["channel"],
-        "bus_options": [f"port={simulated_can['port']}"],
-    }
-    write_scan(tmp_path / "bump_scan")
-    save_scene(scene_of(), tmp_path / "scene.yaml")
-    parameters = {
-        "driver": {**bus, "tare_file": tmp_path / "tare.yaml"},
-        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
-        "filter": {"scan_file": tmp_path / "bump_scan", "cell": 2.0},
-        "simulator": bus,
-    }[node]
-    node_process(f"{node}_node", {"use_sim_time": True, **parameters}, namespace=NAMESPACE)
+def test_the_policy_matches_the_running_node(node_process, probe, valid, node):
+    node_process(f"{node}_node", {"use_sim_time": True, **valid[node]}, namespace=NAMESPACE)
     expected = allowed(node)
 
     def done():

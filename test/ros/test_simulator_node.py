@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from support.diagnostics import status_of
 from support.sweeps import stamp_of
-from support.waiting import wait_until
 
 from tactile_localizer.io.can.bus import BusSettings, open_bus
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
@@ -22,13 +21,6 @@ from tactile_localizer.sim.scan import sweep_plan
 pytestmark = pytest.mark.ros
 
 SPEED, CELL_HZ, POSE_HZ = 10.0, 20.0, 20.0
-
-
-@pytest.fixture
-def bus(simulated_can):
-    """Parameters of the bus."""
-    bus = {name: simulated_can[name] for name in ("interface", "channel")}
-    return {**bus, "bus_options": [f"port={simulated_can['port']}"]}
 
 
 @pytest.fixture
@@ -178,29 +170,6 @@ def test_a_sweep_is_prepared_and_excludes_another(start, hand, probe):
         answer = hand.call(service)
         assert not answer.success
         assert "sweeping" in answer.message
-
-
-def test_faults_can_be_injected_at_run_time(start, hand, frames, probe):
-    start(**{"fault.silent": ["index"]})
-    protocol = LoadCellProtocol(resource_path("config/loadcells.dbc"), ("index", "middle"))
-    probe.until(lambda: len(hand.poses) > 10, "palm poses")
-
-    def kinds_and_slots():
-        wait_until(lambda: frames.buffer.qsize() > 80, "frames")
-        classified = [protocol.classify(frame)[:2] for frame in drain(frames)[-60:]]
-        return {kind for kind, _ in classified}, {slot for kind, slot in classified if not kind}
-
-    kinds, slots = kinds_and_slots()
-    assert kinds == {FrameKind.DATA}
-    assert {protocol.phalanges[protocol.messages[slot].phalanx] for slot in slots} == {"middle"}
-
-    refused = probe.set_parameter("simulator", "fault.silent", ["thumb"])
-    assert refused.reason == "fault.silent: expected one of index, middle, got 'thumb'"
-
-    assert probe.set_parameter("simulator", "fault.garbage", 0.5).successful
-    drain(frames)
-    kinds, _ = kinds_and_slots()
-    assert {FrameKind.DATA, FrameKind.UNKNOWN_ID} <= kinds
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.filter import CELL, Filter
-from support.sweeps import SlidingHand, set_stamp, stamp_of, unseen_sweep, write_scan
+from support.sweeps import SlidingHand, set_stamp, stamp_of, unseen_sweep
 
 pytestmark = pytest.mark.ros
 
@@ -146,7 +146,7 @@ def test_a_looping_bag_clears_the_buffer() -> None:
     assert [x for _, x in begun_anew] == pytest.approx([1 + ms / 1000 for ms, _ in begun_anew])
 
 
-def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, tmp_path: Any) -> None:
+def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, scan_file: Any) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed: only a ROS 2 distribution has it")
     from geometry_msgs.msg import TransformStamped
     from tf2_msgs.msg import TFMessage
@@ -161,11 +161,8 @@ def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, tm
             transform.transform.rotation.w = 1.0
             self.tf.publish(TFMessage(transforms=[transform]))
 
-    write_scan(tmp_path / "bump_scan")
     parameters = {"pose_source": "tf", "palm_frame": "left_palm", "material_frame": "left_material"}
-    process = node_process(
-        "filter_node", {"scan_file": tmp_path / "bump_scan", "publish_tf": True, **parameters, **CELL}
-    )
+    process = node_process("filter_node", {"scan_file": scan_file, "publish_tf": True, **parameters, **CELL})
     HandOnTf.tf = probe.publisher(TFMessage, "/tf", 100, timeout_s=60.0)
     hand = HandOnTf(probe, unseen_sweep(), topics=("strain", "no_pose"), poses=False)
     node = Filter(process, probe, hand)

@@ -349,16 +349,3 @@ def test_states_of_the_controller_are_values(bench: Callable[..., Bench], adapte
     wait_until(lambda: one.driver.status.controller == ERROR_ACTIVE and len(one.cycles) > 1, "strain")
     lines = ["error passive", "error warning", "error active", "bus off", "error active"]
     assert [line for line in one.log if "controller" in line] == [f"CAN controller: {one}" for one in lines]
-
-
-def test_strain_returns_with_an_unplugged_adapter(bench: Callable[..., Bench], adapter: Adapter) -> None:
-    one = bench("can0")
-    one.driver.start()
-    adapter.send(one, 8)
-    wait_until(lambda: len(one.cycles) > 4, "strain")
-    adapter.unplug()
-    wait_until(lambda: "No such device" in one.driver.status.error, "the failure")
-    adapter.plug_in()
-    count = len(one.cycles)
-    adapter.send(one, 8)
-    wait_until(lambda: len(one.cycles) > count, "strain")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,7 +32,7 @@ class Parameter:
         it can also be written ``['']``, because the command line cannot give an empty list a type
     description : one sentence without its full stop
     unit : SI unit; empty if dimensionless
-    lower, upper : inclusive range of an int or a float; both or none
+    lower, upper : inclusive range of an int or a float, from which rclpy also excludes NaN; both or none
     choices : allowed strings, or entries of a list of strings; empty for any
     live : whether it can be changed while the node is configured; other parameters are read on configuration
     """
@@ -143,9 +142,6 @@ class Parameters:
             parameter = self._declared.get(change.name)
             if parameter is None:
                 continue
-            if isinstance(change.value, float) and not math.isfinite(change.value):
-                reason = f"{change.name}: expected a finite number, got {change.value}"
-                return SetParametersResult(successful=False, reason=reason)
             is_list = isinstance(parameter.default, list)
             entries = filter(None, change.value or ()) if is_list else [change.value]
             for entry in entries:

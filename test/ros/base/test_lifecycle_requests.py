@@ -13,16 +13,15 @@ def state_of(probe, node):
     return probe.call(GetState, f"{node}/get_state").current_state.label
 
 
-def managed_filter(node_process, tmp_path, *, calibrated=True):
-    """A filter without autostart, on a scan that is ``calibrated`` or not."""
-    scan = tmp_path / "bump_scan"
-    if not scan.exists():
-        write_scan(scan, calibrated=calibrated)
-    return node_process("filter_node", {"scan_file": scan, "autostart": False, **CELL})
+@pytest.fixture
+def uncalibrated(tmp_path):
+    """A scan without a stored calibration."""
+    write_scan(tmp_path / "bump_scan", calibrated=False)
+    return tmp_path / "bump_scan"
 
 
-def test_an_invalid_transition_is_rejected(node_process, probe, tmp_path):
-    process = managed_filter(node_process, tmp_path)
+def test_an_invalid_transition_is_rejected(node_process, probe, valid):
+    process = node_process("filter_node", {**valid["filter"], "autostart": False})
     assert not probe.change("filter", "activate")
     process.wait_for_line("transition 3")
     assert state_of(probe, "filter") == "unconfigured"
@@ -32,12 +31,12 @@ def test_an_invalid_transition_is_rejected(node_process, probe, tmp_path):
     assert state_of(probe, "filter") == "active"
 
 
-def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, tmp_path):
+def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, uncalibrated):
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
     reports = probe.diagnostics()
-    process = managed_filter(node_process, tmp_path, calibrated=False)
+    process = node_process("filter_node", {"scan_file": uncalibrated, "autostart": False, **CELL})
     client = probe.node.create_client(ChangeState, "filter/change_state")
     probe.until(client.service_is_ready, "the filter", 60.0)
     probe.known_to("filter")
@@ -53,21 +52,18 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     assert process.stop() == 0
 
 
-def test_an_interrupt_ends_a_calibrating_node(node_process, tmp_path):
-    scan = tmp_path / "bump_scan"
-    write_scan(scan, calibrated=False)
-    process = node_process("filter_node", {"scan_file": scan, **CELL})
+def test_an_interrupt_ends_a_calibrating_node(node_process, uncalibrated):
+    process = node_process("filter_node", {"scan_file": uncalibrated, **CELL})
     process.wait_for_line("learning the noise")
     assert process.stop() == 0
     assert "Traceback" not in process.output
 
 
-def test_inactive_nodes_publish_nothing(node_process, probe, tmp_path):
+def test_inactive_nodes_publish_nothing(node_process, probe, valid):
     from tactile_localizer.msg import ScanStatus
 
     statuses = probe.listen(ScanStatus, "mapping/status", probe.latched)
-    parameters = {"scan_file": tmp_path / "bump_scan", "scene_file": "bump.yaml", "autostart": False}
-    node_process("mapping_node", parameters)
+    node_process("mapping_node", {**valid["mapping"], "autostart": False})
     assert probe.change("mapping", "configure")
     probe.until(lambda: probe.node.count_publishers("mapping/status"), "the publisher")
     probe.known_to("mapping")

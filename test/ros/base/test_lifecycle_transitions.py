@@ -1,19 +1,17 @@
 """Transitions from, and destruction in, every state of every node."""
 
-import itertools
+import importlib
+import signal
 import subprocess
 import sys
 import threading
 
 import pytest
-from support.sweeps import scene_of, write_scan
+from support.processes import node_command
 from support.waiting import wait_until
-
-from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
-STATES = ("unconfigured", "inactive", "active", "finalized")
 VALID = {
     ("unconfigured", "configure"): "inactive",
     ("unconfigured", "shutdown"): "finalized",
@@ -30,14 +28,6 @@ WAYS = {
     "active": ("configure", "activate"),
     "finalized": ("configure", "shutdown"),
 }
-NODES = {
-    "driver_node": "DriverNode",
-    "mapping_node": "MappingNode",
-    "filter_node": "FilterNode",
-    "simulator_node": "SimulatorNode",
-    "adapter_node": "AdapterNode",
-}
-
 PATHS = {
     "driver": "dbc",
     "mapping": "scene_file",
@@ -48,46 +38,38 @@ PATHS = {
 """A parameter of each node that names a required file."""
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("lifecycle")
-    write_scan(folder / "bump_scan")
-    save_scene(scene_of(), folder / "scene.yaml")
-    return folder
+@pytest.fixture
+def bus():
+    """Parameters of a bus inside this process."""
+    return {"interface": "virtual", "channel": "lifecycle"}
 
 
-@pytest.fixture(params=NODES)
-def make(request, files, tmp_path):
-    """Function that constructs the node, with valid parameters, in the default context."""
-    import importlib
-
+@pytest.fixture(params=PATHS)
+def make(request, valid):
+    """Function that constructs the node, with valid parameters, in place of the last one."""
     import rclpy
 
-    virtual = {"interface": "virtual", "channel": request.param}
-    parameters = {
-        "driver_node": {**virtual, "tare_file": tmp_path / "tare.yaml"},
-        "mapping_node": {"scene_file": files / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
-        "filter_node": {"scan_file": files / "bump_scan", "cell": 2.0},
-        "simulator_node": virtual,
-        "adapter_node": {"adapter_file": "wrench.yaml"},
-    }[request.param]
-    arguments = ["--ros-args"]
-    for name, value in parameters.items():
-        arguments += ["-p", f"{name}:={value}"]
-    rclpy.init(args=arguments)
-    module = importlib.import_module(f"tactile_localizer.ros.{request.param}")
+    rclpy.init(args=node_command(f"{request.param}_node", valid[request.param])[1:])
+    module = importlib.import_module(f"tactile_localizer.ros.{request.param}_node")
     made = []
 
-    def make():
-        made.append(getattr(module, NODES[request.param])())
-        return made[-1]
+    def close():
+        for node in made:
+            node.close()
+            node.destroy_node()
+        made.clear()
+
+    def make(*transitions):
+        close()
+        made.append(getattr(module, f"{request.param.title()}Node")())
+        for transition in transitions:
+            trigger(made[0], transition)
+        return made[0]
 
     try:
         yield make
     finally:
-        for node in made:
-            node.close()
-            node.destroy_node()
+        close()
         rclpy.try_shutdown()
 
 
@@ -115,37 +97,13 @@ def is_rejected(node, transition):
         return True
 
 
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("state", WAYS)
 def test_each_transition_from_each_state(make, state):
-    node = make()
-    for transition in WAYS[state]:
-        trigger(node, transition)
-    for transition, _ in itertools.product(TRANSITIONS, range(2)):
+    for transition in TRANSITIONS:
+        node = make(*WAYS[state])
         assert state_of(node) == state
-        if (state, transition) not in VALID:
-            assert is_rejected(node, transition)
-            continue
-        trigger(node, transition)
-        assert state_of(node) == VALID[state, transition]
-        if transition == "shutdown":
-            node.destroy_node()
-            node = make()
-            for way in WAYS[state]:
-                trigger(node, way)
-        else:
-            bring_back(node, state)
-
-
-def bring_back(node, state):
-    """Return to a state by valid transitions."""
-    back = {
-        ("inactive", "unconfigured"): ("cleanup",),
-        ("active", "inactive"): ("deactivate",),
-        ("unconfigured", "inactive"): ("configure",),
-        ("inactive", "active"): ("activate",),
-    }
-    for transition in back[state_of(node), state]:
-        trigger(node, transition)
+        assert is_rejected(node, transition) == ((state, transition) not in VALID)
+        assert state_of(node) == VALID.get((state, transition), state)
 
 
 def test_transitions_leave_nothing_behind(make):
@@ -184,7 +142,7 @@ def test_a_rejected_configuration_gives_its_reason(make, tmp_path, capfd):
 
 
 INTERRUPTED = """
-import os, signal, sys, time
+import os, sys, time
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 
@@ -193,7 +151,7 @@ class Interrupted(ManagedNode):
         self.create_timer(0.01, self.work)
 
     def work(self):
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), int(sys.argv[1]))
         time.sleep(0.3)
         print("whole")
 
@@ -201,7 +159,8 @@ sys.exit(run(lambda: Interrupted("interrupted")))
 """
 
 
-def test_an_interrupt_lets_the_callback_finish():
-    command = [sys.executable, "-c", INTERRUPTED]
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_lets_the_callback_finish(number):
+    command = [sys.executable, "-c", INTERRUPTED, str(int(number))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "whole\n", "")

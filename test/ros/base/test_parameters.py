@@ -9,22 +9,29 @@ pytestmark = pytest.mark.ros
 
 
 @pytest.mark.parametrize("node", ["adapter", "driver", "filter", "mapping", "simulator"])
-def test_all_parameters_can_be_read_back(node_process: Callable[..., Any], probe: Any, node: str) -> None:
+def test_all_parameters_have_values_and_descriptions(
+    node_process: Callable[..., Any], probe: Any, node: str
+) -> None:
     from rcl_interfaces.msg import ParameterType
-    from rcl_interfaces.srv import GetParameters, ListParameters
+    from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 
     node_process(f"{node}_node", {"autostart": False})
     names = probe.call(ListParameters, f"{node}/list_parameters").result.names
     values = probe.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)).values
     assert len(values) == len(names) > 3
     assert all(value.type != ParameterType.PARAMETER_NOT_SET for value in values)
+    of_rclpy = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+    own = DescribeParameters.Request(names=[name for name in names if not name.startswith(of_rclpy)])
+    for one in probe.call(DescribeParameters, f"{node}/describe_parameters", own).descriptors:
+        assert len(one.description) > 10, one.name
+        assert bool(one.integer_range) == (one.type == ParameterType.PARAMETER_INTEGER), one.name
+        assert bool(one.floating_point_range) == (one.type == ParameterType.PARAMETER_DOUBLE), one.name
+        assert one.description.endswith(" [s]") == one.name.endswith("_s"), one.name
 
 
 def test_an_unknown_parameter_is_reported_with_a_near_match(
-    node_process: Callable[..., Any], simulated_can: dict[str, Any]
+    node_process: Callable[..., Any], bus: dict[str, Any]
 ) -> None:
-    bus = {name: simulated_can[name] for name in ("interface", "channel")}
-    bus |= {"bus_options": [f"port={simulated_can['port']}"]}
     qos = {"qos_overrides./strain.publisher.reliability": "reliable"}
     driver = node_process("driver_node", {**bus, **qos, "periods": 0.1, "colour": "red"})
     driver.wait_for_line("parameter periods .did you mean period_s")

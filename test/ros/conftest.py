@@ -1,0 +1,39 @@
+"""Valid parameters of the nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.sweeps import scene_of, write_scan
+
+from tactile_localizer.io.scene_file import save_scene
+
+
+@pytest.fixture(scope="session")
+def scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibrated scan of the bump, which no test changes."""
+    path = tmp_path_factory.mktemp("scans") / "bump_scan"
+    write_scan(path)
+    return path
+
+
+@pytest.fixture
+def bus(simulated_can: dict[str, Any]) -> dict[str, Any]:
+    """Parameters of the simulated CAN bus."""
+    options = [f"port={simulated_can['port']}"]
+    return {**{name: simulated_can[name] for name in ("interface", "channel")}, "bus_options": options}
+
+
+@pytest.fixture
+def valid(bus: dict[str, Any], scan_file: Path, tmp_path: Path) -> dict[str, dict[str, Any]]:
+    """Parameters with which each node can be configured, by its name."""
+    save_scene(scene_of(), tmp_path / "scene.yaml")
+    return {
+        "adapter": {"adapter_file": "wrench.yaml"},
+        "driver": {**bus, "tare_file": tmp_path / "tare.yaml"},
+        "filter": {"scan_file": scan_file, "cell": 2.0},
+        "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
+        "simulator": bus,
+    }
