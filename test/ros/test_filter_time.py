@@ -14,6 +14,7 @@ class Clock:
 
         self._message, self._probe = Clock, probe
         self._publisher = probe.publisher(Clock, "/clock")
+        probe.known_to("filter")
         self.now_ns = START_NS
 
     def show(self):

@@ -30,6 +30,11 @@ def test_an_unexpected_exception_is_a_rejection_in_one_line():
         node.create_timer(1.0, fail).callback()
         node.configure = fail
         assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+        node.configure, node.activate = lambda: None, fail
+        publisher = node.create_lifecycle_publisher(Empty, "~/active", 1)
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        assert node.trigger_activate() == TransitionCallbackReturn.FAILURE
+        assert (node.is_active, publisher.is_activated) == (False, False)
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
