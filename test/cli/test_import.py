@@ -162,10 +162,12 @@ def test_a_scene_is_proposed_written_and_used(folder, run):
 
 
 def test_a_proposal_has_every_axis(folder, run):
-    names = ["time", "x", "y", "yaw", *(f"finger_{n}" for n in range(1, 4))]
+    names = ["time", "palm_1", "y", "yaw", *(f"finger_{n}" for n in range(1, 4))]
     write_csv(folder / "touch.csv", [[0.01 * n, 0.001 * n, 0.0, 0.1, *range(3)] for n in range(60)], names)
-    assert run("csv touch.csv --column stamp_s=time -o own_scan")[0] == 0
-    assert load_scene("own_scan.scene.yaml").axis_names == ("x", "y", "yaw")
+    assert run("csv touch.csv --column stamp_s=time --column x=palm_1 -o own_scan")[0] == 0
+    scene = load_scene("own_scan.scene.yaml")
+    assert (scene.axis_names, scene.phalanx_names) == (("x", "y", "yaw"), ("finger",))
+    assert (scene.axes[2].lower, scene.axes[2].upper) == (0.0, 0.2)
     refusal = run(f"csv touch.csv --column stamp_s=time -o {'x' * 300}")[2]
     assert "could not be written, File name too long" in refusal
 

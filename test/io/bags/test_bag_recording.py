@@ -254,6 +254,7 @@ def test_an_adapter_reads_other_messages(tmp_path):
     np.testing.assert_allclose(sweep.position[:, 0], x_at(strain_ms), atol=1e-12)
     (note,) = recording.notes
     assert "expected 16 channels for phalanx index, got 15" in note
+    assert len(read_bag(bag, scene, adapter=adapter)) == len(sweep), "the adapter begins anew"
     with pytest.raises(SceneError, match="expected 8 channels, got 16"):
         read_bag(bag, dataclasses.replace(SCENE, phalanges=SCENE.phalanges[:1]), adapter=adapter)
     other = adapter_from_dict({"phalanges": {"index": {**entry, "topic": "other"}}})

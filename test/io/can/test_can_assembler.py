@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample
 
-from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
+from tactile_localizer.io.can.assembler import SHORTEST_PERIOD_NS, Cycle, CycleAssembler
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
@@ -169,18 +169,33 @@ def test_the_period_is_estimated_from_the_stream(rate_hz: int) -> None:
         made += assembler.feed(cycle(HAND, n, START_NS + n * 1_000_000_000 // rate_hz))
     assert assembler.period_ns == pytest.approx(1e9 / rate_hz, rel=0.01)
     assert samples(made) == [[n, n] for n in range(1, 40)]  # the first cycle has no period yet
+    assembler.feed(cycle(HAND, 40, START_NS + 10**11))
+    assert assembler.period_ns < 1.3e9 / rate_hz, "a pause counts as two periods"
+    for n in range(41, 141):  # an adapter that hands over what it collected
+        assembler.feed(cycle(HAND, n, START_NS + 10**11))
+    assert assembler.period_ns == SHORTEST_PERIOD_NS
 
 
 def test_a_reception_that_begins_within_a_cycle_is_aligned_by_the_pause() -> None:
-    frames = FRAMES[2:80]
-    made = samples(assembled(frames, CycleAssembler(HAND)))
+    assembler = CycleAssembler(HAND)
+    made = samples(assembled(FRAMES[2:80], assembler))
     assert made[-18:] == [[n, n] for n in range(2, 20)]
+    assert [one.drops for one in assembler.counts.phalanges] == [0, 0]
+
+
+def test_what_passed_during_a_pause_is_not_counted_as_lost() -> None:
+    assembler = started()
+    assembler.feed(FRAMES[:20])
+    assembler.reset()
+    assert samples(assembled(FRAMES[36:48], assembler)) == [[n, n] for n in range(9, 12)]
+    assert [(one.drops, one.jumps) for one in assembler.counts.phalanges] == [(0, 0)] * 2
 
 
 def test_the_last_cycle_is_closed_after_a_period() -> None:
     assembler = started()
     assert assembler.feed(cycle(HAND, 0)[:3]) == []
     assert assembler.remaining_ns(START_NS + MS) == pytest.approx(4 * MS, abs=1000)
+    assert assembler.remaining_ns(START_NS - 10**10) == 0, "the clock was set back"
     assert assembler.flush(START_NS + 4 * MS) == []
     assert samples(assembler.flush(START_NS + 6 * MS)) == [[0, None]]
     assert assembler.remaining_ns(START_NS) is None

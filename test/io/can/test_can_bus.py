@@ -6,6 +6,7 @@ from typing import Any
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 from support.load_cells import protocol
 
 from tactile_localizer.errors import CanError
@@ -34,6 +35,15 @@ def test_an_unusable_interface_is_refused(
         open_bus(BusSettings(interface, channel, options), protocol())
     assert "\n" not in str(refusal.value)
     assert isinstance(refusal.value, AbsentBusError) == is_absent
+
+
+def test_a_bus_that_fails_after_it_was_opened_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[can.BusABC] = []
+    monkeypatch.setattr(VirtualBus, "shutdown", lambda bus: closed.append(bus))  # noqa: PLW0108 - binds
+    monkeypatch.setattr(VirtualBus, "fileno", lambda bus: 1 / 0)
+    with pytest.raises(CanError, match="expected an interface that opens, got: division by zero"):
+        open_bus(BusSettings("virtual", "closed", receive_buffer=1000))
+    assert len(closed) == 1
 
 
 def test_options_are_parsed_as_yaml() -> None:

@@ -20,6 +20,7 @@ from tactile_localizer.io.status import FAULT, SATURATED
 from tactile_localizer.resources import resource_path
 
 HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand\n\n'
+CLASSIC = resource_path("config/loadcells.dbc").read_text()
 PHALANGES_OF_A_HAND = tuple(
     message.name for message in cantools.database.load_file(resource_path("config/loadcells_fd.dbc")).messages
 )
@@ -138,6 +139,23 @@ def test_voltages_beyond_the_range_are_saturated(dbc: str) -> None:
     assert hand.decode(data_of(hand, hand.encode(0, voltages, sequence=0)))[1].tolist() == [SATURATED]
 
 
+def test_the_range_of_the_dbc_is_that_of_the_amplifier(tmp_path: Path) -> None:
+    path = write(tmp_path / "own.dbc", CLASSIC.replace("[-2.048|2.04775]", "[-1|1]"))
+    hand = LoadCellProtocol(path, ["index"])
+    for volts in (-1.5, 1.5):
+        frames = hand.encode(0, np.full(8, volts), sequence=0)
+        assert hand.decode(data_of(hand, frames))[1].tolist() == [SATURATED]
+
+
+def test_a_long_frame_is_padded_as_the_bus_does(tmp_path: Path) -> None:
+    """CAN FD has no frames of 10 bytes."""
+    gauge = 'BO_ 16 index: 10 hand\n SG_ gauge_1 : 64|16@1- (0.001,0) [0|0] "V" hand\n'
+    hand = LoadCellProtocol(write(tmp_path / "own.dbc", HEAD + gauge), ["index"])
+    (frame,) = hand.encode(0, np.array([1.5]), sequence=0)
+    assert len(frame.data) == 12
+    np.testing.assert_allclose(strain_in(hand, [frame]), 1.5)
+
+
 def test_filters_pass_exactly_the_messages_in_use() -> None:
     hand = protocol(["middle"])
     passed = {
@@ -151,16 +169,16 @@ def test_filters_pass_exactly_the_messages_in_use() -> None:
     assert passed == {(0x104, False), (0x105, False)}
 
 
-def test_millivolts_are_converted_to_volts(tmp_path: Path) -> None:
-    text = resource_path("config/loadcells.dbc").read_text()
-    text = text.replace('(0.00025,0) [-2.048|2.04775] "V"', '(0.25,0) [-2048|2047.75] "mV"')
-    hand = LoadCellProtocol(write(tmp_path / "mv.dbc", text), ["index"])
+@pytest.mark.parametrize("gauge", ['(0.25,0) [-2048|2047.75] "mV"', '(250,0) [-2048000|2047750] "µV"'])
+def test_other_units_are_converted_to_volts(tmp_path: Path, gauge: str) -> None:
+    text = CLASSIC.replace('(0.00025,0) [-2.048|2.04775] "V"', gauge)
+    (tmp_path / "own.dbc").write_text(text, encoding="cp1252")  # as editors of DBCs write them
+    hand = LoadCellProtocol(tmp_path / "own.dbc", ["index"])
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, np.full(8, 1.25), sequence=0)), 1.25)
 
 
 def test_names_of_signals_and_messages_are_configurable(tmp_path: Path) -> None:
-    text = resource_path("config/loadcells.dbc").read_text()
-    text = text.replace("gauge_", "index_sg").replace("index_a", "LC_LOW").replace("index_b", "LC_HIGH")
+    text = CLASSIC.replace("gauge_", "index_sg").replace("index_a", "LC_LOW").replace("index_b", "LC_HIGH")
     names = SignalNames(tuple(f"{{phalanx}}_sg{i}" for i in range(1, 9)))
     path = write(tmp_path / "own.dbc", text)
     hand = LoadCellProtocol(path, ["index"], {"index": ["LC_LOW", "LC_HIGH"]}, names)
@@ -178,7 +196,12 @@ def test_the_documented_example_is_a_dbc(tmp_path: Path) -> None:
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, strain, sequence=0)), strain, atol=1e-9)
 
 
-CLASSIC = resource_path("config/loadcells.dbc").read_text()
+FLOAT_COUNTER = """BO_ 16 index: 8 hand
+ SG_ gauge_1 : 0|16@1- (1,0) [0|0] "V" hand
+ SG_ counter : 32|32@1- (1,0) [0|0] "" hand
+
+SIG_VALTYPE_ 16 counter : 1;
+"""
 BAD_DATABASES = {
     "no such file": (None, "expected a DBC file, No such file"),
     "not a DBC": ("gauges: 8\n", "expected a DBC file"),
@@ -188,6 +211,7 @@ BAD_DATABASES = {
     "newtons": (CLASSIC.replace('"V"', '"N"'), "unit of V, mV or uV, found 'N'"),
     "a scale of 0": (CLASSIC.replace("(0.00025,0)", "(0,0)"), "'gauge_1' .* scale other than 0"),
     "one counter": (CLASSIC.replace("counter", "count", 3), "'counter' of one width in all"),
+    "a float as counter": (HEAD + FLOAT_COUNTER, "expected an integer 'counter', found a float"),
     "one identifier": (CLASSIC.replace("BO_ 259", "BO_ 258"), "0x102: expected one message"),
     "80 bits": (
         CLASSIC.replace("gauge_1 : 0|14@1-", "gauge_1 : 0|80@1-"),

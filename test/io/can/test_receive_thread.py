@@ -14,7 +14,15 @@ from support.waiting import wait_until
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.bus import AbsentBusError, BusSettings
 from tactile_localizer.io.can.driver import CLOSED, OPEN, WAITING, LoadCellDriver
-from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, NO_ACKNOWLEDGEMENT, OTHER
+from tactile_localizer.io.can.error_frames import (
+    BUS_OFF,
+    ERROR_ACTIVE,
+    ERROR_PASSIVE,
+    ERROR_WARNING,
+    NO_ACKNOWLEDGEMENT,
+    OTHER,
+    read_error_frame,
+)
 
 
 class Line(LoadCellDriver):
@@ -139,6 +147,20 @@ def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[...,
     assert one.log == ["CAN controller: bus off", "CAN controller: error active"]
     assert one.interruptions == 3
     assert len(one.opened) == 1
+
+
+@pytest.mark.parametrize(
+    ("detail", "found"),
+    [
+        (0x01, (["receive overflow"], "")),
+        (0x08, ([], ERROR_WARNING)),
+        (0x10, ([], ERROR_PASSIVE)),
+        (0x40, ([], ERROR_ACTIVE)),
+    ],
+)
+def test_details_of_an_error_frame_are_read(detail: int, found: tuple[list[str], str]) -> None:
+    frame = can.Message(arbitration_id=0x04, is_error_frame=True, data=[0, detail, 0, 0, 0, 0, 0, 0])
+    assert read_error_frame(frame) == found
 
 
 def test_frames_before_a_bus_off_are_used_before_it(line: Callable[..., Line]) -> None:

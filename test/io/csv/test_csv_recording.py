@@ -79,9 +79,12 @@ def test_poses_of_another_file_are_interpolated_as_live(tmp_path):
     touch = write(tmp_path / "touch.csv", ["stamp_s", *GAUGES], [[row[0], *row[2:]] for row in line_rows(20)])
     pose_s = np.arange(1.035, 1.15, 0.03)
     rows = [[f"{1e3 * t:.3f}", (t - 1.0) ** 2] for t in pose_s]
+    rows.insert(2, [rows[1][0], 0.9])
     poses = write(tmp_path / "poses.csv", ["t_ms", "x"], rows)
     naming = naming_from_pairs(["pose_stamp_s=t_ms*0.001"], ColumnNaming())
-    (sweep,) = read_csv(touch, LINE, naming, poses=[poses]).sweeps
+    recording = read_csv(touch, LINE, naming, poses=[poses])
+    assert recording.notes == (f"skipped 1 of 5 rows of {poses} whose stamps do not increase",)
+    (sweep,) = recording.sweeps
     pose_ns, place = np.rint(pose_s * 1e9).astype(int), ((pose_s - 1.0) ** 2)[:, None]
     stamp_ns = 10**9 + 10**7 * np.arange(20)
     expected, found = interpolate_poses(LINE.axes, pose_ns, place, stamp_ns)
@@ -89,6 +92,12 @@ def test_poses_of_another_file_are_interpolated_as_live(tmp_path):
     np.testing.assert_allclose(sweep.position, expected[found], atol=1e-9)
     with pytest.raises(ScanError, match="poses: expected 1 or 3 files beside 3, got 2"):
         read_csv([touch] * 3, LINE, naming, poses=[poses] * 2)
+
+
+def test_an_angle_beyond_a_full_turn_is_within_the_bounds(tmp_path):
+    scene = Scene("disc", (Axis("yaw", -np.pi, np.pi),), LINE.phalanges)
+    path = write(tmp_path / "a.csv", ["stamp_s", "yaw", *GAUGES], [[1, 6.0, *range(8)]])
+    assert read_csv(path, scene).sweeps[0].position[0, 0] == pytest.approx(6.0 - 2 * np.pi)
 
 
 def test_columns_can_be_named(tmp_path):
