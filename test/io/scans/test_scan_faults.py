@@ -1,4 +1,4 @@
-"""What can happen to a scan: kills, flipped bytes, a full disk, two writers, missing rights."""
+"""What can happen to a scan: kills, flipped bytes, two writers, missing rights."""
 
 import multiprocessing
 import os
@@ -10,7 +10,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from support.disk import full_disk
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep
@@ -98,29 +97,6 @@ def test_a_second_writer_is_refused(path):
             ScanWriter(path.parent / "alias", SCENE)
         writer.begin_sweep()
     assert len(ScanFolder(path).load()) == SWEEPS * PAIRS
-
-
-def test_a_full_disk_keeps_what_was_written(path):
-    writer = ScanWriter(path, SCENE)
-    sweep = writer.begin_sweep()
-    sweep.append(*numbered(0, 50))
-    with full_disk(5000):
-        with pytest.raises(ScanError, match=r"sweep_0005\.npy: could not be written, File too large"):
-            sweep.append(*numbered(50, 50))
-        with pytest.raises(ScanError, match=r"sweep_0005\.npy: could not be written, File too large"):
-            sweep.end()
-    size = len(ScanFolder(path).sweeps()[-1])
-    assert size >= 50
-    following = writer.begin_sweep()
-    assert following.number == sweep.number + 1
-    following.append(*numbered(100, 7))
-    following.end()
-    writer.close()
-    assert [(len(s), s.ending) for s in ScanFolder(path).sweeps()[-2:]] == [
-        (size, "ended early"),
-        (7, "ended"),
-    ]
-    assert not [file for file in path.iterdir() if file.name.startswith(".")]
 
 
 def messages_without_rights(paths, found):

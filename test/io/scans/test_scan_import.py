@@ -9,7 +9,7 @@ from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
-from tactile_localizer.io.status import MISSING, SATURATED
+from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene("line", (Axis("x", 0, 1),), (Phalanx("index", (0,)),))
@@ -31,9 +31,9 @@ def recording_of(*sweeps: RecordedSweep) -> Recording:
 
 
 def test_unusable_samples_are_skipped_and_counted(tmp_path):
-    status = np.array([[0], [MISSING], [SATURATED], [0], [SATURATED | MISSING]], dtype=np.uint8)
+    status = np.array([[0], [FAULT], [SATURATED], [0], [SATURATED | MISSING]], dtype=np.uint8)
     strain = np.zeros((5, 8))
-    strain[3, 2] = np.nan
+    strain[3, 2] = 1e300
     recording = recording_of(
         sweep_of(3, [0.5] * 5, status=status, strain=strain, gaps=4), sweep_of(7, [-0.1, 0.0, 0.5, 1.0, 1.1])
     )
@@ -50,9 +50,11 @@ def test_unusable_samples_are_skipped_and_counted(tmp_path):
     assert (entry["what"], tuple(entry["notes"])) == ("import", notes)
 
 
-def test_an_empty_import_leaves_no_file(tmp_path):
+def test_an_import_of_few_usable_samples_leaves_no_file(tmp_path):
     with pytest.raises(ScanError, match="2 samples to be usable, found 0: one note; skipped 2 of 2"):
         import_recording(recording_of(sweep_of(1, [2.0, 3.0])), SCENE, tmp_path / "a_scan")
+    with pytest.raises(ScanError, match=r"at least half of 5 samples .* found 1 .* 4 .* without a palm pose"):
+        import_recording(recording_of(sweep_of(1, [0.5], gaps=4)), SCENE, tmp_path / "a_scan")
     assert list(tmp_path.iterdir()) == []
 
 

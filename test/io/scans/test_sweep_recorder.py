@@ -6,6 +6,7 @@ from support.disk import full_disk
 
 from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.scans.recorder import SweepRecorder
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -95,12 +96,34 @@ def test_a_backward_jump_starts_another_sweep(store):
     assert recorded(store) == {1: [1001, 1002], 2: [1, 2]}
 
 
+def test_a_recorder_continues_the_scan(store):
+    recorder = recorder_of(store)
+    recorder.start(0)
+    recorder.take([pair(1), pair(2)])
+    recorder.close()
+    coverage = Coverage(SCENE)
+    recorder = SweepRecorder(store, None, coverage)
+    assert (recorder.number, recorder.sweeps, recorder.pairs) == (1, 1, 2)
+    assert coverage.fraction > 0.0
+
+
+def test_detection_begins_anew_after_a_backward_jump(store):
+    recorder = SweepRecorder(store, SweepDetector(SCENE.axes), Coverage(SCENE))
+    for speed in (5e-5, -5e-5):  # m/ms
+        recorder.take([pair(ms, 0.05 + speed * ms) for ms in range(0, 900, 10)])
+    recorder.close()
+    one, other = recorded(store).values()
+    assert len(one) > 50
+    assert one == other
+
+
 def test_a_full_disk_abandons_only_the_sweep(store):
     recorder = recorder_of(store)
     recorder.start(0)
     recorder.take([pair(1)])
     recorder.settle(None)
-    with full_disk(100):
+    (file,) = store.path.glob("sweep_*.npy")
+    with full_disk(file.stat().st_size + 50):  # of the next pair, a part is written
         recorder.take([pair(2)])
         with pytest.raises(ScanError, match=r"sweep_0001\.npy: could not be written"):
             recorder.settle(None)
